@@ -1,0 +1,46 @@
+#include "libport/base/bytes.hpp"
+
+namespace porttape {
+namespace {
+
+constexpr std::string_view kHexDigits = "0123456789abcdef";
+
+void append_hex(std::string& out, Byte byte) {
+  out += kHexDigits[byte >> 4U];
+  out += kHexDigits[byte & 0xFU];
+}
+
+void append_printable(std::string& out, Byte byte) {
+  switch (byte) {
+    case '\n': out += "\\n"; return;
+    case '\r': out += "\\r"; return;
+    case '\t': out += "\\t"; return;
+    case '\\': out += "\\\\"; return;
+    case '"': out += "\\\""; return;
+    default: break;
+  }
+  if (byte >= 0x20 && byte < 0x7F) {
+    out += static_cast<char>(byte);
+  } else {
+    out += "\\x";
+    append_hex(out, byte);
+  }
+}
+
+}  // namespace
+
+std::string to_hex(ByteView bytes) {
+  std::string out;
+  out.reserve(bytes.size() * 2);
+  for (const Byte byte : bytes) append_hex(out, byte);
+  return out;
+}
+
+std::string to_printable(ByteView bytes) {
+  std::string out;
+  out.reserve(bytes.size());
+  for (const Byte byte : bytes) append_printable(out, byte);
+  return out;
+}
+
+}  // namespace porttape

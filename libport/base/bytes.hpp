@@ -1,0 +1,30 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace porttape {
+
+using Byte = std::uint8_t;
+using Bytes = std::vector<Byte>;
+using ByteView = std::span<const Byte>;
+
+// Non-owning view of the characters of a string.
+inline ByteView as_bytes(std::string_view text) {
+  return {reinterpret_cast<const Byte*>(text.data()), text.size()};
+}
+inline std::string_view as_text(ByteView bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+// "0a1b": two lower-case digits a byte, no separator.
+std::string to_hex(ByteView bytes);
+
+// Printable ASCII as it is, the rest as \n \r \t \\ \" or \xNN: one line, safe inside double quotes.
+std::string to_printable(ByteView bytes);
+
+}  // namespace porttape

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstdint>
+
+#include "libport/base/time.hpp"
+
+namespace porttape {
+
+enum class Timing : std::uint8_t { reactive, recorded, none };
+enum class OnMismatch : std::uint8_t { fail, warn };
+enum class AtEnd : std::uint8_t { idle, hangup, exit };
+enum class OnReopen : std::uint8_t { automatic, rewind, continue_ };
+enum class Chunks : std::uint8_t { automatic, recorded, burst };
+
+// The replay options of contract section 4, with the defaults of the verb `replay`.
+struct ReplayConfig {
+  int strictness = 1;  // 0 writes not checked, 1 data, 2 data and timing
+  Micros jitter{100'000};
+  Timing timing = Timing::reactive;
+  double rate = 1.0;  // > 0; time runs this many times as fast
+  OnMismatch on_mismatch = OnMismatch::warn;
+  AtEnd at_end = AtEnd::idle;
+  OnReopen on_reopen = OnReopen::automatic;
+  Chunks chunks = Chunks::automatic;
+  Micros burst_gap{500};
+  Micros quiet{50'000};        // strictness 0: this long without a write opens a gate
+  Micros patience{1'000'000};  // strictness 0: a gate opens this long after the block was due
+
+  friend bool operator==(const ReplayConfig&, const ReplayConfig&) = default;
+};
+
+}  // namespace porttape

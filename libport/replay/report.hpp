@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "libport/base/bytes.hpp"
+#include "libport/base/time.hpp"
+#include "libport/replay/replay_config.hpp"
+
+namespace porttape {
+
+enum class Verdict : std::uint8_t { pass, data_mismatch, timing_mismatch, incomplete, extra };
+
+enum class MismatchKind : std::uint8_t { data, timing, extra };
+
+// Where and how what the driver wrote differs from the tape. Offsets count the bytes the driver has written in this run.
+struct Mismatch {
+  MismatchKind kind = MismatchKind::data;
+  std::uint64_t offset = 0;  // of the first differing byte; timing: of the write's last byte
+  TapeTime tape{};           // recorded time of the write it was compared with
+  Micros real{};             // since the driver's first open of the run
+  Bytes expected;            // from the offset on; a few bytes, fewer at the tape's end
+  Bytes got;
+  Bytes before;              // what was right just before the offset, for context
+  std::uint64_t exchange = 0;  // 1-based: which exchange (a run of writes and its answer) of the tape it belongs to
+  Micros error{};            // timing: + late, - early
+  std::string hint;          // "already consumed at …", "comes later at …", or empty
+};
+
+// The verdict on one run with what led to it. The report file and `porttape test` print it.
+struct RunReport {
+  Verdict verdict = Verdict::pass;
+  std::string tape;  // filled in by the port that owns the engine
+  int strictness = 1;
+  Timing timing = Timing::reactive;
+  double rate = 1.0;
+  Nanos duration{};
+  std::uint64_t to_driver_bytes = 0;
+  std::uint64_t to_driver_of = 0;
+  std::uint64_t from_driver_bytes = 0;
+  std::uint64_t from_driver_matched = 0;
+  std::uint64_t from_driver_of = 0;
+  std::optional<Mismatch> mismatch;  // the first one
+  std::uint64_t mismatches = 0;      // all of them (on-mismatch warn goes on)
+  double timer_late_p50_us = 0;      // how late our own deliveries were
+  double timer_late_p99_us = 0;
+  double timer_late_max_us = 0;
+  std::optional<int> command_exit;  // `porttape test`
+  std::optional<std::string> trouble;  // the tape could not be read on: damage, I/O; the exit status is then 1
+};
+
+std::string_view to_string(Verdict verdict);
+int exit_status_of(const RunReport& report);
+
+// The report of contract section 6, one JSON object, newline at the end.
+std::string to_json(const RunReport& report);
+
+// The verdict for a person: one line, and for a mismatch the lines that show it. `color` adds ANSI colours.
+std::string to_text(const RunReport& report, bool color = false);
+
+// The mismatch alone, as to_text() shows it; for the log of a running daemon.
+std::string to_text(const Mismatch& mismatch, bool color = false);
+
+}  // namespace porttape

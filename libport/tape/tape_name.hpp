@@ -1,0 +1,31 @@
+#pragma once
+
+#include <filesystem>
+#include <string_view>
+
+#include "libport/base/result.hpp"
+
+namespace porttape {
+
+// The three files of a tape (contract section 1).
+struct TapePaths {
+  std::filesystem::path read;
+  std::filesystem::path write;
+  std::filesystem::path events;
+
+  // What a person calls the tape: the r file's path without its r.
+  [[nodiscard]] std::string name() const;
+  friend bool operator==(const TapePaths&, const TapePaths&) = default;
+};
+
+// `file=X` of an option string: Xr, Xw, Xe, whatever exists.
+TapePaths literal_tape(std::string_view name);
+
+// A tape to be made from a command-line argument: gets `.log` when it has none. `laser.logr` and `laser.logw` name `laser.log`.
+TapePaths new_tape(std::string_view argument);
+
+// An existing tape from a command-line argument: `laser.log`, `laser.logr`, `laser.logw` or `laser`; the literal `<arg>r` is
+// tried first, then `<arg>.logr`. Errc::usage when there is none, with what was looked for.
+Result<TapePaths> find_tape(std::string_view argument);
+
+}  // namespace porttape

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "libport/tape/record.hpp"
+#include "libport/tape/tape_name.hpp"
+
+namespace porttape {
+
+// Reads a tape in the exact order across its files, in constant memory, whatever its size. Owns its descriptors.
+//
+// Drive it by next() until it gives nothing; rewind() starts again. On equal stamps the order is: events, then the write,
+// then the read. A missing w or e file counts as empty (a missing r file too, if there is a w file). Not thread-safe;
+// several readers may read one tape, also while it is being written (a torn tail is then just the end so far).
+class TapeReader final : public RecordSource {
+ public:
+  enum class Select {
+    merged,      // reads, writes and events
+    reads_only,  // only RecordKind::read
+    writes_only  // only RecordKind::write
+  };
+
+  // Errors: Errc::usage (unreadable, a folder, …), Errc::not_a_tape. Damage further on is found by next().
+  static Result<TapeReader> open(const TapePaths& paths, Select select = Select::merged);
+
+  TapeReader(TapeReader&&) noexcept;
+  TapeReader& operator=(TapeReader&&) noexcept;
+  ~TapeReader() override;
+
+  Result<std::optional<Record>> next() override;
+  Result<void> rewind() override;
+
+  // Whether the tape has an events file, that is: was made by porttape and is stamped at arrival.
+  [[nodiscard]] bool has_events() const;
+
+  // A torn tail seen so far, as a note for a person; known for sure once next() has given nothing.
+  [[nodiscard]] std::optional<std::string> torn_tail() const;
+
+ private:
+  struct Impl;
+  explicit TapeReader(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace porttape

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "libport/tape/record.hpp"
+#include "libport/tape/tape_name.hpp"
+
+namespace porttape {
+
+// What the header line of the events file says.
+struct TapeHeader {
+  std::string device;  // the port as the user named it
+  std::string driver;
+};
+
+struct TapeWriterOptions {
+  bool overwrite = false;  // replace an existing tape (never through a symlink, never anything but a regular file)
+  bool sync = true;        // fdatasync once a second, from a thread of its own
+};
+
+// Writes a tape: one writev a block, so that a killed process loses at most the block it was in. Owns its descriptors.
+//
+// check() at program start, create() when the driver first opens the port, then read_block() and write_block() in the order
+// of events, event() for the rest, finish() at the end (also done by the destructor, where errors cannot be told).
+// Times are relative to the tape's zero; a time that is not later than the last block's is raised by 1 µs, so the order
+// across the two files is exact.
+//
+// A failing disk never throws and never blocks the line: the block that did not fit is taken back whole, what is lost is
+// counted, and once writing works again a `gap` event tells how much is missing and why. failing() says so meanwhile.
+class TapeWriter {
+ public:
+  // Whether a tape can be made there: no existing file (unless overwrite), no symlink, a folder that is there and writable.
+  // Makes nothing. Errc::usage with what to do.
+  static Result<void> check(const TapePaths& paths, const TapeWriterOptions& options);
+
+  // Makes the three files (0640, each new: O_EXCL) and writes the header line. Leaves nothing behind on an error.
+  static Result<TapeWriter> create(const TapePaths& paths, const TapeHeader& header, const TapeWriterOptions& options);
+
+  TapeWriter(TapeWriter&&) noexcept;
+  TapeWriter& operator=(TapeWriter&&) noexcept;
+  ~TapeWriter();
+
+  void read_block(TapeTime at, ByteView data);   // device → driver; empty data writes nothing
+  void write_block(TapeTime at, ByteView data);  // driver → device
+  void open_event(TapeTime at);
+  void close_event(TapeTime at);
+  void mark_event(TapeTime at, std::string_view text);
+  void gap_event(TapeTime at, std::uint64_t bytes, std::string_view why);
+
+  // Writes the `end` event, syncs and closes. Errc::io if anything is missing from the tape.
+  Result<void> finish(TapeTime at);
+
+  [[nodiscard]] bool failing() const;              // the last block could not be written
+  [[nodiscard]] std::string failure() const;       // why, as a line for a person; empty when not failing
+  [[nodiscard]] std::uint64_t bytes_lost() const;  // in all, since create()
+  [[nodiscard]] std::uint64_t bytes_written() const;  // payload of both directions
+
+ private:
+  struct Impl;
+  explicit TapeWriter(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace porttape
