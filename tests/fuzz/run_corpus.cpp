@@ -1,4 +1,5 @@
-// The main of a fuzz target in builds without libFuzzer: gives it every file named, and every file of every folder named.
+// The main of a fuzz target in builds without libFuzzer: gives it every file named, and every file of every
+// folder named.
 
 #include <cstdint>
 #include <cstdio>
