@@ -275,7 +275,7 @@ void Engine::Impl::tell(const Mismatch& mismatch) {
     pending.hang_up = true;
     end_run();
   } else if (mismatch.kind != MismatchKind::timing) {
-    player.set_lenient(true);
+    player.become_lenient(now);
   }
 }
 
