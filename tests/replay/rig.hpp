@@ -108,6 +108,7 @@ class Rig {
     }
     return verdict();
   }
+  Verdict finish_unless_ended() { return report ? report->verdict : finish(); }
   [[nodiscard]] Verdict verdict() const {
     EXPECT_TRUE(report.has_value()) << "no run has ended";
     return report ? report->verdict : Verdict::pass;
