@@ -21,7 +21,7 @@ random_file 2 "$work/far/down.bin"
 { commands "$device"; echo server; } >"$work/far/commands"
 {
   commands "$driver"
-  printf '%s\n' "send up.bin" "if fail exit 2 send failed" "get down.bin" "if fail exit 3 get failed" finish "exit 0"
+  printf '%s\n' "send up.bin" "if fail exit 2 send failed" "get /command down.bin {cat >down.bin}" "if fail exit 3 get failed" finish "exit 0"
 } >"$work/near/commands"
 
 cd "$work/far"
