@@ -1,0 +1,33 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "libport/port/loop.hpp"
+
+namespace porttape {
+
+// Tells when a descriptor can be read or written. Does not own the descriptor, which must stay open until this is gone.
+// Level semantics: while watched, the callback comes again as long as the condition holds. A callback may destroy the
+// watch. Loop thread only.
+class FdWatch {
+ public:
+  using Callback = std::function<void()>;
+
+  FdWatch(Loop& loop, int fd, Callback on_readable, Callback on_writable = {});
+  ~FdWatch();
+  FdWatch(const FdWatch&) = delete;
+  FdWatch& operator=(const FdWatch&) = delete;
+
+  void watch_readable(bool on);
+  void watch_writable(bool on);
+
+  // Ends the watch for good: the descriptor may be closed afterwards.
+  void stop();
+
+ private:
+  struct State;
+  std::shared_ptr<State> state_;
+};
+
+}  // namespace porttape

@@ -1,0 +1,20 @@
+#include "libport/port/loop.hpp"
+
+#include <utility>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+
+namespace porttape {
+
+// BOOST_ASIO_CONCURRENCY_HINT_UNSAFE_IO would also drop the reactor's locks, but post() from a second thread needs them.
+Loop::Loop() : io_(std::make_unique<boost::asio::io_context>(1)) {}
+Loop::~Loop() = default;
+
+void Loop::run() { io_->run(); }
+bool Loop::run_one_until(Instant deadline) { return io_->run_one_until(deadline) != 0; }
+void Loop::stop() { io_->stop(); }
+void Loop::restart() { io_->restart(); }
+void Loop::post(std::function<void()> task) { boost::asio::post(*io_, std::move(task)); }
+
+}  // namespace porttape

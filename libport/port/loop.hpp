@@ -1,0 +1,39 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "libport/base/time.hpp"
+
+namespace boost::asio {
+class io_context;
+}
+
+namespace porttape {
+
+// The event loop that ports live on: one thread, the one that calls run(). Owns the io_context; outlives every port on it.
+class Loop {
+ public:
+  Loop();
+  ~Loop();
+  Loop(const Loop&) = delete;
+  Loop& operator=(const Loop&) = delete;
+
+  // Runs until stop() or until nothing is left to wait for.
+  void run();
+  // Runs what is ready, then waits for one more event, at most until `deadline`. False when the deadline came first.
+  bool run_one_until(Instant deadline);
+  void stop();
+  void restart();
+
+  // Calls `task` from run(), never from within post().
+  void post(std::function<void()> task);
+
+  boost::asio::io_context& io() { return *io_; }
+  [[nodiscard]] static Instant now() { return std::chrono::steady_clock::now(); }
+
+ private:
+  std::unique_ptr<boost::asio::io_context> io_;
+};
+
+}  // namespace porttape

@@ -1,0 +1,51 @@
+#include "libport/port/outbox.hpp"
+
+#include <unistd.h>
+
+#include <cerrno>
+#include <utility>
+
+namespace porttape {
+
+Outbox::Outbox(int fd, FdWatch& watch, std::function<void()> on_drained, std::function<void(int)> on_error)
+    : fd_(fd), watch_(&watch), on_drained_(std::move(on_drained)), on_error_(std::move(on_error)) {}
+
+void Outbox::write(ByteView data) {
+  const std::size_t sent = congested() ? 0 : send(data);
+  if (sent == data.size()) return;
+  pending_.insert(pending_.end(), data.begin() + static_cast<std::ptrdiff_t>(sent), data.end());
+  watch_->watch_writable(true);
+}
+
+void Outbox::flush() {
+  sent_ += send(ByteView(pending_).subspan(sent_));
+  if (congested()) return;
+  discard();
+  on_drained_();
+}
+
+void Outbox::discard() {
+  pending_.clear();
+  sent_ = 0;
+  watch_->watch_writable(false);
+}
+
+std::size_t Outbox::send(ByteView data) {
+  std::size_t sent = 0;
+  while (sent < data.size()) {
+    const ssize_t n = ::write(fd_, data.data() + sent, data.size() - sent);
+    if (n > 0) {
+      sent += static_cast<std::size_t>(n);
+    } else if (n < 0 && errno == EINTR) {
+      continue;
+    } else if (n < 0 && errno != EAGAIN) {
+      on_error_(errno);
+      return data.size();  // a broken line takes everything and keeps nothing
+    } else {
+      break;
+    }
+  }
+  return sent;
+}
+
+}  // namespace porttape

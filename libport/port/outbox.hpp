@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+
+#include "libport/base/bytes.hpp"
+#include "libport/port/fd_watch.hpp"
+
+namespace porttape {
+
+// The sending half of a stream descriptor: writes at once what the kernel takes and keeps the rest. Bounded by its users,
+// who stop while congested(). Reports a write error once. Loop thread only.
+class Outbox {
+ public:
+  // `watch` must call flush() when writable; it and `fd` must outlive the outbox.
+  Outbox(int fd, FdWatch& watch, std::function<void()> on_drained, std::function<void(int error_number)> on_error);
+
+  void write(ByteView data);
+  void flush();  // from the watch
+  void discard();
+  [[nodiscard]] bool congested() const { return sent_ < pending_.size(); }
+  [[nodiscard]] std::size_t pending() const { return pending_.size() - sent_; }
+
+ private:
+  // Bytes sent of `data`; fewer when the kernel is full. Reports anything worse.
+  std::size_t send(ByteView data);
+
+  int fd_;
+  FdWatch* watch_;
+  std::function<void()> on_drained_;
+  std::function<void(int)> on_error_;
+  Bytes pending_;
+  std::size_t sent_ = 0;
+};
+
+}  // namespace porttape

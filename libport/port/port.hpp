@@ -1,0 +1,99 @@
+#pragma once
+
+#include <string>
+
+#include "libport/base/bytes.hpp"
+#include "libport/base/result.hpp"
+
+namespace porttape {
+
+// Why a line is no longer up.
+struct LineDown {
+  enum class Reason {
+    closed,  // the peer closed it, as peers do
+    failed,  // open() could not bring it up
+    lost,    // the device went away while open
+    hung_up  // the device broke the line on purpose (a replay's hang-up)
+  };
+  Reason reason = Reason::closed;
+  Error error;                 // what, where and what to do, for failed and lost
+  bool after_reading = false;  // hung_up: the peer of the other end should read what was delivered first
+};
+
+// What a port tells the one who drives it. All calls come on the loop's thread.
+class PortListener {
+ public:
+  // The line to the peer is up. Follows open(), possibly from within it; on passive ports again and again.
+  virtual void on_up() = 0;
+  // Bytes from the peer, as they came; valid during the call. A passive or always-open port passes them on between close() and
+  // open() too, since the device sends whether anybody listens or not.
+  virtual void on_data(ByteView data) = 0;
+  // All that write() took has been passed on: congested() is false again. Only after congestion.
+  virtual void on_drained() = 0;
+  // The line is down. A passive port waits for the next peer by itself.
+  virtual void on_down(const LineDown& down) = 0;
+  // The port asks for the end of the session with this exit status (a replay that is to run once, a tape that must not fail).
+  virtual void on_finished(int exit_status) = 0;
+
+ protected:
+  ~PortListener() = default;
+};
+
+// One end of a line: a pty, a serial device, a socket, a tape, or a port that records another.
+//
+// Drive it: listen(), prepare() once, then open() and close() in turn; finish() before the end. A *passive* port (a pty, a
+// listening socket) exists from prepare() on and comes up when a peer arrives while it is open(); the others come up by
+// open() alone. Never blocks. Lives on one Loop; loop thread only.
+class Port {
+ public:
+  Port() = default;
+  Port(const Port&) = delete;
+  Port& operator=(const Port&) = delete;
+  virtual ~Port() = default;
+
+  // Who is told; must outlive the port or be replaced. Call before anything else.
+  virtual void listen(PortListener& listener) { listener_ = &listener; }
+
+  // Checks what can be checked without touching the device, and brings a passive port into being.
+  virtual Result<void> prepare() = 0;
+
+  // Begins a session: on_up() or on_down(failed) follows, now or later.
+  virtual void open() = 0;
+  // Ends it: unsent bytes are dropped (wait for on_drained() first where they matter). No on_down follows.
+  virtual void close() = 0;
+
+  // Takes all of `data`, as one datagram where the line has boundaries. What cannot be sent at once is kept: the caller must
+  // stop writing while congested() is true. Bytes for a line that is not up are dropped.
+  virtual void write(ByteView data) = 0;
+  [[nodiscard]] virtual bool congested() const = 0;
+
+  // Whether on_data may come: false is backpressure to the peer.
+  virtual void set_reading(bool on) = 0;
+
+  // Makes the peer see the line break, as an unplugged cable would; `after_reading`: once it has read what was written.
+  virtual void hang_up(bool after_reading) = 0;
+
+  // Passes on what has come in but was not read yet. For the end of a session.
+  virtual void read_pending() {}
+
+  // Starts the next tape. Nothing to do for ports without one.
+  virtual void rotate() {}
+
+  // The end of the program is near: completes what belongs to the session (tape, report) and gives its exit status, 0 when
+  // the port has no opinion. The port may not be opened again.
+  virtual int finish() { return 0; }
+
+  // Whether it waits for the next peer by itself when one has closed.
+  [[nodiscard]] virtual bool passive() const { return false; }
+
+  // For messages: `serial:/dev/ttyUSB0`.
+  [[nodiscard]] virtual std::string name() const = 0;
+
+ protected:
+  [[nodiscard]] PortListener& listener() const { return *listener_; }
+
+ private:
+  PortListener* listener_ = nullptr;
+};
+
+}  // namespace porttape

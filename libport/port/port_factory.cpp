@@ -1,0 +1,45 @@
+#include "libport/port/port_factory.hpp"
+
+#include <utility>
+
+#include "libport/port/pty_port.hpp"
+#include "libport/port/recording_port.hpp"
+#include "libport/port/replay_port.hpp"
+#include "libport/port/serial_port.hpp"
+
+namespace porttape {
+namespace {
+
+constexpr std::string_view kLogSuffix = "log";
+
+Result<std::unique_ptr<Port>> make_replay_port(const PortContext& context, const PortOptions& options) {
+  const Result<ReplayConfig> config = replay_config(options);
+  if (!config) return config.error();
+  ReplayPort::Options replay{literal_tape(options.text("file")), *config, options.flag("once"), options.text("report")};
+  return std::unique_ptr<Port>(std::make_unique<ReplayPort>(context, std::move(replay)));
+}
+
+Result<std::unique_ptr<Port>> make_recording_port(const PortContext& context, const PortOptions& options, const std::string& peer) {
+  PortOptions inner = options;
+  inner.type.resize(inner.type.size() - kLogSuffix.size());
+  for (const char* own : {"file", "overwrite", "failclosed"}) inner.values.erase(own);
+  Result<std::unique_ptr<Port>> port = make_port(context, inner, peer);
+  if (!port) return port;
+  RecordingPort::Options recording{.tape = literal_tape(options.text("file")),
+                                   .header = {.device = inner.name(), .driver = peer},
+                                   .overwrite = options.flag("overwrite"),
+                                   .fail_closed = options.flag("failclosed")};
+  return std::unique_ptr<Port>(std::make_unique<RecordingPort>(context, std::move(*port), std::move(recording)));
+}
+
+}  // namespace
+
+Result<std::unique_ptr<Port>> make_port(const PortContext& context, const PortOptions& options, const std::string& peer) {
+  if (options.type == "serial") return std::unique_ptr<Port>(std::make_unique<SerialPort>(context, options));
+  if (options.type == "pty") return std::unique_ptr<Port>(std::make_unique<PtyPort>(context, options));
+  if (options.type == "logreader") return make_replay_port(context, options);
+  if (options.type.ends_with(kLogSuffix)) return make_recording_port(context, options, peer);
+  return make_error(Errc::usage, "unknown port type '" + options.type + "'");
+}
+
+}  // namespace porttape

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "libport/base/result.hpp"
+
+namespace porttape {
+
+// A port as a user names it: a type and its options (contract section 2). Values are as written; the typed getters have been
+// checked by parse_port()/check_port(), so they cannot fail on a checked object.
+struct PortOptions {
+  std::string type;
+  std::map<std::string, std::string> values;  // a boolean option has the value "1" when on; absent when off
+
+  [[nodiscard]] bool has(const std::string& option) const { return values.contains(option); }
+  // The option's value, or the type's default for it.
+  [[nodiscard]] std::string text(const std::string& option) const;
+  [[nodiscard]] bool flag(const std::string& option) const;
+  [[nodiscard]] long integer(const std::string& option) const;
+  [[nodiscard]] double number(const std::string& option) const;
+
+  // The short spelling of its main part, for messages: `serial:/dev/ttyUSB0`, `tcp:127.0.0.1:20000`.
+  [[nodiscard]] std::string name() const;
+
+  friend bool operator==(const PortOptions&, const PortOptions&) = default;
+};
+
+// Reads either spelling: `type=serial,device=/dev/ttyUSB0,baud=115200` or `serial:/dev/ttyUSB0,baud=115200`; a bare `/dev/…`
+// is `serial:`. Errc::usage names the option, its value and what would be accepted.
+Result<PortOptions> parse_port(std::string_view spec);
+
+// The same checks for options that came as a map.
+Result<PortOptions> check_port(PortOptions options);
+
+// The types and their options with defaults, for --help.
+std::string port_help();
+
+}  // namespace porttape

@@ -1,0 +1,83 @@
+#include "libport/port/pty_link.hpp"
+
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <filesystem>
+#include <utility>
+
+#include <fmt/format.h>
+
+namespace porttape {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The link under `path`, made under another name first so that it replaces an old one in one step.
+Result<void> make_link(const std::string& path, const std::string& target) {
+  const std::string temporary = fmt::format("{}.{}.new", path, ::getpid());
+  (void)::unlink(temporary.c_str());
+  if (::symlink(target.c_str(), temporary.c_str()) != 0 || std::rename(temporary.c_str(), path.c_str()) != 0) {
+    const int error = errno;
+    (void)::unlink(temporary.c_str());
+    return make_error(Errc::usage, fmt::format("link '{}' cannot be made: {}", path, errno_text(error)));
+  }
+  return {};
+}
+
+// Whether the path is free, or a link that may go.
+Result<void> check_place(const std::string& path, const std::string& target) {
+  std::error_code error;
+  const fs::path parent = fs::absolute(path).parent_path();
+  if (!fs::is_directory(parent, error)) {
+    return make_error(Errc::usage, fmt::format("link '{}': its folder {} does not exist; create it first", path, parent.string()));
+  }
+  const fs::file_status status = fs::symlink_status(path, error);
+  if (!fs::exists(status)) return {};
+  if (!fs::is_symlink(status)) {
+    return make_error(Errc::usage, fmt::format("link '{}' exists and is not a link; it is left alone, choose another path", path));
+  }
+  const fs::path points_to = fs::read_symlink(path, error);
+  if (points_to == target || !fs::exists(path, error)) return {};
+  return make_error(Errc::usage, fmt::format("link '{}' exists and points to {}, which is in use; remove it or choose another path",
+                                             path, points_to.string()));
+}
+
+}  // namespace
+
+Result<PtyLink> PtyLink::publish(const std::string& path, const std::string& target) {
+  if (Result<void> place = check_place(path, target); !place) return place.error();
+  if (Result<void> made = make_link(path, target); !made) return made.error();
+  return PtyLink(path, target);
+}
+
+PtyLink::PtyLink(std::string path, std::string target) : path_(std::move(path)), target_(std::move(target)) {}
+
+PtyLink::PtyLink(PtyLink&& other) noexcept
+    : path_(std::exchange(other.path_, {})), target_(std::exchange(other.target_, {})) {}
+
+PtyLink& PtyLink::operator=(PtyLink&& other) noexcept {
+  if (this != &other) {
+    remove();
+    path_ = std::exchange(other.path_, {});
+    target_ = std::exchange(other.target_, {});
+  }
+  return *this;
+}
+
+PtyLink::~PtyLink() { remove(); }
+
+Result<void> PtyLink::retarget(const std::string& target) {
+  Result<void> made = make_link(path_, target);
+  if (made) target_ = target;
+  return made;
+}
+
+void PtyLink::remove() {
+  if (path_.empty()) return;
+  std::error_code error;
+  if (fs::read_symlink(path_, error) == target_ && !error) (void)::unlink(path_.c_str());
+}
+
+}  // namespace porttape

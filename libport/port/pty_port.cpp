@@ -1,0 +1,250 @@
+#include "libport/port/pty_port.hpp"
+
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <charconv>
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+#include <utility>
+
+#include <spdlog/spdlog.h>
+
+namespace porttape {
+namespace {
+
+constexpr Nanos kUnreadPoll = std::chrono::milliseconds(2);  // no event tells that a driver has read everything
+
+Result<Pty::Access> access_of(const PortOptions& options) {
+  Pty::Access access{0, options.text("owner"), options.text("group")};
+  const std::string mode = options.text("mode");
+  const auto [end, error] = std::from_chars(mode.data(), mode.data() + mode.size(), access.mode, 8);
+  if (error != std::errc{} || end != mode.data() + mode.size() || access.mode > 0777) {
+    return make_error(Errc::usage, "option 'mode': '" + mode + "' is not valid; accepted: octal permissions like 0660");
+  }
+  return access;
+}
+
+}  // namespace
+
+PtyPort::Line::Line(PtyPort& port, Pty made)
+    : pty(std::move(made)),
+      master_watch(*port.context_.loop, pty.master(), [&port] { port.on_readable(); }, [this] { outbox.flush(); }),
+      inotify_watch(*port.context_.loop, pty.inotify(), [&port] { port.on_inotify(); }),
+      // A write fails only when the driver is gone, which the read side notices.
+      outbox(pty.master(), master_watch, [&port] { if (port.up_) port.listener().on_drained(); }, [](int) {}) {
+  inotify_watch.watch_readable(true);
+}
+
+PtyPort::PtyPort(const PortContext& context, const PortOptions& options)
+    : context_(context), options_(options), hang_up_timer_(*context.loop, [this] { on_hang_up_timer(); }) {}
+
+PtyPort::~PtyPort() = default;
+
+Result<void> PtyPort::prepare() {
+  if (Result<void> made = make_line(); !made) return made;
+  const std::string path = options_.text("link");
+  if (!path.empty()) {
+    Result<PtyLink> link = PtyLink::publish(path, line_->pty.slave_path());
+    if (!link) {
+      line_.reset();
+      return link.error();
+    }
+    link_ = std::move(*link);
+  }
+  announce_path();
+  return {};
+}
+
+Result<void> PtyPort::make_line() {
+  Result<Pty::Access> access = access_of(options_);
+  if (!access) return access.error();
+  Result<Pty> pty = Pty::create(*access);
+  if (!pty) return pty.error();
+  line_ = std::make_unique<Line>(*this, std::move(*pty));
+  return {};
+}
+
+void PtyPort::announce_path() const {
+  if (link_) {
+    context_.log->info("{} is there ({})", link_->path(), line_->pty.slave_path());
+  } else {
+    std::cout << line_->pty.slave_path() << std::endl;
+  }
+}
+
+void PtyPort::replace_line() {
+  openers_ = 0;
+  peer_ = false;
+  // One of the old line's callbacks may be running: it goes on the next turn of the loop.
+  context_.loop->post([old = std::shared_ptr<Line>(std::move(line_))] {});
+  if (Result<void> made = make_line(); !made) {
+    context_.log->error("{}; the line is gone until the program is started again", made.error().message);
+    return;
+  }
+  if (link_) {
+    if (Result<void> moved = link_->retarget(line_->pty.slave_path()); !moved) context_.log->error("{}", moved.error().message);
+  }
+  announce_path();
+}
+
+void PtyPort::open() {
+  accepting_ = true;
+  if (peer_) {
+    set_up(true);
+  } else {
+    look();
+  }
+}
+
+void PtyPort::look() {
+  if (peer_ || !line_ || !line_->pty.occupied()) return;
+  (void)line_->pty.take_events();  // the open that we see is among them
+  peer_arrived();
+}
+
+void PtyPort::close() {
+  accepting_ = false;
+  up_ = false;
+  if (line_) line_->outbox.discard();
+}
+
+void PtyPort::write(ByteView data) {
+  if (peer_ && line_) line_->outbox.write(data);
+}
+
+void PtyPort::set_reading(bool on) {
+  reading_ = on;
+  if (peer_ && line_) line_->master_watch.watch_readable(on);
+}
+
+void PtyPort::set_up(bool up, LineDown::Reason reason) {
+  if (up_ == up || (up && !accepting_)) return;
+  up_ = up;
+  if (up) {
+    listener().on_up();
+  } else {
+    listener().on_down({.reason = reason, .error = {}});
+  }
+}
+
+void PtyPort::peer_arrived() {
+  peer_ = true;
+  openers_ = 1;
+  context_.log->debug("{}: opened", name());
+  line_->master_watch.watch_readable(reading_);
+  set_up(true);
+}
+
+void PtyPort::peer_left() {
+  peer_ = false;
+  openers_ = 0;
+  hang_up_timer_.cancel();
+  context_.log->debug("{}: closed", name());
+  line_->master_watch.watch_readable(false);
+  line_->outbox.discard();
+  if (Result<void> settled = line_->pty.settle(); !settled) {
+    context_.log->debug("{}; a new pty takes its place", settled.error().message);
+    replace_line();
+  }
+  set_up(false);
+  look();  // opened again meanwhile
+}
+
+void PtyPort::peer_reopened() {
+  context_.log->debug("{}: closed and opened again", name());
+  read_pending();
+  line_->outbox.discard();
+  openers_ = 1;
+  set_up(false);
+  set_up(true);
+}
+
+void PtyPort::on_inotify() {
+  for (const Pty::Event event : line_->pty.take_events()) {
+    if (event == Pty::Event::closed) {
+      if (openers_ > 0) --openers_;
+    } else if (!peer_) {
+      peer_arrived();
+    } else if (openers_ == 0) {
+      peer_reopened();
+    } else {
+      ++openers_;
+      context_.log->info("{}: a second program has opened it", name());
+    }
+  }
+  look();
+}
+
+void PtyPort::on_readable() {
+  // More than one read only when the first was full: an extra read for EAGAIN would cost each short exchange.
+  while (peer_ && reading_ && read_once()) {
+  }
+}
+
+bool PtyPort::read_once() {
+  const ssize_t size = ::read(line_->pty.master(), buffer_.data(), buffer_.size());
+  if (size > 0) {
+    handle_packet(ByteView(buffer_).first(static_cast<std::size_t>(size)));
+    return static_cast<std::size_t>(size) == buffer_.size();
+  }
+  if (size < 0 && (errno == EAGAIN || errno == EINTR)) return false;
+  peer_left();
+  return false;
+}
+
+void PtyPort::handle_packet(ByteView packet) {
+  const Byte status = packet.front();
+  if (status == TIOCPKT_DATA) {
+    if (packet.size() > 1) listener().on_data(packet.subspan(1));
+    return;
+  }
+  if ((status & TIOCPKT_FLUSHREAD) != 0) {
+    context_.log->trace("{}: the driver flushed its input", name());
+    const bool was_congested = congested();
+    line_->outbox.discard();
+    if (was_congested && up_) listener().on_drained();
+  }
+}
+
+void PtyPort::read_pending() {
+  const bool reading = std::exchange(reading_, true);
+  for (;;) {
+    if (!peer_ || !line_) break;
+    const ssize_t size = ::read(line_->pty.master(), buffer_.data(), buffer_.size());
+    if (size <= 0) break;
+    handle_packet(ByteView(buffer_).first(static_cast<std::size_t>(size)));
+  }
+  reading_ = reading;
+}
+
+void PtyPort::hang_up(bool after_reading) {
+  if (!peer_) return;
+  if (!after_reading) {
+    context_.log->debug("{}: hung up", name());
+    replace_line();
+    context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
+      if (!alive.expired()) set_up(false, LineDown::Reason::hung_up);
+    });
+    return;
+  }
+  hang_up_timer_.set_after(kUnreadPoll);
+}
+
+void PtyPort::on_hang_up_timer() {
+  if (!peer_) return;
+  if (congested() || line_->pty.unread() > 0) {
+    hang_up_timer_.set_after(kUnreadPoll);
+  } else {
+    hang_up(false);
+  }
+}
+
+std::string PtyPort::name() const {
+  if (link_) return "pty:" + link_->path();
+  return line_ ? "pty:" + line_->pty.slave_path() : "pty";
+}
+
+}  // namespace porttape

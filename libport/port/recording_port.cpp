@@ -1,0 +1,136 @@
+#include "libport/port/recording_port.hpp"
+
+#include <filesystem>
+#include <string_view>
+#include <utility>
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+namespace porttape {
+namespace {
+
+// The first free name after this one: `laser.log`, `laser.2.log`, `laser.3.log`, …
+TapePaths next_tape(const TapePaths& first) {
+  const std::string name = first.name();
+  const std::string_view stem = name.ends_with(".log") ? std::string_view(name).substr(0, name.size() - 4) : name;
+  const std::string_view suffix = std::string_view(name).substr(stem.size());
+  for (int number = 2;; ++number) {
+    TapePaths paths = literal_tape(fmt::format("{}.{}{}", stem, number, suffix));
+    if (TapeWriter::check(paths, {})) return paths;
+    std::error_code error;
+    if (!std::filesystem::exists(paths.read.parent_path(), error) && paths.read.has_parent_path()) return paths;
+  }
+}
+
+}  // namespace
+
+RecordingPort::RecordingPort(const PortContext& context, std::unique_ptr<Port> inner, Options options)
+    : context_(context), inner_(std::move(inner)), options_(std::move(options)), first_tape_(options_.tape) {}
+
+void RecordingPort::listen(PortListener& listener) {
+  Port::listen(listener);
+  inner_->listen(*this);
+}
+
+Result<void> RecordingPort::prepare() {
+  if (Result<void> free = TapeWriter::check(options_.tape, {.overwrite = options_.overwrite}); !free) return free;
+  return inner_->prepare();
+}
+
+TapeTime RecordingPort::tape_time() const {
+  return TapeTime{std::chrono::duration_cast<Micros>(options_.now() - zero_)};
+}
+
+void RecordingPort::open() {
+  open_ = true;
+  if (!started_) start_tape();
+  if (tape_) tape_->open_event(tape_time());
+  inner_->open();
+}
+
+void RecordingPort::close() {
+  inner_->close();
+  if (open_ && tape_) tape_->close_event(tape_time());
+  open_ = false;
+}
+
+void RecordingPort::write(ByteView data) {
+  const TapeTime at = tape_time();  // before it goes out: the answer must not be stamped earlier
+  inner_->write(data);
+  if (!tape_) return;
+  tape_->write_block(at, data);
+  tell_of_failure();
+}
+
+void RecordingPort::on_data(ByteView data) {
+  const TapeTime at = tape_time();
+  listener().on_data(data);
+  if (!tape_) return;
+  tape_->read_block(at, data);
+  tell_of_failure();
+}
+
+void RecordingPort::on_down(const LineDown& down) {
+  if (tape_ && down.reason == LineDown::Reason::lost) tape_->mark_event(tape_time(), down.error.message);
+  listener().on_down(down);
+}
+
+void RecordingPort::start_tape() {
+  started_ = true;
+  zero_ = options_.now();
+  Result<TapeWriter> tape = TapeWriter::create(options_.tape, options_.header, {.overwrite = options_.overwrite});
+  if (tape) {
+    tape_ = std::move(*tape);
+    context_.log->info("recording to {}", options_.tape.name());
+    return;
+  }
+  incomplete_ = true;
+  context_.log->error("{}; nothing is recorded, the line stays up", tape.error().message);
+  if (options_.fail_closed) listener().on_finished(exit_status::kRuntime);
+}
+
+void RecordingPort::end_tape() {
+  if (!tape_) return;
+  const Result<void> finished = tape_->finish(tape_time());
+  if (!finished) {
+    incomplete_ = true;
+    context_.log->error("{}", finished.error().message);
+  } else {
+    context_.log->info("{} is complete: {} bytes", options_.tape.name(), tape_->bytes_written());
+  }
+  tape_.reset();
+}
+
+void RecordingPort::tell_of_failure() {
+  if (tape_->failing() == failing_) return;
+  failing_ = !failing_;
+  if (!failing_) {
+    context_.log->info("{} is being written again; {} bytes are missing", options_.tape.name(), tape_->bytes_lost());
+    return;
+  }
+  context_.log->error("{}; {}", tape_->failure(),
+                      options_.fail_closed ? "ending, as --fail-closed asks" : "the line stays up, the loss is counted");
+  if (options_.fail_closed) listener().on_finished(exit_status::kRuntime);
+}
+
+void RecordingPort::rotate() {
+  if (!started_) return;  // no driver yet, no tape
+  end_tape();
+  options_.tape = next_tape(first_tape_);
+  options_.overwrite = false;
+  started_ = false;
+  if (!open_) return;
+  start_tape();
+  if (tape_) tape_->open_event(tape_time());
+}
+
+int RecordingPort::finish() {
+  close();
+  const int inner = inner_->finish();
+  end_tape();
+  if (inner != 0) return inner;
+  return incomplete_ ? exit_status::kRuntime : 0;
+}
+
+}  // namespace porttape

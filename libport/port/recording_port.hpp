@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "libport/port/context.hpp"
+#include "libport/port/port.hpp"
+#include "libport/tape/tape_name.hpp"
+#include "libport/tape/tape_writer.hpp"
+
+namespace porttape {
+
+// A port that keeps a tape of the port it owns. Bytes are passed on first and written to the tape in the same turn of the
+// loop, so that a killed process has lost at most the block it was in. The tape's zero is the first open(); its files come
+// into being then.
+class RecordingPort final : public Port, private PortListener {
+ public:
+  struct Options {
+    TapePaths tape;
+    TapeHeader header;
+    bool overwrite = false;
+    bool fail_closed = false;  // end with status 1 when the tape cannot be written; else the line stays up
+    Instant (*now)() = &Loop::now;
+  };
+
+  RecordingPort(const PortContext& context, std::unique_ptr<Port> inner, Options options);
+
+  void listen(PortListener& listener) override;
+  Result<void> prepare() override;
+  void open() override;
+  void close() override;
+  void write(ByteView data) override;
+  [[nodiscard]] bool congested() const override { return inner_->congested(); }
+  void set_reading(bool on) override { inner_->set_reading(on); }
+  void hang_up(bool after_reading) override { inner_->hang_up(after_reading); }
+  void read_pending() override { inner_->read_pending(); }
+  void rotate() override;
+  int finish() override;
+  [[nodiscard]] bool passive() const override { return inner_->passive(); }
+  [[nodiscard]] std::string name() const override { return inner_->name(); }
+
+ private:
+  void on_up() override { listener().on_up(); }
+  void on_data(ByteView data) override;
+  void on_drained() override { listener().on_drained(); }
+  void on_down(const LineDown& down) override;
+  void on_finished(int exit_status) override { listener().on_finished(exit_status); }
+
+  [[nodiscard]] TapeTime tape_time() const;
+  void start_tape();
+  void end_tape();
+  void tell_of_failure();
+
+  PortContext context_;
+  std::unique_ptr<Port> inner_;
+  Options options_;
+  TapePaths first_tape_;
+  std::optional<TapeWriter> tape_;
+  Instant zero_{};
+  bool open_ = false;
+  bool started_ = false;
+  bool failing_ = false;
+  bool incomplete_ = false;
+};
+
+}  // namespace porttape

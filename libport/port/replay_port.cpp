@@ -1,0 +1,167 @@
+#include "libport/port/replay_port.hpp"
+
+#include <chrono>
+#include <utility>
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include "libport/port/report_file.hpp"
+
+namespace porttape {
+namespace {
+
+// Timers wake 20 to 100 µs late; the rest of the way is spun, which is late by less than a microsecond.
+constexpr Nanos kSpin = std::chrono::microseconds(120);
+// Spinning takes at most this part of a core, else a dense tape would keep one from the driver.
+constexpr int kSpinShare = 5;
+
+Micros milliseconds(double value) { return Micros(static_cast<std::int64_t>(value * 1e3)); }
+Micros seconds(double value) { return Micros(static_cast<std::int64_t>(value * 1e6)); }
+
+template <class Enum, std::size_t N>
+Enum choice(const std::string& value, const std::pair<std::string_view, Enum> (&choices)[N]) {
+  for (const auto& [name, chosen] : choices) {
+    if (name == value) return chosen;
+  }
+  return choices[0].second;
+}
+
+}  // namespace
+
+Result<ReplayConfig> replay_config(const PortOptions& options) {
+  ReplayConfig config;
+  config.strictness = static_cast<int>(options.integer("strictness"));
+  config.jitter = milliseconds(options.number("jitter"));
+  config.timing = choice<Timing>(options.text("timing"), {{"reactive", Timing::reactive}, {"recorded", Timing::recorded}, {"none", Timing::none}});
+  config.rate = options.number("rate");
+  config.on_mismatch = choice<OnMismatch>(options.text("on-mismatch"), {{"warn", OnMismatch::warn}, {"fail", OnMismatch::fail}});
+  config.at_end = choice<AtEnd>(options.text("at-end"), {{"idle", AtEnd::idle}, {"hangup", AtEnd::hangup}, {"exit", AtEnd::exit}});
+  config.on_reopen = choice<OnReopen>(options.text("on-reopen"), {{"auto", OnReopen::automatic}, {"rewind", OnReopen::rewind}, {"continue", OnReopen::continue_}});
+  config.chunks = choice<Chunks>(options.text("chunks"), {{"auto", Chunks::automatic}, {"recorded", Chunks::recorded}, {"burst", Chunks::burst}});
+  config.burst_gap = Micros(options.integer("burst-gap"));
+  config.patience = seconds(options.number("patience"));
+  if (options.flag("ignoretimes")) {
+    config.timing = Timing::none;
+    if (config.strictness == 2) config.strictness = 1;
+  }
+  if (config.strictness == 2 && config.timing == Timing::none) {
+    return make_error(Errc::usage, "option 'strictness': 2 checks timing, which timing=none has not; use strictness 1 or another timing");
+  }
+  return config;
+}
+
+ReplayPort::ReplayPort(const PortContext& context, Options options)
+    : context_(context), options_(std::move(options)), timer_(*context.loop, [this] { on_timer(); }) {}
+
+ReplayPort::~ReplayPort() = default;
+
+Result<void> ReplayPort::prepare() {
+  Result<TapeReader> schedule = TapeReader::open(options_.tape);
+  if (!schedule) return schedule.error();
+  Result<TapeReader> writes = TapeReader::open(options_.tape, TapeReader::Select::writes_only);
+  if (!writes) return writes.error();
+  if (!options_.report_file.empty()) {
+    if (Result<void> place = check_report_place(options_.report_file); !place) return place;
+  }
+  schedule_ = std::move(*schedule);
+  writes_ = std::move(*writes);
+  const Engine::TapeFacts facts{.stamped_at_arrival = schedule_->has_events()};
+  engine_ = std::make_unique<Engine>(options_.config, facts, *schedule_, *writes_);
+  return {};
+}
+
+void ReplayPort::open() {
+  open_ = true;
+  engine_->on_open(Loop::now());
+  listener().on_up();
+  pump();
+}
+
+void ReplayPort::close() {
+  if (!open_) return;
+  open_ = false;
+  engine_->on_close(Loop::now());
+  pump();
+}
+
+void ReplayPort::write(ByteView data) {
+  engine_->on_write(Loop::now(), data);
+  pump();
+}
+
+void ReplayPort::set_reading(bool on) {
+  engine_->set_blocked(!on);
+  if (on) pump();
+}
+
+void ReplayPort::pump() {
+  for (;;) {
+    ReplayActions actions = engine_->advance(Loop::now());
+    if (actions.empty()) break;
+    perform(actions);
+  }
+  set_timer();
+}
+
+void ReplayPort::perform(ReplayActions& actions) {
+  if (!actions.deliver.empty()) listener().on_data(actions.deliver);
+  for (const Mismatch& mismatch : actions.mismatches) {
+    context_.log->warn("{}: {}", options_.tape.name(), to_text(mismatch));
+  }
+  if (actions.hang_up) {
+    // At the tape's end the driver reads what is left first; at a mismatch the line breaks where it stands.
+    const bool mismatch = !actions.mismatches.empty() || (actions.run_ended && actions.run_ended->mismatch);
+    listener().on_down({.reason = LineDown::Reason::hung_up, .error = {}, .after_reading = !mismatch});
+  }
+  const bool exit = actions.exit;
+  if (actions.run_ended) take_report(std::move(*actions.run_ended));
+  if (exit && report_) listener().on_finished(options_.once ? exit_status_of(*report_) : exit_status::kPass);
+}
+
+void ReplayPort::take_report(RunReport report) {
+  report.tape = options_.tape.name();
+  report_ = std::move(report);
+  context_.log->info("{}", to_text(*report_));
+  if (!options_.report_file.empty()) {
+    if (Result<void> written = write_report(options_.report_file, to_json(*report_)); !written) {
+      context_.log->error("{}", written.error().message);
+    }
+  }
+  if (options_.once) listener().on_finished(exit_status_of(*report_));
+}
+
+void ReplayPort::set_timer() {
+  const std::optional<Instant> due = engine_->next_deadline();
+  if (!due) {
+    timer_.cancel();
+    return;
+  }
+  const Instant now = Loop::now();
+  const bool may_spin = now - last_spin_ >= kSpin * kSpinShare;
+  timer_.set(may_spin ? *due - kSpin : *due);
+}
+
+void ReplayPort::on_timer() {
+  if (const std::optional<Instant> due = engine_->next_deadline()) {
+    const Instant now = Loop::now();
+    if (*due > now && *due - now <= kSpin) {
+      while (Loop::now() < *due) {
+      }
+      last_spin_ = *due;
+    }
+  }
+  pump();
+}
+
+int ReplayPort::finish() {
+  timer_.cancel();
+  if (!engine_) return 0;
+  if (std::optional<RunReport> report = engine_->finish(Loop::now())) {
+    options_.once = false;  // the session is ending already
+    take_report(std::move(*report));
+  }
+  return report_ ? exit_status_of(*report_) : 0;
+}
+
+}  // namespace porttape

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "libport/port/context.hpp"
+#include "libport/port/port.hpp"
+#include "libport/port/port_options.hpp"
+#include "libport/port/timer.hpp"
+#include "libport/replay/engine.hpp"
+#include "libport/tape/tape_name.hpp"
+#include "libport/tape/tape_reader.hpp"
+
+namespace porttape {
+
+// The replay options among a logreader's options. Errc::usage for values that contradict each other.
+Result<ReplayConfig> replay_config(const PortOptions& options);
+
+// A tape in the device's place: reads the tape and the clock, and does what the engine says. Each run's report goes to the
+// log and, when asked for, to a file; with `once` the session ends after the first run.
+class ReplayPort final : public Port {
+ public:
+  struct Options {
+    TapePaths tape;
+    ReplayConfig config;
+    bool once = false;
+    std::string report_file;
+  };
+
+  ReplayPort(const PortContext& context, Options options);
+  ~ReplayPort() override;
+
+  Result<void> prepare() override;
+  void open() override;
+  void close() override;
+  void write(ByteView data) override;
+  [[nodiscard]] bool congested() const override { return false; }
+  void set_reading(bool on) override;
+  void hang_up(bool) override {}
+  // Ends the run; the status is its verdict's.
+  int finish() override;
+  [[nodiscard]] std::string name() const override { return "logreader:" + options_.tape.name(); }
+
+  // The latest run's, once one has ended.
+  [[nodiscard]] const std::optional<RunReport>& report() const { return report_; }
+
+ private:
+  void pump();
+  void perform(ReplayActions& actions);
+  void set_timer();
+  void on_timer();
+  void take_report(RunReport report);
+
+  PortContext context_;
+  Options options_;
+  std::optional<TapeReader> schedule_;
+  std::optional<TapeReader> writes_;
+  std::unique_ptr<Engine> engine_;
+  Timer timer_;
+  std::optional<RunReport> report_;
+  Instant last_spin_{};
+  bool open_ = false;
+};
+
+}  // namespace porttape

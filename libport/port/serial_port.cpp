@@ -1,0 +1,219 @@
+#include "libport/port/serial_port.hpp"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/ioctl.h>
+#include <sys/stat.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <utility>
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+namespace porttape {
+namespace {
+
+Error missing(std::string message) { return make_error(Errc::device_missing, std::move(message)); }
+
+LineSettings settings_of(const PortOptions& options) {
+  LineSettings settings;
+  settings.baud = static_cast<unsigned>(options.integer("baud"));
+  settings.data_bits = static_cast<unsigned>(options.integer("databits"));
+  settings.stop_bits = static_cast<unsigned>(options.integer("stopbits"));
+  const std::string parity = options.text("parity");
+  settings.parity = parity == "even" ? Parity::even : parity == "odd" ? Parity::odd : Parity::none;
+  settings.hw_flow = options.flag("hwflowctrl");
+  settings.sw_flow = options.flag("swflowctrl");
+  return settings;
+}
+
+std::string advice_for(int error_number) {
+  switch (error_number) {
+    case ENOENT: return "is it plugged in? (--wait-device waits for it)";
+    case EACCES: return "add the user to the group dialout";
+    case EBUSY: return "another program has it open";
+    default: return "check the device";
+  }
+}
+
+int access_mode(const PortOptions& options) {
+  if (options.flag("readonly")) return O_RDONLY;
+  if (options.flag("writeonly")) return O_WRONLY;
+  return O_RDWR;
+}
+
+}  // namespace
+
+SerialPort::Line::Line(SerialPort& port, UniqueFd opened)
+    : fd(std::move(opened)),
+      watch(*port.context_.loop, fd.get(), [&port] { port.on_readable(); }, [this] { outbox.flush(); }),
+      outbox(
+          fd.get(), watch, [&port] { if (port.up_) port.listener().on_drained(); },
+          [&port](int error_number) {
+            // From within a write of the caller's, who must not see the line vanish under it.
+            port.context_.loop->post([&port, error_number, alive = std::weak_ptr<int>(port.alive_)] {
+              if (!alive.expired()) port.lost(error_number);
+            });
+          }) {}
+
+SerialPort::SerialPort(const PortContext& context, const PortOptions& options)
+    : context_(context), options_(options), device_(options.text("device")) {}
+
+SerialPort::~SerialPort() = default;
+
+Result<void> SerialPort::prepare() {
+  struct stat status {};
+  if (::stat(device_.c_str(), &status) != 0) {
+    const int error = errno;
+    if (options_.flag("wait")) {
+      context_.log->warn("device '{}': {}; waiting for it", device_, errno_text(error));
+      return {};
+    }
+    return missing(fmt::format("device '{}': {}; {}", device_, errno_text(error), advice_for(error)));
+  }
+  if (!S_ISCHR(status.st_mode) || !is_tty_device(status.st_rdev)) {
+    return missing(fmt::format("device '{}' is {}, not a serial device", device_,
+                               S_ISDIR(status.st_mode) ? "a folder" : S_ISREG(status.st_mode) ? "a file" : "something else"));
+  }
+  const int wanted = access_mode(options_) == O_RDONLY ? R_OK : access_mode(options_) == O_WRONLY ? W_OK : R_OK | W_OK;
+  if (::access(device_.c_str(), wanted) != 0) {
+    return missing(fmt::format("device '{}': {}; {}", device_, errno_text(errno), advice_for(errno)));
+  }
+  if (!options_.flag("alwaysopen")) return {};
+  Result<UniqueFd> fd = open_device();
+  if (!fd) return fd.error();
+  begin_line(std::move(*fd));
+  return {};
+}
+
+void SerialPort::begin_line(UniqueFd fd) {
+  line_ = std::make_unique<Line>(*this, std::move(fd));
+  line_->watch.watch_readable(reading_);
+  context_.log->debug("{}: open", name());
+}
+
+void SerialPort::open() {
+  if (line_) {  // always open
+    up_ = true;
+    listener().on_up();
+    return;
+  }
+  try_open();
+}
+
+void SerialPort::try_open() {
+  Result<UniqueFd> fd = open_device();
+  if (!fd) {
+    if (!options_.flag("wait")) {
+      listener().on_down({.reason = LineDown::Reason::failed, .error = fd.error()});
+    } else if (!waiting_) {
+      context_.log->warn("{}; waiting for it", fd.error().message);
+      waiting_ = std::make_unique<PathWatch>(*context_.loop, device_, [this] { try_open(); });
+    }
+    return;
+  }
+  // The watch may be what called us.
+  if (waiting_) context_.loop->post([old = std::shared_ptr<PathWatch>(std::move(waiting_))] {});
+  begin_line(std::move(*fd));
+  up_ = true;
+  listener().on_up();
+}
+
+Result<UniqueFd> SerialPort::open_device() const {
+  UniqueFd fd(::open(device_.c_str(), access_mode(options_) | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  if (!fd) return missing(fmt::format("device '{}': {}; {}", device_, errno_text(errno), advice_for(errno)));
+  if (::isatty(fd.get()) == 0) return missing(fmt::format("device '{}' is not a serial device", device_));
+  if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+    return missing(fmt::format("device '{}' is busy; {}", device_, advice_for(EBUSY)));
+  }
+  (void)::ioctl(fd.get(), TIOCEXCL);
+  if (Result<void> set = set_line(fd.get()); !set) {
+    return make_error(set.error().code, fmt::format("device '{}': {}", device_, set.error().message));
+  }
+  return fd;
+}
+
+Result<void> SerialPort::set_line(int fd) const {
+  const Result<std::string> not_taken = apply_settings(fd, settings_of(options_));
+  if (!not_taken) return not_taken.error();
+  if (!not_taken->empty()) context_.log->warn("{}: the device did not take: {}", name(), *not_taken);
+  for (const auto& [option, line] : {std::pair{"dtr", TIOCM_DTR}, std::pair{"rts", TIOCM_RTS}}) {
+    if (!options_.has(option)) continue;
+    if (Result<void> set = set_modem_line(fd, line, options_.text(option) == "on"); !set) {
+      context_.log->warn("{}: option '{}': {}", name(), option, set.error().message);
+    }
+  }
+  (void)::tcflush(fd, TCIFLUSH);
+  return {};
+}
+
+void SerialPort::close() {
+  up_ = false;
+  waiting_.reset();
+  if (!line_) return;
+  line_->outbox.discard();
+  if (!options_.flag("alwaysopen")) drop_line();
+}
+
+void SerialPort::drop_line() {
+  // Closed at once, so that the device gets its old name back when it is plugged in again. The rest goes on the next turn of
+  // the loop, since one of its callbacks may be running.
+  line_->watch.stop();
+  line_->fd.reset();
+  context_.loop->post([old = std::shared_ptr<Line>(std::move(line_))] {});
+}
+
+void SerialPort::write(ByteView data) {
+  if (line_ && !options_.flag("readonly")) line_->outbox.write(data);
+}
+
+void SerialPort::set_reading(bool on) {
+  reading_ = on;
+  if (line_) line_->watch.watch_readable(on);
+}
+
+void SerialPort::on_readable() {
+  while (line_ && reading_ && read_once()) {
+  }
+}
+
+bool SerialPort::read_once() {
+  const ssize_t size = ::read(line_->fd.get(), buffer_.data(), buffer_.size());
+  if (size > 0) {
+    listener().on_data(ByteView(buffer_).first(static_cast<std::size_t>(size)));
+    return static_cast<std::size_t>(size) >= 4095;  // what a tty gives at most: there may be more
+  }
+  if (size < 0 && (errno == EAGAIN || errno == EINTR)) return false;
+  lost(size == 0 ? EIO : errno);
+  return false;
+}
+
+void SerialPort::read_pending() {
+  while (line_) {
+    const ssize_t size = ::read(line_->fd.get(), buffer_.data(), buffer_.size());
+    if (size <= 0) return;
+    listener().on_data(ByteView(buffer_).first(static_cast<std::size_t>(size)));
+  }
+}
+
+void SerialPort::lost(int error_number) {
+  if (!line_) return;
+  drop_line();
+  const bool was_up = std::exchange(up_, false);
+  const Error error = make_error(Errc::device_lost, fmt::format("device '{}' is lost ({}); plug it in again", device_, errno_text(error_number)));
+  if (was_up) {
+    listener().on_down({.reason = LineDown::Reason::lost, .error = error});
+  } else {
+    context_.log->warn("{}", error.message);
+  }
+}
+
+void SerialPort::hang_up(bool) {
+  if (line_) drop_line();
+  up_ = false;
+}
+
+}  // namespace porttape

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <array>
+#include <memory>
+#include <string>
+
+#include "libport/base/unique_fd.hpp"
+#include "libport/port/context.hpp"
+#include "libport/port/fd_watch.hpp"
+#include "libport/port/outbox.hpp"
+#include "libport/port/path_watch.hpp"
+#include "libport/port/port.hpp"
+#include "libport/port/port_options.hpp"
+#include "libport/port/tty.hpp"
+
+namespace porttape {
+
+// A serial device, opened raw, exclusive (TIOCEXCL and flock), with any baud rate, read back. `alwaysopen` opens it in
+// prepare() and keeps it open; `wait` waits for a device that is missing instead of failing. A device that goes away is closed at
+// once, so that it comes back under its own name.
+class SerialPort final : public Port {
+ public:
+  SerialPort(const PortContext& context, const PortOptions& options);
+  ~SerialPort() override;
+
+  // Errc::device_missing unless the path is a tty that may be opened. Opens it only
+  // with `alwaysopen`: opening raises DTR.
+  Result<void> prepare() override;
+  void open() override;
+  void close() override;
+  void write(ByteView data) override;
+  [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
+  void set_reading(bool on) override;
+  void hang_up(bool after_reading) override;
+  void read_pending() override;
+  [[nodiscard]] std::string name() const override { return options_.name(); }
+
+ private:
+  static constexpr std::size_t kReadSize = 16384;
+
+  struct Line {
+    Line(SerialPort& port, UniqueFd opened);
+    UniqueFd fd;
+    FdWatch watch;
+    Outbox outbox;
+  };
+
+  Result<UniqueFd> open_device() const;
+  Result<void> set_line(int fd) const;
+  void begin_line(UniqueFd fd);
+  void try_open();
+  void on_readable();
+  bool read_once();
+  void lost(int error_number);
+  void drop_line();
+
+  PortContext context_;
+  PortOptions options_;
+  std::string device_;
+  std::unique_ptr<Line> line_;
+  std::unique_ptr<PathWatch> waiting_;
+  std::array<Byte, kReadSize> buffer_{};
+  bool up_ = false;
+  bool reading_ = true;
+  std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
+};
+
+}  // namespace porttape

@@ -1,0 +1,220 @@
+#include "libport/session/session.hpp"
+
+#include <chrono>
+#include <utility>
+
+#include <spdlog/spdlog.h>
+
+namespace porttape {
+namespace {
+
+using std::chrono::seconds;
+
+// How long the last bytes of a driver that has closed may take to the device (a tty's own closing_wait is 30 s as well).
+constexpr Nanos kDrainLimit = seconds(30);
+// At the end of the program: how long queues may take, and a driver to read what was delivered.
+constexpr Nanos kSendLimit = seconds(2);
+constexpr Nanos kLeaveLimit = seconds(1);
+
+}  // namespace
+
+struct Session::DriverSide final : PortListener {
+  explicit DriverSide(Session& owner) : session(owner) {}
+  void on_up() override { session.driver_up(); }
+  void on_data(ByteView data) override { session.driver_data(data); }
+  void on_drained() override {
+    session.device_->set_reading(true);
+    session.continue_end();
+  }
+  void on_down(const LineDown& down) override { session.driver_down(down); }
+  void on_finished(int exit_status) override { session.finished(exit_status); }
+  Session& session;
+};
+
+struct Session::DeviceSide final : PortListener {
+  explicit DeviceSide(Session& owner) : session(owner) {}
+  void on_up() override { session.device_up(); }
+  void on_data(ByteView data) override { session.device_data(data); }
+  void on_drained() override { session.device_drained(); }
+  void on_down(const LineDown& down) override { session.device_down(down); }
+  void on_finished(int exit_status) override { session.finished(exit_status); }
+  Session& session;
+};
+
+Session::Session(const PortContext& context, std::unique_ptr<Port> driver, std::unique_ptr<Port> device,
+                 std::function<void(int)> on_end)
+    : context_(context),
+      driver_side_(std::make_unique<DriverSide>(*this)),
+      device_side_(std::make_unique<DeviceSide>(*this)),
+      driver_(std::move(driver)),
+      device_(std::move(device)),
+      on_end_(std::move(on_end)),
+      end_timer_(*context.loop, [this] { ending_ == Ending::sending ? continue_end() : end(); }),
+      drain_timer_(*context.loop, [this] {
+        context_.log->warn("{} did not take the driver's last bytes within {} s; they are dropped", device_->name(),
+                           std::chrono::duration_cast<seconds>(kDrainLimit).count());
+        close_device();
+      }) {
+  driver_->listen(*driver_side_);
+  device_->listen(*device_side_);
+}
+
+Session::~Session() = default;
+
+Result<void> Session::start() {
+  // The device first: a link that no device stands behind would only mislead.
+  if (Result<void> ready = device_->prepare(); !ready) return ready;
+  if (Result<void> ready = driver_->prepare(); !ready) return ready;
+  driver_->open();
+  return {};
+}
+
+void Session::driver_up() {
+  context_.log->info("{}: a driver has opened it", driver_->name());
+  driver_up_ = true;
+  ++counters_.opens;
+  if (closing_device_) {
+    driver_->set_reading(false);  // until the last driver's bytes have gone
+  } else {
+    open_device();
+  }
+}
+
+void Session::open_device() {
+  driver_->set_reading(false);
+  device_open_ = true;
+  device_->open();
+}
+
+void Session::device_up() {
+  device_up_ = true;
+  context_.log->debug("{}: up", device_->name());
+  driver_->set_reading(true);
+}
+
+void Session::driver_data(ByteView data) {
+  counters_.from_driver_bytes += data.size();
+  device_->write(data);
+  if (device_->congested()) driver_->set_reading(false);
+}
+
+void Session::device_data(ByteView data) {
+  if (!driver_up_) {
+    counters_.dropped_bytes += data.size();
+    return;
+  }
+  counters_.to_driver_bytes += data.size();
+  driver_->write(data);
+  if (driver_->congested()) device_->set_reading(false);
+}
+
+void Session::driver_down(const LineDown& down) {
+  context_.log->info("{}: {}", driver_->name(),
+                     down.reason == LineDown::Reason::hung_up ? "hung up" : "the driver has closed it");
+  driver_up_ = false;
+  device_->set_reading(true);
+  if (ending_ == Ending::leaving) {
+    end();
+  } else if (device_open_ && device_up_ && device_->congested()) {
+    closing_device_ = true;
+    drain_timer_.set_after(kDrainLimit);
+  } else if (device_open_) {
+    close_device();
+  }
+}
+
+void Session::close_device() {
+  closing_device_ = false;
+  drain_timer_.cancel();
+  device_open_ = false;
+  device_up_ = false;
+  device_->close();
+  if (driver_up_ && ending_ == Ending::no) open_device();
+}
+
+void Session::device_drained() {
+  if (closing_device_) {
+    close_device();
+  } else if (device_up_) {
+    driver_->set_reading(true);
+  }
+  continue_end();
+}
+
+void Session::device_down(const LineDown& down) {
+  device_up_ = false;
+  if (closing_device_) {
+    close_device();
+    return;
+  }
+  driver_->set_reading(false);
+  switch (down.reason) {
+    case LineDown::Reason::failed:
+    case LineDown::Reason::lost:
+      context_.log->error("{}", down.error.message);
+      break;
+    case LineDown::Reason::closed:
+      context_.log->info("{}: closed by the device", device_->name());
+      if (device_->passive()) return;  // the driver waits for the next peer
+      break;
+    case LineDown::Reason::hung_up:
+      context_.log->info("{}: hangs up", device_->name());
+      break;
+  }
+  driver_->set_reading(true);
+  driver_->hang_up(down.after_reading);
+}
+
+void Session::finished(int exit_status) {
+  exit_status_ = exit_status;
+  context_.loop->post([this] { begin_end(false); });
+}
+
+void Session::stop() {
+  if (ending_ == Ending::no) {
+    begin_end(true);
+  } else {
+    end();
+  }
+}
+
+void Session::begin_end(bool limited) {
+  if (ending_ != Ending::no) return;
+  ending_ = Ending::sending;
+  if (driver_up_ && device_up_) {
+    driver_->read_pending();
+    device_->read_pending();
+  }
+  limited_ = limited;
+  if (limited_) end_timer_.set_after(kSendLimit);
+  continue_end();
+}
+
+void Session::continue_end() {
+  if (ending_ != Ending::sending) return;
+  const bool sent = !(device_up_ && device_->congested()) && !(driver_up_ && driver_->congested());
+  const bool out_of_time = limited_ && !end_timer_.due();
+  if (!sent && !out_of_time) return;
+  ending_ = Ending::leaving;
+  if (!driver_up_) {
+    end();
+    return;
+  }
+  if (limited_) end_timer_.set_after(kLeaveLimit);
+  driver_->hang_up(true);
+}
+
+void Session::end() {
+  if (ending_ == Ending::ended) return;
+  ending_ = Ending::ended;
+  end_timer_.cancel();
+  drain_timer_.cancel();
+  if (device_open_) device_->close();
+  const int device_status = device_->finish();
+  if (exit_status_ == 0) exit_status_ = device_status;
+  driver_->close();
+  driver_->finish();
+  context_.loop->post([this] { on_end_(exit_status_); });
+}
+
+}  // namespace porttape
