@@ -50,7 +50,7 @@ case_() {
   before=$(state)
   try timeout -k 5 20 "$@" </dev/null >"$work/out" 2>"$work/err"
   lines=$(grep -c . "$work/err" || true)
-  [[ $status =~ ^$want$ ]] || complain "exit $status instead of $want: $(printf '%q ' "$@")"
+  [[ $status == "$want" ]] || complain "exit $status instead of $want: $(printf '%q ' "$@")"
   [[ $lines == 1 ]] || complain "$lines lines on stderr instead of 1: $(printf '%q ' "$@")"
   grep -qiE -- "$pattern" "$work/err" || complain "no /$pattern/ in the message: $(printf '%q ' "$@")"
   [[ $(state) == "$before" ]] || complain "left something behind: $(diff <(echo "$before") <(state)): $(printf '%q ' "$@")"
@@ -123,18 +123,18 @@ tool 2 'command' test --tape good
 record 2 'good.log.*overwrite' --device "$near" --driver "pty:$work/d/port" --tape good
 record 2 'missing' --device "$near" --driver "pty:$work/d/port" --tape missing/new
 record 2 'file' --device "$near" --driver "pty:$work/d/port" --tape file/new
-record '[12]' 'file' --device "$near" --driver "pty:$work/d/file" --tape new
-record '[12]' 'link_to_file' --device "$near" --driver "pty:$work/d/link_to_file" --tape new
-record '[12]' 'foreign_link' --device "$near" --driver "pty:$work/d/foreign_link" --tape new
-record '[12]' 'full' --device "$near" --driver "pty:$work/d/full" --tape new
-record '[12]' 'missing' --device "$near" --driver "pty:$work/d/missing/port" --tape new
-replay '[12]' 'file' --tape good --driver "pty:$work/d/file"
+record 2 'file' --device "$near" --driver "pty:$work/d/file" --tape new
+record 2 'link_to_file' --device "$near" --driver "pty:$work/d/link_to_file" --tape new
+record 2 'foreign_link' --device "$near" --driver "pty:$work/d/foreign_link" --tape new
+record 2 'full' --device "$near" --driver "pty:$work/d/full" --tape new
+record 2 'missing' --device "$near" --driver "pty:$work/d/missing/port" --tape new
+replay 2 'file' --tape good --driver "pty:$work/d/file"
 
 # Devices.
 record 6 'no_device' --device "serial:$work/no_device" --driver "pty:$work/d/port" --tape new
-record '[26]' 'folder' --device "serial:$work/d/folder" --driver "pty:$work/d/port" --tape new
-record '[26]' 'file' --device "serial:$work/d/file" --driver "pty:$work/d/port" --tape new
-record '[26]' 'null' --device serial:/dev/null --driver "pty:$work/d/port" --tape new
+record 6 'folder' --device "serial:$work/d/folder" --driver "pty:$work/d/port" --tape new
+record 6 'file' --device "serial:$work/d/file" --driver "pty:$work/d/port" --tape new
+record 6 'null' --device serial:/dev/null --driver "pty:$work/d/port" --tape new
 
 [[ $failures == 0 ]] || die "$failures complaints in $cases cases"
 say "$cases cases"
