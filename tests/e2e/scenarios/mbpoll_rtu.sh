@@ -13,6 +13,7 @@ expect() {
   shift
   got=$(ask "$@" | values) || true
   [[ $got == "$want" ]] || die "mbpoll $*: wanted $want, got $got"
+  if [[ -n ${VERBOSE:-} ]]; then echo "mbpoll ${*:1:$#-1}: $(cut -c1-60 <<<"$got")"; fi
 }
 
 expect "1000 1001 1002 1003 1004" -t 4 -r 0 -c 5 "$driver"
