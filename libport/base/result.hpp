@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 #include <boost/system/result.hpp>
@@ -20,11 +21,21 @@ class UncheckedError : public std::logic_error {
   throw UncheckedError(error);
 }
 
-// A T or an Error. Expected failures travel in it; exceptions are for programming errors.
+// A T or an Error. Expected failures travel in it; exceptions are for programming errors. * and -> are
+// checked as value() is.
 template <class T>
 class [[nodiscard]] Result : public boost::system::result<T, Error> {
  public:
   using boost::system::result<T, Error>::result;
+
+  template <class U = T>
+  requires(!std::is_void_v<U>) U& operator*() & { return this->value(); }
+  template <class U = T>
+  requires(!std::is_void_v<U>) const U& operator*() const& { return this->value(); }
+  template <class U = T>
+  requires(!std::is_void_v<U>) U* operator->() { return &this->value(); }
+  template <class U = T>
+  requires(!std::is_void_v<U>) const U* operator->() const { return &this->value(); }
 };
 
 inline Error make_error(Errc code, std::string message) { return Error{code, std::move(message)}; }

@@ -12,7 +12,8 @@ Loop::Loop() : io_(std::make_unique<boost::asio::io_context>(1)) {}
 Loop::~Loop() = default;
 
 void Loop::run() { io_->run(); }
-bool Loop::run_one_until(Instant deadline) { return io_->run_one_until(deadline) != 0; }
+bool Loop::run_one() { return io_->run_one() != 0; }
+bool Loop::poll_one() { return io_->poll_one() != 0; }
 void Loop::stop() { io_->stop(); }
 void Loop::restart() { io_->restart(); }
 void Loop::post(std::function<void()> task) { boost::asio::post(*io_, std::move(task)); }

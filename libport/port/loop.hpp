@@ -21,8 +21,10 @@ class Loop {
 
   // Runs until stop() or until nothing is left to wait for.
   void run();
-  // Runs what is ready, then waits for one more event, at most until `deadline`. False when the deadline came first.
-  bool run_one_until(Instant deadline);
+  // Waits for one event and handles it. False when there is nothing to wait for.
+  bool run_one();
+  // Handles one event if one is ready. False when none was.
+  bool poll_one();
   void stop();
   void restart();
 

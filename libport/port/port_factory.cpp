@@ -15,7 +15,7 @@ constexpr std::string_view kLogSuffix = "log";
 Result<std::unique_ptr<Port>> make_replay_port(const PortContext& context, const PortOptions& options) {
   const Result<ReplayConfig> config = replay_config(options);
   if (!config) return config.error();
-  ReplayPort::Options replay{literal_tape(options.text("file")), *config, options.flag("once"), options.text("report")};
+  ReplayPort::Options replay{literal_tape(options.text("file")), *config, options.flag("once"), options.text("report"), {}};
   return std::unique_ptr<Port>(std::make_unique<ReplayPort>(context, std::move(replay)));
 }
 

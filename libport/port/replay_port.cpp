@@ -123,6 +123,7 @@ void ReplayPort::take_report(RunReport report) {
   report.tape = options_.tape.name();
   report_ = std::move(report);
   context_.log->info("{}", to_text(*report_));
+  if (options_.on_report) options_.on_report(*report_);
   if (!options_.report_file.empty()) {
     if (Result<void> written = write_report(options_.report_file, to_json(*report_)); !written) {
       context_.log->error("{}", written.error().message);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -26,6 +27,7 @@ class ReplayPort final : public Port {
     ReplayConfig config;
     bool once = false;
     std::string report_file;
+    std::function<void(const RunReport&)> on_report;  // each run's, or empty
   };
 
   ReplayPort(const PortContext& context, Options options);

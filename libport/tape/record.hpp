@@ -15,8 +15,8 @@ enum class Direction : std::uint8_t { read, write };
 
 enum class RecordKind : std::uint8_t { read, write, open, close, event };
 
-// One step of a tape. A block larger than the reader's buffer comes in pieces that share its time, so memory stays
-// constant; a block that fits is one piece (piece_offset 0, data.size() == block_length).
+// One step of a tape. A block larger than the reader's buffer comes in pieces that share its time, so memory
+// stays constant; a block that fits is one piece (piece_offset 0, data.size() == block_length).
 struct Record {
   RecordKind kind = RecordKind::event;
   TapeTime at{};
@@ -25,7 +25,10 @@ struct Record {
   std::uint64_t file_offset = 0;    // read and write: where the block's header starts in its file
   std::uint32_t block_length = 0;
   std::uint32_t piece_offset = 0;
-  std::string_view event;  // event: its kind ("mark", "gap", …); valid until the source's next call
+  std::string_view
+      event;  // open, close and event: its kind ("mark", "gap", …); valid until the source's next call
+  std::string_view
+      event_line{};  // open, close and event: the whole JSON object; valid until the source's next call
 
   [[nodiscard]] bool last_piece() const { return piece_offset + data.size() == block_length; }
 };
@@ -35,7 +38,8 @@ class RecordSource {
  public:
   virtual ~RecordSource() = default;
 
-  // The next record; nothing at the tape's end (a torn tail is an end). After an error every further call gives it again.
+  // The next record; nothing at the tape's end (a torn tail is an end). After an error every further call
+  // gives it again.
   virtual Result<std::optional<Record>> next() = 0;
 
   // Starts again at the first record.

@@ -21,11 +21,13 @@ struct TapePaths {
 // `file=X` of an option string: Xr, Xw, Xe, whatever exists.
 TapePaths literal_tape(std::string_view name);
 
-// A tape to be made from a command-line argument: gets `.log` when it has none. `laser.logr` and `laser.logw` name `laser.log`.
+// A tape to be made from a command-line argument: gets `.log` when it has none. `laser.logr` and `laser.logw`
+// name `laser.log`.
 TapePaths new_tape(std::string_view argument);
 
-// An existing tape from a command-line argument: `laser.log`, `laser.logr`, `laser.logw` or `laser`; the literal `<arg>r` is
-// tried first, then `<arg>.logr`. Errc::usage when there is none, with what was looked for.
+// An existing tape from a command-line argument: `laser.log`, `laser.logr`, `laser.logw` or `laser`; the
+// literal `<arg>r` is tried first, then `<arg>.logr`. Errc::usage when there is none, with what was looked
+// for.
 Result<TapePaths> find_tape(std::string_view argument);
 
 }  // namespace porttape

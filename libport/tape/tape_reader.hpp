@@ -5,16 +5,30 @@
 #include <optional>
 #include <string>
 
+#include "libport/tape/byte_source.hpp"
 #include "libport/tape/record.hpp"
+#include "libport/tape/tape_header.hpp"
 #include "libport/tape/tape_name.hpp"
 
 namespace porttape {
 
-// Reads a tape in the exact order across its files, in constant memory, whatever its size. Owns its descriptors.
+// Where the bytes of a tape come from; null is a file that is not there.
+struct TapeSources {
+  std::unique_ptr<ByteSource> read;
+  std::unique_ptr<ByteSource> write;
+  std::unique_ptr<ByteSource> events;
+
+  // The files that exist. Errc::usage: unreadable, a folder, …, or neither an r nor a w file there.
+  static Result<TapeSources> open(const TapePaths& paths);
+};
+
+// Reads a tape in the exact order across its files, in constant memory, whatever its size. Owns its
+// descriptors.
 //
-// Drive it by next() until it gives nothing; rewind() starts again. On equal stamps the order is: events, then the write,
-// then the read. A missing w or e file counts as empty (a missing r file too, if there is a w file). Not thread-safe;
-// several readers may read one tape, also while it is being written (a torn tail is then just the end so far).
+// Drive it by next() until it gives nothing; rewind() starts again. On equal stamps the order is: events,
+// then the write, then the read. A missing w or e file counts as empty (a missing r file too, if there is a w
+// file). Not thread-safe; several readers may read one tape, also while it is being written (a torn tail is
+// then just the end so far). Memory: at most 256 KiB for each of the r and w file and 64 KiB for the e file.
 class TapeReader final : public RecordSource {
  public:
   enum class Select {
@@ -26,6 +40,8 @@ class TapeReader final : public RecordSource {
   // Errors: Errc::usage (unreadable, a folder, …), Errc::not_a_tape. Damage further on is found by next().
   static Result<TapeReader> open(const TapePaths& paths, Select select = Select::merged);
 
+  static Result<TapeReader> from_sources(TapeSources sources, Select select = Select::merged);
+
   TapeReader(TapeReader&&) noexcept;
   TapeReader& operator=(TapeReader&&) noexcept;
   ~TapeReader() override;
@@ -35,6 +51,10 @@ class TapeReader final : public RecordSource {
 
   // Whether the tape has an events file, that is: was made by porttape and is stamped at arrival.
   [[nodiscard]] bool has_events() const;
+
+  // What the events file says about the tape, if it is there and has a whole header line (read with
+  // Select::merged only).
+  [[nodiscard]] std::optional<TapeHeader> header() const;
 
   // A torn tail seen so far, as a note for a person; known for sure once next() has given nothing.
   [[nodiscard]] std::optional<std::string> torn_tail() const;

@@ -7,38 +7,54 @@
 #include <string_view>
 
 #include "libport/tape/record.hpp"
+#include "libport/tape/tape_header.hpp"
 #include "libport/tape/tape_name.hpp"
+#include "libport/tape/tape_sink.hpp"
 
 namespace porttape {
 
-// What the header line of the events file says.
-struct TapeHeader {
-  std::string device;  // the port as the user named it
-  std::string driver;
-};
-
 struct TapeWriterOptions {
-  bool overwrite = false;  // replace an existing tape (never through a symlink, never anything but a regular file)
-  bool sync = true;        // fdatasync once a second, from a thread of its own
+  bool overwrite =
+      false;         // replace an existing tape (never through a symlink, never anything but a regular file)
+  bool sync = true;  // fdatasync once a second, from a thread of its own
 };
 
-// Writes a tape: one writev a block, so that a killed process loses at most the block it was in. Owns its descriptors.
+// Where the bytes of a new tape go; all three are there.
+struct TapeSinks {
+  std::unique_ptr<TapeSink> read;
+  std::unique_ptr<TapeSink> write;
+  std::unique_ptr<TapeSink> events;
+};
+
+// Writes a tape: one writev a block, so that a killed process loses at most the block it was in. Owns its
+// descriptors.
 //
-// check() at program start, create() when the driver first opens the port, then read_block() and write_block() in the order
-// of events, event() for the rest, finish() at the end (also done by the destructor, where errors cannot be told).
-// Times are relative to the tape's zero; a time that is not later than the last block's is raised by 1 µs, so the order
-// across the two files is exact.
+// check() at program start, create() when the driver first opens the port, then read_block() and
+// write_block() in the order of events, the …_event() functions for the rest, finish() at the end (also done
+// by the destructor, where errors cannot be told; what is given later is lost). Times are relative to the
+// tape's zero; a negative one counts as 0, and one that is not later than the last block's becomes that one's
+// plus 1 µs, so the order across the three files is exact.
 //
-// A failing disk never throws and never blocks the line: the block that did not fit is taken back whole, what is lost is
-// counted, and once writing works again a `gap` event tells how much is missing and why. failing() says so meanwhile.
+// A failing disk never throws and never stops the line: the block that did not fit is taken back whole, what
+// is lost is counted, and once writing works again a `gap` event tells how much is missing and why. failing()
+// says so meanwhile. (Under a file size limit, RLIMIT_FSIZE, the program must ignore SIGXFSZ for that.)
+//
+// Not thread-safe. With options.sync it starts one thread, which only calls fdatasync and lives until
+// finish().
 class TapeWriter {
  public:
-  // Whether a tape can be made there: no existing file (unless overwrite), no symlink, a folder that is there and writable.
-  // Makes nothing. Errc::usage with what to do.
+  // Whether a tape can be made there: no existing file (unless overwrite), no symlink, a folder that is there
+  // and writable. Makes nothing. Errc::usage with what to do.
   static Result<void> check(const TapePaths& paths, const TapeWriterOptions& options);
 
-  // Makes the three files (0640, each new: O_EXCL) and writes the header line. Leaves nothing behind on an error.
-  static Result<TapeWriter> create(const TapePaths& paths, const TapeHeader& header, const TapeWriterOptions& options);
+  // Makes the three files (0640 less the umask, each new: O_EXCL) and writes the header line. Leaves nothing
+  // behind on an error. Errc::usage as check(), Errc::io.
+  static Result<TapeWriter> create(const TapePaths& paths, const TapeHeader& header,
+                                   const TapeWriterOptions& options);
+
+  // Writes to other sinks than files. Errc::io: the header line could not be written.
+  static Result<TapeWriter> on_sinks(TapeSinks sinks, const TapeHeader& header,
+                                     const TapeWriterOptions& options);
 
   TapeWriter(TapeWriter&&) noexcept;
   TapeWriter& operator=(TapeWriter&&) noexcept;
@@ -51,12 +67,13 @@ class TapeWriter {
   void mark_event(TapeTime at, std::string_view text);
   void gap_event(TapeTime at, std::uint64_t bytes, std::string_view why);
 
-  // Writes the `end` event, syncs and closes. Errc::io if anything is missing from the tape.
+  // Writes the `end` event, syncs and closes. Errc::io if anything is missing from the tape. Later calls give
+  // the same.
   Result<void> finish(TapeTime at);
 
-  [[nodiscard]] bool failing() const;              // the last block could not be written
-  [[nodiscard]] std::string failure() const;       // why, as a line for a person; empty when not failing
-  [[nodiscard]] std::uint64_t bytes_lost() const;  // in all, since create()
+  [[nodiscard]] bool failing() const;                 // the last block could not be written
+  [[nodiscard]] std::string failure() const;          // why, as a line for a person; empty when not failing
+  [[nodiscard]] std::uint64_t bytes_lost() const;     // in all, since create()
   [[nodiscard]] std::uint64_t bytes_written() const;  // payload of both directions
 
  private:

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "libport/port/context.hpp"
+#include "libport/port/option_schema.hpp"
+#include "libport/port/port_options.hpp"
+#include "libport/session/session.hpp"
+
+namespace porttape {
+
+// What a channel does; also the verb of the daemon that makes one.
+enum class ChannelMode { record, replay, bridge };
+
+// The options of a mode, for a command line, a configuration file and --help. Replay has the verb's defaults here
+// (strictness 1, reactive), not flexiport's.
+std::vector<OptionSpec> channel_options(ChannelMode mode);
+
+// A driver's and a device's end, as a user describes them: option name to value, as written. Both programs and the
+// configuration file make one of these.
+struct ChannelSpec {
+  ChannelMode mode = ChannelMode::bridge;
+  std::map<std::string, std::string> values;
+};
+
+// The two ports that a channel joins. Errc::usage names the option.
+struct ChannelPorts {
+  PortOptions driver;
+  PortOptions device;
+};
+Result<ChannelPorts> channel_ports(const ChannelSpec& spec);
+
+Result<std::unique_ptr<Session>> make_session(const PortContext& context, const ChannelPorts& ports,
+                                              std::function<void(int exit_status)> on_end);
+
+}  // namespace porttape

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "libport/base/bytes.hpp"
+#include "libport/base/result.hpp"
+#include "libport/base/unique_fd.hpp"
+
+namespace porttape {
+
+// Where the bytes of one file of a tape come from. Not thread-safe.
+class ByteSource {
+ public:
+  virtual ~ByteSource() = default;
+
+  // Fills `into` with the bytes from `offset` on; fewer only where the source ends. Errc::io.
+  virtual Result<std::size_t> read_at(std::uint64_t offset, std::span<Byte> into) = 0;
+
+  // Bytes there are now; a tape that is being written grows.
+  virtual Result<std::uint64_t> size() = 0;
+
+  // What a person calls it: the path.
+  [[nodiscard]] virtual const std::string& name() const = 0;
+};
+
+// A regular file, read with pread. Owns its descriptor.
+class FileSource final : public ByteSource {
+ public:
+  // Errc::usage: not there, not readable, or not a regular file (a FIFO or a device is not even opened).
+  static Result<std::unique_ptr<FileSource>> open(const std::filesystem::path& path);
+
+  Result<std::size_t> read_at(std::uint64_t offset, std::span<Byte> into) override;
+  Result<std::uint64_t> size() override;
+  [[nodiscard]] const std::string& name() const override { return name_; }
+
+ private:
+  FileSource(UniqueFd fd, std::string name) : fd_(std::move(fd)), name_(std::move(name)) {}
+
+  UniqueFd fd_;
+  std::string name_;
+};
+
+// Bytes in memory. Owns them.
+class MemorySource final : public ByteSource {
+ public:
+  MemorySource(std::string name, Bytes bytes) : name_(std::move(name)), bytes_(std::move(bytes)) {}
+
+  Result<std::size_t> read_at(std::uint64_t offset, std::span<Byte> into) override;
+  Result<std::uint64_t> size() override { return bytes_.size(); }
+  [[nodiscard]] const std::string& name() const override { return name_; }
+
+ private:
+  std::string name_;
+  Bytes bytes_;
+};
+
+}  // namespace porttape

@@ -1,0 +1,73 @@
+#include "libport/tape/tape_name.hpp"
+
+#include <array>
+#include <string>
+#include <system_error>
+
+namespace porttape {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kSuffix = ".log";
+
+// "x.logr" without its last letter; nothing where that is none of r, w and e.
+std::string_view without_letter(std::string_view name) {
+  constexpr std::string_view kLetters = "rwe";
+  if (name.size() < 2 || kLetters.find(name.back()) == std::string_view::npos) return {};
+  return name.substr(0, name.size() - 1);
+}
+
+template <class Test>
+bool either_file(const TapePaths& paths, Test test) {
+  std::error_code ignored;
+  return test(fs::status(paths.read, ignored)) || test(fs::status(paths.write, ignored));
+}
+
+}  // namespace
+
+std::string TapePaths::name() const {
+  std::string text = read.string();
+  if (!text.empty()) text.pop_back();
+  return text;
+}
+
+TapePaths literal_tape(std::string_view name) {
+  const std::string base(name);
+  return {base + "r", base + "w", base + "e"};
+}
+
+TapePaths new_tape(std::string_view argument) {
+  if (argument.ends_with(kSuffix)) return literal_tape(argument);
+  const std::string_view base = without_letter(argument);
+  if (base.ends_with(kSuffix)) return literal_tape(base);
+  return literal_tape(std::string(argument).append(kSuffix));
+}
+
+Result<TapePaths> find_tape(std::string_view argument) {
+  if (argument.empty()) return make_error(Errc::usage, "the name of the tape is empty");
+  const std::string name(argument);
+  const std::array candidates{literal_tape(name), literal_tape(name + std::string(kSuffix)),
+                              literal_tape(without_letter(name))};
+  const std::size_t count = without_letter(name).empty() ? 2 : 3;
+
+  // A folder or a device of the name must not hide a tape; where it is all there is, opening it says what is
+  // wrong.
+  for (std::size_t i = 0; i < count; ++i) {
+    if (either_file(candidates.at(i), [](const fs::file_status& s) { return fs::is_regular_file(s); })) {
+      return candidates.at(i);
+    }
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    if (either_file(candidates.at(i), [](const fs::file_status& s) { return fs::exists(s); })) {
+      return candidates.at(i);
+    }
+  }
+  std::error_code ignored;
+  const bool is_there = fs::exists(fs::path(name), ignored);
+  return make_error(Errc::usage, "no tape '" + name + "': there is neither " + candidates[0].read.string() +
+                                     " nor " + candidates[1].read.string() +
+                                     (is_there ? " (a tape's files end in r and w)" : ""));
+}
+
+}  // namespace porttape

@@ -1,0 +1,87 @@
+#include "libport/tape/tape_sink.hpp"
+
+#include <array>
+#include <cerrno>
+#include <fcntl.h>
+#include <sys/uio.h>
+#include <unistd.h>
+
+namespace porttape {
+namespace {
+
+constexpr mode_t kMode = 0640;
+
+iovec part(ByteView bytes) { return {const_cast<Byte*>(bytes.data()), bytes.size()}; }
+
+}  // namespace
+
+std::unique_ptr<FileSink> FileSink::create(int folder, const std::filesystem::path& name, int& error) {
+  UniqueFd fd(
+      ::openat(folder, name.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, kMode));
+  error = fd ? 0 : errno;
+  if (!fd) return nullptr;
+  UniqueFd sync_fd(::fcntl(fd.get(), F_DUPFD_CLOEXEC, 0));
+  error = sync_fd ? 0 : errno;
+  if (!sync_fd) {
+    ::unlinkat(folder, name.c_str(), 0);
+    return nullptr;
+  }
+  return std::unique_ptr<FileSink>(new FileSink(std::move(fd), std::move(sync_fd)));
+}
+
+// A short write is followed by a second one, which tells why.
+TapeSink::Appended FileSink::append(ByteView head, ByteView body) {
+  Appended done;
+  while (head.size() + body.size() > 0) {
+    const std::array parts{part(head), part(body)};
+    const ssize_t written = ::writev(fd_.get(), parts.data(), static_cast<int>(parts.size()));
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) {
+      done.error = written < 0 ? errno : ENOSPC;
+      return done;
+    }
+    const auto count = static_cast<std::size_t>(written);
+    const std::size_t of_head = count < head.size() ? count : head.size();
+    head = head.subspan(of_head);
+    body = body.subspan(count - of_head);
+    done.bytes += count;
+  }
+  return done;
+}
+
+int FileSink::truncate(std::uint64_t size) {
+  return ::ftruncate(fd_.get(), static_cast<off_t>(size)) == 0 ? 0 : errno;
+}
+
+// A file system that cannot sync is no failure.
+int FileSink::sync() {
+  if (::fdatasync(sync_fd_.get()) == 0 || errno == EINVAL || errno == ENOSYS) return 0;
+  return errno;
+}
+
+int FileSink::close() {
+  sync_fd_.reset();
+  return ::close(fd_.release()) == 0 ? 0 : errno;
+}
+
+int WholeAppender::append(ByteView head, ByteView body) {
+  if (const int error = repair(); error != 0) return error;
+  const TapeSink::Appended done = sink_->append(head, body);
+  const std::size_t whole = head.size() + body.size();
+  if (done.error == 0 && done.bytes == whole) {
+    size_ += whole;
+    return 0;
+  }
+  torn_ = done.bytes > 0;
+  repair();  // if this fails too, it is tried again before the next append
+  return done.error != 0 ? done.error : ENOSPC;
+}
+
+int WholeAppender::repair() {
+  if (!torn_) return 0;
+  const int error = sink_->truncate(size_);
+  torn_ = error != 0;
+  return error;
+}
+
+}  // namespace porttape

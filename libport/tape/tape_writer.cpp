@@ -1,0 +1,257 @@
+#include "libport/tape/tape_writer.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <unistd.h>
+#include <utility>
+
+#include "libport/base/version.hpp"
+#include "libport/tape/block.hpp"
+#include "libport/tape/events.hpp"
+#include "libport/tape/sync_thread.hpp"
+#include "libport/tape/tape_files.hpp"
+
+namespace porttape {
+namespace {
+
+constexpr std::size_t kMaxBlock = 64 * 1024;
+
+std::string utc_now() {
+  const auto now = std::chrono::floor<std::chrono::microseconds>(std::chrono::system_clock::now());
+  const auto since_epoch = now.time_since_epoch();
+  const auto seconds = std::chrono::floor<std::chrono::seconds>(since_epoch);
+  const std::time_t time = seconds.count();
+  std::tm utc{};
+  ::gmtime_r(&time, &utc);
+  std::array<char, 32> date{};
+  std::strftime(date.data(), date.size(), "%FT%T", &utc);
+  std::array<char, 48> text{};
+  std::snprintf(text.data(), text.size(), "%s.%06dZ", date.data(),
+                static_cast<int>((since_epoch - seconds).count()));
+  return text.data();
+}
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
+}
+
+TapeHeader completed(TapeHeader header) {
+  if (header.created.empty()) header.created = utc_now();
+  if (header.host.empty()) header.host = host_name();
+  if (header.tool.empty()) header.tool = "porttape " + std::string(version());
+  return header;
+}
+
+}  // namespace
+
+struct TapeWriter::Impl {
+  // What could not be written and is not told in a gap event yet.
+  struct Gap {
+    std::uint64_t bytes = 0;
+    std::int64_t from_us = 0;
+    std::string why;
+  };
+
+  explicit Impl(TapeSinks sinks)
+      : read(std::move(sinks.read)), write(std::move(sinks.write)), events(std::move(sinks.events)) {}
+  ~Impl() { finish(tape_time_us(last_us)); }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  [[nodiscard]] std::int64_t stamp(TapeTime at, bool is_block) const;
+  void block(WholeAppender& file, TapeTime at, ByteView data);
+  void event(std::int64_t at_us, const std::string& line);
+  void lose(std::int64_t at_us, std::uint64_t bytes, std::string why);
+  void wrote();
+  void tell_gap(std::int64_t at_us);
+  void finish(TapeTime at);
+  void close_all();
+
+  WholeAppender read;
+  WholeAppender write;
+  WholeAppender events;
+  std::optional<SyncThread> syncing;
+  bool sync = false;
+  bool finished = false;
+
+  std::int64_t last_us = -1;  // stamp of the last thing written
+  bool last_was_block =
+      false;  // after a block the next stamp must be later, after an event it may be the same
+  std::optional<Gap> gap;
+  std::string failure;     // why the last thing could not be written
+  std::string first_loss;  // why the first thing was lost
+  std::uint64_t bytes_lost = 0;
+  std::uint64_t events_lost = 0;
+  std::uint64_t bytes_written = 0;
+  int sync_error = 0;
+};
+
+std::int64_t TapeWriter::Impl::stamp(TapeTime at, bool is_block) const {
+  const std::int64_t earliest = last_us + (last_was_block || last_us < 0 ? 1 : 0);
+  const std::int64_t us = std::max(to_us(at), earliest);
+  return is_block ? us : std::min(us, kMaxBlockTimeUs);
+}
+
+void TapeWriter::Impl::block(WholeAppender& file, TapeTime at, ByteView data) {
+  const std::int64_t us = stamp(at, true);
+  if (finished || us > kMaxBlockTimeUs) {
+    return lose(us, data.size(),
+                finished ? "the tape is finished" : "a tape cannot hold more than 136 years");
+  }
+  const auto header = encode_header(tape_time_us(us), static_cast<std::uint32_t>(data.size()));
+  if (const int error = file.append(header, data); error != 0)
+    return lose(us, data.size(), errno_text(error));
+  last_us = us;
+  last_was_block = true;
+  bytes_written += data.size();
+  wrote();
+  tell_gap(us);  // at the same stamp, where events come first: the gap ends with this block
+}
+
+void TapeWriter::Impl::event(std::int64_t at_us, const std::string& line) {
+  if (finished) return;
+  tell_gap(at_us);
+  if (const int error = events.append({}, as_bytes(line)); error != 0) {
+    ++events_lost;
+    return lose(at_us, 0, errno_text(error));
+  }
+  last_us = at_us;
+  last_was_block = false;
+  wrote();
+}
+
+void TapeWriter::Impl::lose(std::int64_t at_us, std::uint64_t bytes, std::string why) {
+  bytes_lost += bytes;
+  failure = std::move(why);
+  if (first_loss.empty()) first_loss = failure;
+  if (finished) return;
+  if (!gap) gap = Gap{0, std::min(at_us, kMaxBlockTimeUs), failure};
+  gap->bytes += bytes;
+}
+
+void TapeWriter::Impl::wrote() {
+  failure.clear();
+  if (syncing) syncing->note_write();
+}
+
+// Says what is missing, if anything; stays owed where even that cannot be written.
+void TapeWriter::Impl::tell_gap(std::int64_t at_us) {
+  if (!gap) return;
+  const std::string line = gap_line(tape_time_us(at_us), gap->bytes, tape_time_us(gap->from_us), gap->why);
+  if (events.append({}, as_bytes(line)) == 0) gap.reset();
+}
+
+void TapeWriter::Impl::finish(TapeTime at) {
+  if (finished) return;
+  const std::int64_t us = stamp(at, false);
+  event(us, event_line(tape_time_us(us), "end"));
+  finished = true;
+  if (syncing) syncing->stop();
+  close_all();
+}
+
+void TapeWriter::Impl::close_all() {
+  if (syncing) sync_error = syncing->error();
+  for (WholeAppender* file : {&read, &write, &events}) {
+    const int repaired = file->repair();
+    const int synced = sync ? file->sink().sync() : 0;
+    const int closed = file->sink().close();
+    for (const int error : {repaired, synced, closed}) {
+      if (sync_error == 0) sync_error = error;
+    }
+  }
+}
+
+Result<void> TapeWriter::check(const TapePaths& paths, const TapeWriterOptions& options) {
+  return check_tape_files(paths, options.overwrite);
+}
+
+Result<TapeWriter> TapeWriter::create(const TapePaths& paths, const TapeHeader& header,
+                                      const TapeWriterOptions& options) {
+  auto sinks = create_tape_files(paths, options.overwrite);
+  if (!sinks) return sinks.error();
+  auto writer = on_sinks(std::move(*sinks), header, options);
+  if (!writer) {
+    for (const auto* path : {&paths.read, &paths.write, &paths.events}) ::unlink(path->c_str());
+    return make_error(Errc::io, "cannot write " + paths.events.string() + ": " + writer.error().message);
+  }
+  return writer;
+}
+
+Result<TapeWriter> TapeWriter::on_sinks(TapeSinks sinks, const TapeHeader& header,
+                                        const TapeWriterOptions& options) {
+  auto impl = std::make_unique<Impl>(std::move(sinks));
+  if (const int error = impl->events.append({}, as_bytes(header_line(completed(header)))); error != 0) {
+    impl->finished = true;
+    impl->close_all();
+    return make_error(Errc::io, errno_text(error));
+  }
+  impl->sync = options.sync;
+  if (options.sync) {
+    impl->syncing.emplace(SyncThread::Sinks{&impl->read.sink(), &impl->write.sink(), &impl->events.sink()});
+    impl->syncing->note_write();
+  }
+  return TapeWriter(std::move(impl));
+}
+
+TapeWriter::TapeWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+TapeWriter::TapeWriter(TapeWriter&&) noexcept = default;
+TapeWriter& TapeWriter::operator=(TapeWriter&&) noexcept = default;
+TapeWriter::~TapeWriter() = default;
+
+void TapeWriter::read_block(TapeTime at, ByteView data) {
+  for (; !data.empty(); data = data.subspan(std::min(kMaxBlock, data.size()))) {
+    impl_->block(impl_->read, at, data.first(std::min(kMaxBlock, data.size())));
+  }
+}
+
+void TapeWriter::write_block(TapeTime at, ByteView data) {
+  for (; !data.empty(); data = data.subspan(std::min(kMaxBlock, data.size()))) {
+    impl_->block(impl_->write, at, data.first(std::min(kMaxBlock, data.size())));
+  }
+}
+
+void TapeWriter::open_event(TapeTime at) {
+  const std::int64_t us = impl_->stamp(at, false);
+  impl_->event(us, event_line(tape_time_us(us), "open"));
+}
+
+void TapeWriter::close_event(TapeTime at) {
+  const std::int64_t us = impl_->stamp(at, false);
+  impl_->event(us, event_line(tape_time_us(us), "close"));
+}
+
+void TapeWriter::mark_event(TapeTime at, std::string_view text) {
+  const std::int64_t us = impl_->stamp(at, false);
+  impl_->event(us, mark_line(tape_time_us(us), text));
+}
+
+void TapeWriter::gap_event(TapeTime at, std::uint64_t bytes, std::string_view why) {
+  const std::int64_t us = impl_->stamp(at, false);
+  impl_->event(us, gap_line(tape_time_us(us), bytes, tape_time_us(us), why));
+}
+
+Result<void> TapeWriter::finish(TapeTime at) {
+  impl_->finish(at);
+  if (impl_->bytes_lost > 0 || impl_->events_lost > 0 || impl_->gap) {
+    return make_error(Errc::io, std::to_string(impl_->bytes_lost) + " bytes and " +
+                                    std::to_string(impl_->events_lost) +
+                                    " events are missing from the tape: " + impl_->first_loss);
+  }
+  if (impl_->sync_error != 0) {
+    return make_error(Errc::io, "the tape may be incomplete: " + errno_text(impl_->sync_error));
+  }
+  return {};
+}
+
+bool TapeWriter::failing() const { return !impl_->failure.empty(); }
+std::string TapeWriter::failure() const { return impl_->failure; }
+std::uint64_t TapeWriter::bytes_lost() const { return impl_->bytes_lost; }
+std::uint64_t TapeWriter::bytes_written() const { return impl_->bytes_written; }
+
+}  // namespace porttape

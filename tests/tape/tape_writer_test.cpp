@@ -1,0 +1,272 @@
+#include "libport/tape/tape_writer.hpp"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "libport/tape/tape_reader.hpp"
+#include "tests/support/tape_bytes.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+using test::Block;
+using test::TempDir;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+const TapeHeader kHeader{"serial:/dev/ttyUSB0", "pty:/tmp/laser"};
+
+TapeWriter make_writer(const TapePaths& paths, bool overwrite = false) {
+  auto writer = TapeWriter::create(paths, kHeader, {.overwrite = overwrite, .sync = false});
+  if (!writer) throw std::runtime_error(writer.error().message);
+  return std::move(*writer);
+}
+
+std::vector<std::string> read_tape(const TapePaths& paths) {
+  auto reader = TapeReader::open(paths);
+  if (!reader) return {"cannot open: " + reader.error().message};
+  return test::read_all(*reader);
+}
+
+std::string text_of(const std::filesystem::path& path) {
+  const Bytes bytes = test::read_file(path);
+  return std::string(as_text(bytes));
+}
+
+TEST(TapeWriter, AnIndependentDecoderReadsItsBlocks) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  TapeWriter writer = make_writer(paths);
+  writer.write_block(tape_time_us(26), as_bytes("VV"));
+  writer.read_block(tape_time_us(4'000'000'123), as_bytes(std::string_view("\0\xff", 2)));
+  writer.write_block(tape_time_us(4'000'000'200), as_bytes("\n"));
+  EXPECT_TRUE(writer.finish(tape_time_us(4'000'000'300)));
+  EXPECT_THAT(test::decode_independently(test::read_file(paths.write)),
+              ElementsAre(Block{26, "VV"}, Block{4'000'000'200, "\n"}));
+  EXPECT_THAT(test::decode_independently(test::read_file(paths.read)),
+              ElementsAre(Block{4'000'000'123, std::string("\0\xff", 2)}));
+  EXPECT_EQ(writer.bytes_written(), 5U);
+}
+
+TEST(TapeWriter, OrderAcrossTheFilesIsTheOrderOfCalls) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  TapeWriter writer = make_writer(paths);
+  writer.open_event(tape_time_us(0));
+  writer.read_block(tape_time_us(0), as_bytes("a"));
+  writer.write_block(tape_time_us(0), as_bytes("b"));
+  writer.read_block(tape_time_us(0), as_bytes("c"));
+  writer.mark_event(tape_time_us(0), "here");
+  writer.read_block(tape_time_us(1), as_bytes("d"));
+  writer.close_event(tape_time_us(1));
+  EXPECT_TRUE(writer.finish(tape_time_us(0)));
+  EXPECT_THAT(read_tape(paths),
+              ElementsAre("open 0", "r 0 a", "w 1 b", "r 2 c", "mark 3", "r 3 d", "close 4", "end 4"));
+}
+
+TEST(TapeWriter, NegativeTimesCountAsZero) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  TapeWriter writer = make_writer(paths);
+  writer.read_block(tape_time_us(-5), as_bytes("a"));
+  EXPECT_TRUE(writer.finish(tape_time_us(9)));
+  EXPECT_THAT(read_tape(paths), ElementsAre("r 0 a", "end 9"));
+}
+
+TEST(TapeWriter, ATimeNoHeaderCanHoldIsALossAndNotAWrongStamp) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  TapeWriter writer = make_writer(paths);
+  writer.read_block(tape_time_us(4'294'967'295'999'999), as_bytes("a"));
+  writer.read_block(tape_time_us(4'294'967'296'000'000), as_bytes("bcd"));
+  EXPECT_TRUE(writer.failing());
+  EXPECT_EQ(writer.bytes_lost(), 3U);
+  EXPECT_FALSE(writer.finish(tape_time_us(4'294'967'296'000'001)));
+  EXPECT_THAT(test::decode_independently(test::read_file(paths.read)),
+              ElementsAre(Block{4'294'967'295'999'999, "a"}));
+}
+
+TEST(TapeWriter, EmptyDataWritesNothing) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  TapeWriter writer = make_writer(paths);
+  writer.read_block(tape_time_us(1), {});
+  EXPECT_TRUE(writer.finish(tape_time_us(2)));
+  EXPECT_EQ(test::read_file(paths.read).size(), 0U);
+}
+
+TEST(TapeWriter, BlocksAreOnDiskBeforeTheTapeIsFinished) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  TapeWriter writer = make_writer(paths);
+  writer.read_block(tape_time_us(1), as_bytes("abc"));
+  EXPECT_EQ(test::read_file(paths.read).size(), 15U);
+}
+
+TEST(TapeWriter, TheDestructorFinishes) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  { make_writer(paths).read_block(tape_time_us(5), as_bytes("x")); }
+  EXPECT_THAT(read_tape(paths), ElementsAre("r 5 x", "end 6"));
+}
+
+TEST(TapeWriter, WhatComesAfterFinishIsCountedAsLost) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  TapeWriter writer = make_writer(paths);
+  EXPECT_TRUE(writer.finish(tape_time_us(1)));
+  writer.read_block(tape_time_us(2), as_bytes("late"));
+  writer.mark_event(tape_time_us(2), "late");
+  EXPECT_EQ(writer.bytes_lost(), 4U);
+  EXPECT_THAT(read_tape(paths), ElementsAre("end 1"));
+}
+
+TEST(TapeWriter, AChunkOver64KiBIsSeveralBlocks) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  TapeWriter writer = make_writer(paths);
+  const std::string big(150'000, 'x');
+  writer.read_block(tape_time_us(7), as_bytes(big));
+  EXPECT_TRUE(writer.finish(tape_time_us(9)));
+  const auto blocks = test::decode_independently(test::read_file(paths.read));
+  ASSERT_EQ(blocks.size(), 3U);
+  EXPECT_EQ(blocks[0].data.size(), 65536U);
+  EXPECT_EQ(blocks[2].us, 9);
+  EXPECT_EQ(blocks[0].data + blocks[1].data + blocks[2].data, big);
+}
+
+TEST(TapeWriter, TheHeaderSaysWhatAndWhere) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  TapeHeader header = kHeader;
+  header.created = "2024-05-06T07:08:09.000010Z";
+  header.host = "bench\xff\"";
+  ASSERT_TRUE(TapeWriter::create(paths, header, {}));
+  EXPECT_THAT(text_of(paths.events),
+              HasSubstr(R"({"format":"porttape-events","version":1,"created":"2024-05-06T07:08:09.000010Z",)"
+                        R"("device":"serial:/dev/ttyUSB0","driver":"pty:/tmp/laser","host":"bench)"
+                        "\xEF\xBF\xBD"
+                        R"(\"","tool":"porttape )"));
+  const auto reader = TapeReader::open(paths);
+  ASSERT_TRUE(reader);
+  ASSERT_TRUE(reader->header());
+  EXPECT_EQ(reader->header()->host, "bench\xEF\xBF\xBD\"");
+}
+
+TEST(TapeWriter, CreatedIsFilledInAsUtc) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  make_writer(paths);
+  EXPECT_THAT(TapeReader::open(paths)->header()->created,
+              testing::MatchesRegex("[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}\\.[0-9]{6}Z"));
+}
+
+TEST(TapeWriter, MarksWithAnyBytesStayReadable) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  {
+    TapeWriter writer = make_writer(paths);
+    writer.mark_event(tape_time_us(1), std::string_view("\"\\\n\0\x80\xc3\xa9", 7));
+    writer.mark_event(tape_time_us(2), std::string(1'000'000, '\x01'));
+  }
+  EXPECT_THAT(read_tape(paths), ElementsAre("mark 1", "mark 2", "end 2"));
+  EXPECT_THAT(text_of(paths.events), HasSubstr("\"text\":\"\\\"\\\\\\n\\u0000\xEF\xBF\xBD\xc3\xa9\"}"));
+}
+
+TEST(TapeFiles, AreReadableByOwnerAndGroupOnly) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  const mode_t before = ::umask(0);
+  make_writer(paths);
+  ::umask(before);
+  for (const auto& path : {paths.read, paths.write, paths.events}) {
+    struct stat status {};
+    ASSERT_EQ(::stat(path.c_str(), &status), 0);
+    EXPECT_EQ(status.st_mode & 07777U, 0640U);
+  }
+}
+
+TEST(TapeFiles, AnExistingTapeIsKeptUnlessToldOtherwise) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  test::write_file(paths.events, as_bytes("old"));
+  const auto checked = TapeWriter::check(paths, {});
+  ASSERT_FALSE(checked);
+  EXPECT_EQ(checked.error().code, Errc::usage);
+  EXPECT_THAT(checked.error().message, HasSubstr("--overwrite"));
+  EXPECT_FALSE(TapeWriter::create(paths, kHeader, {}));
+  EXPECT_EQ(text_of(paths.events), "old");
+  EXPECT_FALSE(std::filesystem::exists(paths.read));
+
+  EXPECT_TRUE(TapeWriter::check(paths, {.overwrite = true}));
+  make_writer(paths, true);
+  EXPECT_THAT(read_tape(paths), ElementsAre("end 0"));
+}
+
+TEST(TapeFiles, CheckMakesNothing) {
+  const TempDir dir;
+  EXPECT_TRUE(TapeWriter::check(literal_tape(dir / "t.log"), {}));
+  EXPECT_TRUE(std::filesystem::is_empty(dir.path()));
+}
+
+TEST(TapeFiles, ASymlinkIsRefusedEvenWithOverwrite) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  test::write_file(dir / "precious", as_bytes("keep me"));
+  for (const auto& target : {dir / "precious", dir / "nowhere"}) {
+    for (const auto& link : {paths.read, paths.write, paths.events}) {
+      std::filesystem::create_symlink(target, link);
+      for (const bool overwrite : {false, true}) {
+        EXPECT_EQ(TapeWriter::check(paths, {.overwrite = overwrite}).error().code, Errc::usage);
+        EXPECT_FALSE(TapeWriter::create(paths, kHeader, {.overwrite = overwrite}));
+      }
+      EXPECT_TRUE(std::filesystem::is_symlink(link));
+      std::filesystem::remove(link);
+    }
+  }
+  EXPECT_EQ(text_of(dir / "precious"), "keep me");
+  EXPECT_FALSE(std::filesystem::exists(dir / "nowhere"));
+}
+
+TEST(TapeFiles, OverwriteReplacesOnlyRegularFilesAndOnlyIfAllAre) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  test::write_file(paths.read, as_bytes("old"));
+  std::filesystem::create_directory(paths.write);
+  EXPECT_FALSE(TapeWriter::create(paths, kHeader, {.overwrite = true}));
+  EXPECT_EQ(text_of(paths.read), "old");
+}
+
+TEST(TapeFiles, OverwriteMakesANewFileAndLeavesHardLinksAlone) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  test::write_file(paths.read, as_bytes("old"));
+  std::filesystem::create_hard_link(paths.read, dir / "backup");
+  make_writer(paths, true);
+  EXPECT_EQ(text_of(dir / "backup"), "old");
+  EXPECT_EQ(text_of(paths.read), "");
+}
+
+TEST(TapeFiles, AMissingFolderIsNamed) {
+  const TempDir dir;
+  const auto checked = TapeWriter::check(literal_tape(dir / "no/t.log"), {});
+  ASSERT_FALSE(checked);
+  EXPECT_EQ(checked.error().code, Errc::usage);
+  EXPECT_THAT(checked.error().message, HasSubstr("/no"));
+  EXPECT_FALSE(TapeWriter::create(literal_tape(dir / "no/t.log"), kHeader, {}));
+}
+
+TEST(TapeFiles, ANameTooLongForTheLastFileLeavesNothingBehind) {
+  const TempDir dir;
+  TapePaths paths = literal_tape(dir / "t.log");
+  paths.events = dir / std::string(300, 'x');
+  EXPECT_FALSE(TapeWriter::create(paths, kHeader, {}));
+  EXPECT_TRUE(std::filesystem::is_empty(dir.path()));
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "libport/base/result.hpp"
+#include "libport/base/unique_fd.hpp"
+#include "libport/port/fd_watch.hpp"
+
+namespace porttape {
+
+// A command that was started with our stdin, stdout and stderr, in our process group, so that a debugger can use the
+// terminal. Killed and reaped by the destructor. Loop thread only.
+class ChildProcess {
+ public:
+  // Starts it; `on_exit` comes once, from the loop. Errc::usage when there is no such command.
+  static Result<std::unique_ptr<ChildProcess>> start(Loop& loop, const std::vector<std::string>& command,
+                                                     std::function<void()> on_exit);
+  ~ChildProcess();
+  ChildProcess(const ChildProcess&) = delete;
+  ChildProcess& operator=(const ChildProcess&) = delete;
+
+  [[nodiscard]] bool running() const { return pid_ > 0; }
+  // As a shell gives it: its exit status, or 128 + the signal that ended it.
+  [[nodiscard]] int exit_code() const { return exit_code_; }
+  void kill(int signal_number) const;
+
+ private:
+  ChildProcess(Loop& loop, pid_t pid, UniqueFd pid_fd, std::function<void()> on_exit);
+  void reap();
+
+  pid_t pid_;
+  UniqueFd pid_fd_;
+  std::function<void()> on_exit_;
+  FdWatch watch_;
+  int exit_code_ = 0;
+};
+
+}  // namespace porttape
