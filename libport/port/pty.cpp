@@ -75,14 +75,19 @@ Result<Pty> Pty::create(const Access& access) {
   }
   pty.slave_path_ = path.data();
   if (Result<void> raw = make_pty_raw(pty.master()); !raw) return raw.error();
-  const int packet_mode = 1;
-  if (::ioctl(pty.master(), TIOCPKT, &packet_mode) != 0) return pty_error("packet mode");
+  if (Result<void> packets = pty.packet_mode(true); !packets) return packets.error();
   if (Result<void> given = give_access(pty.slave_path_, access); !given) return given.error();
   if (Result<UniqueFd> slave = pty.open_slave(); !slave) return slave.error();
   pty.inotify_.reset(::inotify_init1(IN_NONBLOCK | IN_CLOEXEC));
   if (!pty.inotify_) return pty_error("inotify");
   if (Result<void> watched = pty.watch(); !watched) return watched.error();
   return pty;
+}
+
+Result<void> Pty::packet_mode(bool on) {
+  const int value = on ? 1 : 0;
+  if (::ioctl(master(), TIOCPKT, &value) != 0) return pty_error("packet mode");
+  return {};
 }
 
 Result<UniqueFd> Pty::open_slave() const {
@@ -126,8 +131,10 @@ std::vector<Pty::Event> Pty::take_events() {
 }
 
 Result<void> Pty::settle() {
-  unwatch();  // our own open is no news
+  // Our own open and flush are no news: not to inotify, not as a packet.
+  unwatch();
   (void)take_events();
+  if (Result<void> plain = packet_mode(false); !plain) return plain;
   {
     const Result<UniqueFd> slave = open_slave();
     if (!slave) return slave.error();
@@ -135,6 +142,7 @@ Result<void> Pty::settle() {
     (void)::tcflush(slave->get(), TCIFLUSH);
     if (Result<void> raw = make_pty_raw(slave->get()); !raw) return raw;
   }
+  if (Result<void> packets = packet_mode(true); !packets) return packets;
   return watch();
 }
 

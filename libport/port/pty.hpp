@@ -46,6 +46,7 @@ class Pty {
 
  private:
   Pty() = default;
+  Result<void> packet_mode(bool on);
   Result<UniqueFd> open_slave() const;
   Result<void> watch();
   void unwatch();

@@ -44,8 +44,9 @@ TapeTime RecordingPort::tape_time() const {
 
 void RecordingPort::open() {
   open_ = true;
-  if (!started_) start_tape();
-  if (tape_) tape_->open_event(tape_time());
+  const bool first = !started_;
+  if (first) start_tape();
+  if (tape_) tape_->open_event(first ? TapeTime{} : tape_time());
   inner_->open();
 }
 
@@ -122,7 +123,7 @@ void RecordingPort::rotate() {
   started_ = false;
   if (!open_) return;
   start_tape();
-  if (tape_) tape_->open_event(tape_time());
+  if (tape_) tape_->open_event(TapeTime{});
 }
 
 int RecordingPort::finish() {
