@@ -17,13 +17,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("end", choices=["driver", "device"])
     parser.add_argument("tty")
-    parser.add_argument("log", help="file for what is received, written before anything else happens")
+    parser.add_argument("log", help="file for what is received; written before anything else happens")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     sizes = random.Random(options.seed)
     stream = random.Random(options.end).randbytes(1 << 16)
-    log = os.open(options.log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     line = Line(options.tty, 115200)
+    log = os.open(options.log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)  # there: the line is ready
     os.set_blocking(line.fd, False)
     sending, sent = options.end == "driver", 0
     try:

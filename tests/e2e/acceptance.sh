@@ -72,7 +72,7 @@ say "last request left out: found"
 rm -f "$report" "$work/got"
 start "$PORTTAPED" replay --tape "$tape.log" --driver "pty:$work/port" --strictness 1 --once --report "$report" 2>"$work/log"
 daemon=$started
-wait_for "$work/port"
+wait_for "$work/port" "$work/log"
 start "$devices/scip_client.py" "$work/port" "${client[@]:2}" --pause 100 --timeout 30 >"$work/out" 2>&1
 driver=$started
 until_true 20 grep -q '^exchange 3:' "$work/out" || die "the driver does not get on: $(cat "$work/out" "$work/log")"

@@ -24,9 +24,10 @@ for ((n = 1; n <= kills; n++)); do
   rm -f "$work"/tape.log?
   line_pair line
   pair=$started
+  rm -f "$work/port" # left by the kill before; its tty may be another one by now
   start "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/port" --tape "$work/tape.log" 2>"$work/log"
   daemon=$started
-  wait_for "$work/port"
+  wait_for "$work/port" "$work/log"
   start "$devices/storm.py" device "$work/line.far" "$work/device.got" --seed "$RANDOM"
   device=$started
   wait_for "$work/device.got"

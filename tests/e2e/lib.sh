@@ -54,7 +54,7 @@ stop() {
 }
 
 # status_of PID: waits and sets $status, without ending the script.
-status_of() { if wait "$1"; then status=0; else status=$?; fi; }
+status_of() { if { wait "$1"; } 2>/dev/null; then status=0; else status=$?; fi; }
 
 # try COMMAND…: runs it and sets $status, without ending the script.
 try() { if "$@"; then status=0; else status=$?; fi; }
@@ -86,7 +86,7 @@ until_true() {
 }
 
 is_link() { [[ -e $1 ]]; } # through a link: it is there and not dangling
-wait_for() { until_true 20 is_link "$1" || die "$1 did not come"; }
+wait_for() { until_true 20 is_link "$1" || die "$1 did not come${2:+: $(cat "$2")}"; }
 
 # has_open PID PATH: whether the process, or a child of it, has that file open.
 has_open() {

@@ -6,7 +6,7 @@ need socat
 line_pair line
 cd "$work"
 
-record() { start "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/port" --tape "$1" 2>>"$work/log"; wait_for "$work/port"; }
+record() { start "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/port" --tape "$1" 2>>"$work/log"; wait_for "$work/port" "$work/log"; }
 # One exchange over the port; the device end sends everything back.
 start socat "FILE:$work/line.far,raw,echo=0" PIPE
 talk() {

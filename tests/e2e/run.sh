@@ -40,7 +40,7 @@ case $mode in
     line_pair line
     start "$PORTTAPED" record --device "serial:$work/line.near,baud=115200" --driver "pty:$work/driver" \
       --tape "$tape" --overwrite "${record_opts[@]}" 2>"$daemon_log"
-    wait_for "$work/driver"
+    wait_for "$work/driver" "$daemon_log"
     scenario "$work/driver" "$work/line.far"
     daemon_ends_well "$started"
     if [[ $result == 0 ]]; then "$e2e/compare_tap.sh" "$tape" "$work/line" "$name"; fi
@@ -48,7 +48,7 @@ case $mode in
   replay)
     start "$PORTTAPED" replay --tape "$tape" --driver "pty:$work/driver" --report "$work/report.json" \
       "${replay_opts[@]}" 2>"$daemon_log"
-    wait_for "$work/driver"
+    wait_for "$work/driver" "$daemon_log"
     scenario "$work/driver" -
     daemon_ends_well "$started"
     if [[ $result == 0 ]]; then verdict_is pass "$work/report.json"; fi

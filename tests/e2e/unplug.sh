@@ -7,7 +7,7 @@ line_pair line
 pair=$started
 start "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/port" --tape "$work/tape.log" 2>"$work/log"
 daemon=$started
-wait_for "$work/port"
+wait_for "$work/port" "$work/log"
 start "$devices/storm.py" device "$work/line.far" "$work/device.got"
 wait_for "$work/device.got"
 start "$devices/storm.py" driver "$work/port" "$work/driver.got"
