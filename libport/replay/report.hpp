@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
@@ -14,7 +15,8 @@ enum class Verdict : std::uint8_t { pass, data_mismatch, timing_mismatch, incomp
 
 enum class MismatchKind : std::uint8_t { data, timing, extra };
 
-// Where and how what the driver wrote differs from the tape. Offsets count the bytes the driver has written in this run.
+// Where and how what the driver wrote differs from the tape. Offsets count the bytes the driver has written
+// in this run.
 struct Mismatch {
   MismatchKind kind = MismatchKind::data;
   std::uint64_t offset = 0;  // of the first differing byte; timing: of the write's last byte
@@ -22,10 +24,13 @@ struct Mismatch {
   Micros real{};             // since the driver's first open of the run
   Bytes expected;            // from the offset on; a few bytes, fewer at the tape's end
   Bytes got;
-  Bytes before;              // what was right just before the offset, for context
-  std::uint64_t exchange = 0;  // 1-based: which exchange (a run of writes and its answer) of the tape it belongs to
-  Micros error{};            // timing: + late, - early
-  std::string hint;          // "already consumed at …", "comes later at …", or empty
+  Bytes before;  // what was right just before the offset, for context
+  std::uint64_t exchange =
+      0;             // 1-based: which exchange (a run of writes and its answer) of the tape it belongs to
+  Micros error{};    // timing: + late, - early
+  std::string hint;  // "already consumed at …", "comes later at …", or empty
+  std::uint64_t tape_offset = 0;  // where in the tape's own write stream; hints count there too
+  Micros own_late{};              // timing: how late our own last delivery before it was
 };
 
 // The verdict on one run with what led to it. The report file and `porttape test` print it.
@@ -47,7 +52,14 @@ struct RunReport {
   double timer_late_p99_us = 0;
   double timer_late_max_us = 0;
   std::optional<int> command_exit;  // `porttape test`
-  std::optional<std::string> trouble;  // the tape could not be read on: damage, I/O; the exit status is then 1
+  std::optional<std::string>
+      trouble;  // the tape could not be read on: damage, I/O; the exit status is then 1
+
+  // The first recorded bytes the driver never sent (a few of them), where in the tape's write stream, and
+  // when recorded.
+  Bytes next_expected;
+  std::uint64_t next_expected_offset = 0;
+  TapeTime next_expected_tape{};
 };
 
 std::string_view to_string(Verdict verdict);

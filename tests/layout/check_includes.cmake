@@ -1,5 +1,7 @@
 # Fails when a layer includes one that is not below it (libport/README.md), when a pure layer reads a clock or does I/O, or
 # when Asio stands in a header.
+cmake_minimum_required(VERSION 3.25)
+
 set(allowed_libport/base libport/base)
 set(allowed_libport/tape libport/base libport/tape)
 set(allowed_libport/replay libport/base libport/tape libport/replay)

@@ -1,0 +1,186 @@
+#include "libport/replay/matcher.hpp"
+
+#include <algorithm>
+
+namespace porttape {
+namespace {
+
+constexpr std::size_t kMaxQueued = 4096;  // completions, arrivals
+constexpr std::size_t kContextBytes = 16;
+constexpr std::size_t kShownBytes = 32;
+
+}  // namespace
+
+void Matcher::rewind() {
+  stream_.rewind();
+  comparing_ = true;
+  arrival_open_ = false;
+  surplus_ = false;
+  written_ = 0;
+  matched_ = 0;
+  arrived_ = 0;
+  completions_.clear();
+  arrivals_.clear();
+  recent_.clear();
+  skipped_.reset();
+}
+
+Matcher::Step Matcher::write(Instant now, ByteView data) {
+  if (data.empty()) return {};
+  Step step;
+  if (!comparing_) {
+    count(now, data.size());
+    step.used = data.size();
+  } else if (surplus_ && same_arrival(now)) {
+    step.used = data.size();
+  } else {
+    surplus_ = false;
+    step = compare(now, data);
+  }
+  written_ += step.used;
+  last_write_ = now;
+  arrival_open_ = true;
+  if (step.outcome == Outcome::block) complete({position(), written_, now});
+  return step;
+}
+
+Matcher::Step Matcher::compare(Instant now, ByteView data) {
+  Step step;
+  while (step.used < data.size()) {
+    const ByteView expected = stream_.front();
+    const ByteView rest = data.subspan(step.used);
+    if (expected.empty()) {
+      step.outcome = Outcome::extra;
+      return step;
+    }
+    const ByteView shorter = expected.first(std::min(expected.size(), rest.size()));
+    const auto differing = std::mismatch(shorter.begin(), shorter.end(), rest.begin()).first;
+    const auto same = static_cast<std::size_t>(differing - shorter.begin());
+    const bool piece_done = same == expected.size();
+    const bool block_done = piece_done && stream_.front_ends_block();
+    step.at = stream_.front_at();
+    remember(rest.first(same));
+    stream_.consume(same);
+    step.used += same;
+    matched_ += same;
+    if (same < shorter.size()) {
+      step.outcome = Outcome::differs;
+      return step;
+    }
+    if (block_done) {
+      step.outcome = Outcome::block;
+      return step;
+    }
+    if (piece_done) complete({stream_.position(), written_ + step.used, now});
+  }
+  return step;
+}
+
+void Matcher::complete(const Completion& done) {
+  const bool full = completions_.size() >= kMaxQueued;
+  const bool merge = !completions_.empty() && (full || completions_.back().real == done.real);
+  if (merge) {
+    completions_.back() = done;
+  } else {
+    completions_.push_back(done);
+  }
+}
+
+void Matcher::remember(ByteView matched) {
+  const ByteView tail = matched.last(std::min(matched.size(), kContextBytes));
+  recent_.insert(recent_.end(), tail.begin(), tail.end());
+  if (recent_.size() > kContextBytes) {
+    recent_.erase(recent_.begin(), recent_.end() - static_cast<std::ptrdiff_t>(kContextBytes));
+  }
+}
+
+bool Matcher::same_arrival(Instant now) const { return arrival_open_ && now - last_write_ < arrival_gap_; }
+
+void Matcher::diverge() { comparing_ = false; }
+
+void Matcher::count(Instant now, std::size_t bytes) {
+  arrived_ += bytes;
+  if (!arrivals_.empty() && (same_arrival(now) || arrivals_.size() >= kMaxQueued)) {
+    arrivals_.back().bytes += bytes;
+    arrivals_.back().real = now;
+  } else {
+    arrivals_.push_back({bytes, now});
+  }
+}
+
+void Matcher::answered() {
+  arrival_open_ = false;
+  surplus_ = false;
+}
+
+std::optional<Matcher::Completion> Matcher::completion(std::uint64_t tape_end) {
+  if (position() < tape_end) return std::nullopt;
+  while (!completions_.empty() && completions_.front().tape_end < tape_end) completions_.pop_front();
+  if (completions_.empty()) return Completion{tape_end, written_, last_write_};
+  Completion done = completions_.front();
+  done.driver_end -= std::min(done.driver_end, done.tape_end - tape_end);
+  done.tape_end = tape_end;
+  return done;
+}
+
+std::optional<Instant> Matcher::take(std::uint64_t tape_end) {
+  if (comparing_ || tape_end <= position()) return std::nullopt;
+  const std::uint64_t needed = tape_end - position();
+  if (arrived_ < needed) return std::nullopt;
+  std::uint64_t taken = 0;
+  Instant real{};
+  while (taken < needed) {
+    taken += arrivals_.front().bytes;
+    real = arrivals_.front().real;
+    arrivals_.pop_front();
+  }
+  arrived_ -= taken;
+  stream_.skip_to(tape_end);
+  if (arrivals_.empty()) compare_again();
+  return real;
+}
+
+void Matcher::realign(std::uint64_t tape_end) {
+  note_skipped(tape_end);
+  stream_.skip_to(tape_end);
+  compare_again();
+}
+
+void Matcher::realign_to_time(TapeTime at) {
+  stream_.skip_before(at);
+  compare_again();
+}
+
+void Matcher::compare_again() {
+  arrivals_.clear();
+  arrived_ = 0;
+  completions_.clear();
+  recent_.clear();
+  comparing_ = true;
+  surplus_ = true;
+}
+
+void Matcher::note_skipped(std::uint64_t tape_end) {
+  if (comparing_ && !skipped_ && position() < tape_end) skipped_ = first_unsent();
+}
+
+std::optional<Matcher::Unsent> Matcher::first_unsent() {
+  if (skipped_) return skipped_;
+  if (at_end()) return std::nullopt;
+  return Unsent{position(), stream_.front_at(), stream_.peek(kShownBytes)};
+}
+
+Mismatch Matcher::describe(ByteView got) {
+  Mismatch mismatch;
+  mismatch.kind = at_end() ? MismatchKind::extra : MismatchKind::data;
+  mismatch.offset = written_;
+  mismatch.tape_offset = position();
+  mismatch.tape = stream_.front_at();
+  mismatch.expected = stream_.peek(kShownBytes);
+  const ByteView shown = got.first(std::min(got.size(), kShownBytes));
+  mismatch.got.assign(shown.begin(), shown.end());
+  mismatch.before = recent_;
+  return mismatch;
+}
+
+}  // namespace porttape

@@ -1,0 +1,127 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <optional>
+
+#include "libport/base/bytes.hpp"
+#include "libport/base/time.hpp"
+#include "libport/replay/report.hpp"
+#include "libport/replay/write_stream.hpp"
+
+namespace porttape {
+
+// Compares what the driver writes with what the tape expects, as one stream; how either side cuts it never
+// matters. Decides nothing about verdicts and gates: it tells how far the driver is, when it got there, and
+// where it differs.
+//
+// It is in one of two states. *Comparing*: every byte is held against the tape; the position is the number of
+// recorded bytes it stands at. *Diverged*: the bytes are only counted, as arrivals (bytes that come in one
+// write, or less than `arrival_gap` apart with no answer in between), until realign() or a take() that uses
+// up all arrivals compares again.
+//
+// Memory is bounded: a driver far ahead of the walk has its oldest progress kept exactly and the newest
+// merged, which can only make a time later.
+class Matcher {
+ public:
+  // What became of the front of a write.
+  enum class Outcome : std::uint8_t {
+    taken,    // all of it is as recorded, or only counted
+    block,    // a recorded block is complete
+    differs,  // the byte after those used is not the recorded one
+    extra,    // the tape expects nothing more
+  };
+  struct Step {
+    Outcome outcome = Outcome::taken;
+    std::size_t used = 0;
+    TapeTime at{};  // block: when it was recorded
+  };
+
+  // The driver completed the tape's stream up to an offset.
+  struct Completion {
+    std::uint64_t tape_end = 0;
+    std::uint64_t driver_end = 0;  // its own offset then
+    Instant real{};
+  };
+
+  struct Unsent {
+    std::uint64_t offset = 0;  // in the tape's stream
+    TapeTime at{};
+    Bytes bytes;
+  };
+
+  Matcher(RecordSource& writes, Micros arrival_gap) : stream_(writes), arrival_gap_(arrival_gap) {}
+
+  // Back to the tape's start, comparing.
+  void rewind();
+
+  // Takes bytes from the front of `data` until something is to be told; call again with the rest. After
+  // `differs` and `extra` the caller says diverge() first.
+  Step write(Instant now, ByteView data);
+  void diverge();
+
+  // Something was delivered: what the driver writes next is a new arrival.
+  void answered();
+
+  // When the driver completed the first `tape_end` recorded bytes; nothing while it has not. Ask in rising
+  // order.
+  std::optional<Completion> completion(std::uint64_t tape_end);
+
+  // Diverged: whether arrivals make up for the bytes from the position to `tape_end`; uses them up (an
+  // arrival wholly), moves the position there and gives the time of the last one needed.
+  std::optional<Instant> take(std::uint64_t tape_end);
+
+  // Moves the position forward to `tape_end`, forgets all arrivals and compares again from there.
+  void realign(std::uint64_t tape_end);
+  // The same, to the first block recorded at `at` or later.
+  void realign_to_time(TapeTime at);
+
+  // A data or extra mismatch at the position with `got`; run-related fields are left to the caller.
+  [[nodiscard]] Mismatch describe(ByteView got);
+
+  // Someone else has used the source meanwhile.
+  void restore_source() { stream_.restore(); }
+
+  [[nodiscard]] bool comparing() const { return comparing_; }
+  [[nodiscard]] bool at_end() { return stream_.at_end(); }
+  // Whether anything came beyond the recorded offset `begin`.
+  [[nodiscard]] bool touched(std::uint64_t begin) const { return position() > begin || !arrivals_.empty(); }
+  [[nodiscard]] Instant last_write() const { return last_write_; }
+  [[nodiscard]] std::uint64_t position() const { return stream_.position(); }
+  [[nodiscard]] std::uint64_t written() const { return written_; }
+  [[nodiscard]] std::uint64_t matched() const { return matched_; }
+  // The first recorded bytes that the driver did not send.
+  [[nodiscard]] std::optional<Unsent> first_unsent();
+  [[nodiscard]] const std::optional<Error>& error() const { return stream_.error(); }
+
+ private:
+  struct Arrival {
+    std::uint64_t bytes = 0;
+    Instant real{};
+  };
+
+  Step compare(Instant now, ByteView data);
+  void count(Instant now, std::size_t bytes);
+  void complete(const Completion& done);
+  void remember(ByteView matched);
+  void note_skipped(std::uint64_t tape_end);
+  void compare_again();
+  [[nodiscard]] bool same_arrival(Instant now) const;
+
+  WriteStream stream_;
+  Nanos arrival_gap_;
+  bool comparing_ = true;
+  bool arrival_open_ = false;  // nothing was delivered since the last write
+  bool surplus_ = false;       // the arrival that opened the last gate may still go on
+  Instant last_write_{};
+  std::uint64_t written_ = 0;
+  std::uint64_t matched_ = 0;
+  std::uint64_t arrived_ = 0;  // sum of arrivals_
+  std::deque<Completion> completions_;
+  std::deque<Arrival> arrivals_;
+  Bytes recent_;  // the last matched bytes
+  std::optional<Unsent> skipped_;
+};
+
+}  // namespace porttape

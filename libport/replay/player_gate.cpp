@@ -1,0 +1,112 @@
+// What the Player waits for: gates, recorded reopens, and the time a write is held against.
+
+#include <algorithm>
+#include <chrono>
+
+#include "libport/replay/player.hpp"
+
+namespace porttape {
+
+// Whether the question before the head has been asked. `next_at`: the recorded time of what waits behind it.
+bool Player::gate_opens(Instant now, TapeTime next_at) {
+  if (!gate_.pending) return true;
+  if (const auto done = matcher_.completion(gate_.end)) {
+    open_gate(gate_.at, done->real, done->real);
+    return true;
+  }
+  if (const auto come = matcher_.take(gate_.end)) {
+    open_gate(gate_.at, *come, *come);
+    return true;
+  }
+  if (!lenient_) return wait_for_driver();
+  const Silence silence = next_silence(next_at);
+  if (now < silence.end) {
+    wake_ = silence.end;
+    return false;
+  }
+  matcher_.realign(gate_.end);
+  if (silence.after_writing) {
+    open_gate(gate_.at, matcher_.last_write(), silence.end);
+  } else {
+    open_gate(next_at, silence.end, silence.end);
+  }
+  return true;
+}
+
+// `tape` happened at `real`: what follows is timed from there, and nothing of it comes before `not_before`.
+void Player::open_gate(TapeTime tape, Instant real, Instant not_before) {
+  timeline_.anchor(tape, real);
+  last_event_ = {tape, real};
+  floor_ = std::max(floor_, not_before);
+  gate_.pending = false;
+  gate_.begin = gate_.end;
+}
+
+bool Player::wait_for_driver() {
+  wake_.reset();
+  return false;
+}
+
+// The silence that opens a gate: after the driver has written something, or since the block behind the gate
+// was due.
+Player::Silence Player::next_silence(TapeTime next_at) const {
+  const Instant patience = patience_end(next_at);
+  if (matcher_.touched(gate_.begin)) {
+    const Instant quiet = saturating_add(matcher_.last_write(), config_.quiet);
+    if (quiet <= patience) return {quiet, true};
+  }
+  return {patience, false};
+}
+
+Instant Player::patience_end(TapeTime next_at) const {
+  return saturating_add(std::max(floor_, timeline_.real(next_at)), config_.patience);
+}
+
+bool Player::nothing_left() {
+  while (!schedule_.at_end() &&
+         (schedule_.head()->kind == RecordKind::event || schedule_.head()->kind == RecordKind::close)) {
+    pass();
+  }
+  if (!schedule_.at_end() || schedule_.error()) return false;
+  const bool asked = !gate_.pending || matcher_.position() >= gate_.end;
+  return asked && (lenient_ || matcher_.at_end());
+}
+
+bool Player::open_ahead() {
+  if (schedule_.at_end()) return false;
+  return schedule_.opens_passed() < facts_.opens || schedule_.head()->kind == RecordKind::open;
+}
+
+bool Player::at_recorded_reopen() {
+  while (!schedule_.at_end() && schedule_.head()->kind == RecordKind::event) pass();
+  if (schedule_.at_end()) return false;
+  const RecordKind kind = schedule_.head()->kind;
+  if (kind != RecordKind::open && kind != RecordKind::close) return false;
+  return !gate_.pending || matcher_.position() >= gate_.end;
+}
+
+bool Player::just_passed_open(Instant now) const {
+  return passed_open_ && now <= saturating_add(passed_open_->when, config_.patience) &&
+         matcher_.comparing() && matcher_.position() <= passed_open_->writes_end;
+}
+
+std::optional<Player::TimingFault> Player::check_recorded(const Matcher::Step& step, Instant now) const {
+  if (gated() || !checks_time()) return std::nullopt;
+  return compare_time({matcher_.position(), matcher_.written(), now}, step.at, timeline_.real(step.at));
+}
+
+std::optional<Player::TimingFault> Player::compare_time(const Matcher::Completion& done, TapeTime at,
+                                                        Instant expected) const {
+  const Nanos error = done.real - expected;
+  const Nanos margin = config_.jitter;
+  if (error <= margin && error >= -margin) return std::nullopt;
+  TimingFault fault;
+  fault.driver_offset = done.driver_end - std::min<std::uint64_t>(done.driver_end, 1);
+  fault.tape_offset = done.tape_end - std::min<std::uint64_t>(done.tape_end, 1);
+  fault.at = at;
+  fault.real = done.real;
+  fault.error = std::chrono::round<Micros>(error);
+  return fault;
+}
+
+}  // namespace porttape

@@ -1,0 +1,39 @@
+#include "libport/replay/report.hpp"
+
+#include "libport/base/error.hpp"
+
+namespace porttape {
+
+std::string_view to_string(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::pass:
+      return "pass";
+    case Verdict::data_mismatch:
+      return "data-mismatch";
+    case Verdict::timing_mismatch:
+      return "timing-mismatch";
+    case Verdict::incomplete:
+      return "incomplete";
+    case Verdict::extra:
+      break;
+  }
+  return "extra";
+}
+
+int exit_status_of(const RunReport& report) {
+  if (report.trouble) return exit_status::kRuntime;
+  switch (report.verdict) {
+    case Verdict::pass:
+      return report.command_exit.value_or(0) == 0 ? exit_status::kPass : exit_status::kRuntime;
+    case Verdict::timing_mismatch:
+      return exit_status::kTimingMismatch;
+    case Verdict::incomplete:
+      return exit_status::kIncomplete;
+    case Verdict::data_mismatch:
+    case Verdict::extra:
+      break;
+  }
+  return exit_status::kDataMismatch;
+}
+
+}  // namespace porttape

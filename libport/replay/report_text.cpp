@@ -1,0 +1,177 @@
+// The report for a person.
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <cstdio>
+#include <string>
+#include <string_view>
+
+#include "libport/replay/report.hpp"
+
+namespace porttape {
+namespace {
+
+constexpr std::size_t kBytesBefore = 8;
+constexpr std::size_t kBytesAfter = 16;
+
+class Paint {
+ public:
+  explicit Paint(bool on) : on_(on) {}
+  [[nodiscard]] std::string red(std::string_view text) const { return wrap("\033[31m", text); }
+  [[nodiscard]] std::string green(std::string_view text) const { return wrap("\033[32m", text); }
+  [[nodiscard]] std::string bold(std::string_view text) const { return wrap("\033[1m", text); }
+
+ private:
+  [[nodiscard]] std::string wrap(std::string_view code, std::string_view text) const {
+    if (!on_) return std::string(text);
+    return std::string(code) + std::string(text) + "\033[0m";
+  }
+  bool on_;
+};
+
+// "1.234567 s"
+std::string seconds(std::int64_t us) {
+  const bool negative = us < 0;
+  const std::uint64_t size =
+      negative ? std::uint64_t{0} - static_cast<std::uint64_t>(us) : static_cast<std::uint64_t>(us);
+  std::array<char, 48> text{};
+  std::snprintf(text.data(), text.size(), "%s%llu.%06llu s", negative ? "-" : "",
+                static_cast<unsigned long long>(size / 1'000'000),
+                static_cast<unsigned long long>(size % 1'000'000));
+  return text.data();
+}
+
+// "12.345 ms"
+std::string millis(Micros time) {
+  std::array<char, 48> text{};
+  std::snprintf(text.data(), text.size(), "%.3f ms", static_cast<double>(time.count()) / 1000.0);
+  return text.data();
+}
+
+std::string micros(double us) {
+  std::array<char, 48> text{};
+  std::snprintf(text.data(), text.size(), "%.1f us", us);
+  return text.data();
+}
+
+std::string counted(std::uint64_t count, std::string_view noun) {
+  return std::to_string(count) + ' ' + std::string(noun) + (count == 1 ? "" : "s");
+}
+
+std::string spaced_hex(ByteView bytes) {
+  std::string out;
+  for (const Byte byte : bytes) {
+    if (!out.empty()) out += ' ';
+    out += to_hex(ByteView(&byte, 1));
+  }
+  return out;
+}
+
+// One side of the comparison: the bytes before, then its own, in hex and as text.
+struct Side {
+  std::string hex;
+  std::string text;
+};
+
+Side side(ByteView before, ByteView bytes) {
+  const bool cut = bytes.size() > kBytesAfter;
+  const ByteView shown = bytes.first(std::min(bytes.size(), kBytesAfter));
+  Side out{spaced_hex(before), '"' + to_printable(before)};
+  if (!out.hex.empty() && !shown.empty()) out.hex += ' ';
+  out.hex += spaced_hex(shown) + (cut ? " .." : "");
+  out.text += to_printable(shown) + (cut ? "\".." : "\"");
+  return out;
+}
+
+std::string padded(std::string text, std::size_t width) {
+  text.resize(std::max(width, text.size()), ' ');
+  return text;
+}
+
+std::string comparison(const Mismatch& mismatch, const Paint& paint) {
+  const ByteView before = ByteView(mismatch.before).last(std::min(mismatch.before.size(), kBytesBefore));
+  Side expected = side(before, mismatch.expected);
+  const Side got = side(before, mismatch.got);
+  const std::size_t width = std::max(expected.hex.size(), got.hex.size());
+  if (mismatch.expected.empty()) expected.text += "  (the tape has no more)";
+  const std::string indent(before.size() * 3, ' ');
+  return "  expected  " + padded(expected.hex, width) + "  " + expected.text + '\n' +  //
+         "  got       " + padded(got.hex, width) + "  " + got.text + '\n' +            //
+         "            " + indent + paint.red("^^") + '\n';
+}
+
+std::string place(const Mismatch& mismatch) {
+  return "at byte " + std::to_string(mismatch.offset) + " from the driver, " +
+         seconds(mismatch.real.count()) + " after its open; exchange " + std::to_string(mismatch.exchange) +
+         " of the tape, byte " + std::to_string(mismatch.tape_offset) + " of its writes, recorded at " +
+         seconds(to_us(mismatch.tape));
+}
+
+std::string timing_lines(const Mismatch& mismatch, const Paint& paint) {
+  const bool late = mismatch.error.count() > 0;
+  const Micros size = late ? mismatch.error : -mismatch.error;
+  return "  the write came " + paint.red(millis(size) + (late ? " late" : " early")) + ", " +
+         place(mismatch) + '\n' + "  our own delivery before it was " + millis(mismatch.own_late) + " late\n";
+}
+
+std::string mismatch_lines(const Mismatch& mismatch, const Paint& paint) {
+  if (mismatch.kind == MismatchKind::timing) return timing_lines(mismatch, paint);
+  const std::string_view what =
+      mismatch.kind == MismatchKind::extra ? "more than the tape has" : "not what the tape has";
+  std::string out = "  " + paint.bold(what) + ", " + place(mismatch) + '\n' + comparison(mismatch, paint);
+  if (!mismatch.hint.empty()) out += "  what was got: " + mismatch.hint + '\n';
+  return out;
+}
+
+std::string unsent_lines(const RunReport& report) {
+  const std::uint64_t matched = std::min(report.from_driver_matched, report.from_driver_of);
+  const Side next = side({}, report.next_expected);
+  std::string out =
+      "  " + counted(report.from_driver_of - matched, "recorded byte") + " never came from the driver";
+  if (report.next_expected.empty()) return out + '\n';
+  return out + "; the first, byte " + std::to_string(report.next_expected_offset) +
+         " of the tape's writes, recorded at " + seconds(to_us(report.next_expected_tape)) +
+         ":\n  expected  " + next.hex + "  " + next.text + '\n';
+}
+
+std::string head_line(const RunReport& report, const Paint& paint) {
+  const std::string verdict(to_string(report.verdict));
+  const bool good = report.verdict == Verdict::pass && !report.trouble;
+  return (good ? paint.green(verdict) : paint.red(verdict)) +
+         (report.tape.empty() ? "" : "  " + to_printable(as_bytes(report.tape))) + ": from the driver " +
+         std::to_string(report.from_driver_matched) + " of " + counted(report.from_driver_of, "byte") +
+         " as recorded, to the driver " + std::to_string(report.to_driver_bytes) + " of " +
+         std::to_string(report.to_driver_of) + ", " +
+         seconds(std::chrono::floor<Micros>(report.duration).count()) + '\n';
+}
+
+}  // namespace
+
+std::string to_text(const RunReport& report, bool color) {
+  const Paint paint(color);
+  std::string out = head_line(report, paint);
+  if (report.trouble) out += "  " + paint.red("the tape could not be read on: ") + *report.trouble + '\n';
+  if (report.mismatch) out += mismatch_lines(*report.mismatch, paint);
+  if (report.mismatches > 1) out += "  mismatches in all: " + std::to_string(report.mismatches) + '\n';
+  if (report.verdict == Verdict::incomplete) out += unsent_lines(report);
+  if (report.mismatch && report.mismatch->kind == MismatchKind::timing) {
+    out += "  our own timers were late by " + micros(report.timer_late_p50_us) + " (median), " +
+           micros(report.timer_late_p99_us) + " (99 %), " + micros(report.timer_late_max_us) + " (most)\n";
+  }
+  if (report.command_exit && *report.command_exit != 0) {
+    out += "  the command ended with status " + std::to_string(*report.command_exit) + '\n';
+  }
+  return out;
+}
+
+std::string to_text(const Mismatch& mismatch, bool color) {
+  const Paint paint(color);
+  const std::string_view kind = mismatch.kind == MismatchKind::timing  ? "timing mismatch"
+                                : mismatch.kind == MismatchKind::extra ? "extra bytes"
+                                                                       : "data mismatch";
+  return paint.red(kind) + '\n' + mismatch_lines(mismatch, paint);
+}
+
+}  // namespace porttape

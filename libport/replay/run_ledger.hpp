@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+#include "libport/base/time.hpp"
+#include "libport/replay/lateness.hpp"
+#include "libport/replay/report.hpp"
+
+namespace porttape {
+
+// The books of one run: what went over the line, the mismatches, how late we were; and the verdict that
+// follows. A plain value; starts at the driver's first open.
+class RunLedger {
+ public:
+  explicit RunLedger(Instant begun) : begun_(begun) {}
+
+  void delivered(std::size_t bytes) { to_driver_ += bytes; }
+  void written(std::size_t bytes) { from_driver_ += bytes; }
+  void lateness(Nanos late) {
+    lateness_.add(late);
+    last_late_ = late;
+  }
+  void mismatch(const Mismatch& mismatch);
+
+  [[nodiscard]] Micros since_begin(Instant now) const;
+  [[nodiscard]] Nanos last_lateness() const { return last_late_; }
+  [[nodiscard]] std::uint64_t mismatches() const { return mismatches_; }
+
+  // What of the report the ledger knows. `unsent`: recorded writes are missing.
+  [[nodiscard]] RunReport report(const ReplayConfig& config, Instant now, bool unsent) const;
+
+ private:
+  Instant begun_;
+  std::uint64_t to_driver_ = 0;
+  std::uint64_t from_driver_ = 0;
+  std::uint64_t mismatches_ = 0;
+  std::optional<Mismatch> first_data_;  // or extra
+  std::optional<Mismatch> first_timing_;
+  LatenessHistogram lateness_;
+  Nanos last_late_{0};
+};
+
+}  // namespace porttape

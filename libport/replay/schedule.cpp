@@ -1,0 +1,90 @@
+#include "libport/replay/schedule.hpp"
+
+#include <algorithm>
+
+namespace porttape {
+
+void Schedule::rewind() {
+  head_.reset();
+  loaded_ = false;
+  taken_ = 0;
+  passed_ = {};
+  opens_passed_ = 0;
+  exchange_ = 0;
+  answered_ = true;
+  line_closed_ = false;
+  error_.reset();
+  if (auto result = source_.rewind(); !result) error_ = result.error();
+}
+
+const Record* Schedule::head() {
+  if (!loaded_ && !error_) {
+    loaded_ = true;
+    auto record = source_.next();
+    if (record) {
+      head_ = *record;
+    } else {
+      error_ = record.error();
+      head_.reset();
+    }
+  }
+  return head_ && !error_ ? &*head_ : nullptr;
+}
+
+void Schedule::pop() {
+  const Record* record = head();
+  if (record == nullptr) return;
+  switch (record->kind) {
+    case RecordKind::read:
+      passed_.reads += record->data.size();
+      if (!record->data.empty()) answered_ = true;
+      break;
+    case RecordKind::write:
+      passed_.writes += record->data.size();
+      if (!record->data.empty() && answered_) ++exchange_;
+      if (!record->data.empty()) answered_ = false;
+      break;
+    case RecordKind::open:
+      ++opens_passed_;
+      line_closed_ = false;
+      break;
+    case RecordKind::close:
+      line_closed_ = true;
+      break;
+    case RecordKind::event:
+      break;
+  }
+  loaded_ = false;
+  taken_ = 0;
+}
+
+ByteView Schedule::rest() {
+  const Record* record = head();
+  return record == nullptr ? ByteView{} : record->data.subspan(taken_);
+}
+
+std::optional<TapeTime> Schedule::pass_next_open() {
+  while (const Record* record = head()) {
+    const bool open = record->kind == RecordKind::open;
+    const TapeTime at = record->at;
+    pop();
+    if (open) return at;
+  }
+  return std::nullopt;
+}
+
+Schedule::Totals Schedule::drain() {
+  if (totals_) return *totals_;
+  while (head() != nullptr) pop();
+  if (!error_) totals_ = passed_;
+  return passed_;
+}
+
+std::uint64_t Schedule::exchange_of(std::uint64_t offset) {
+  const Record* record = head();
+  const bool ahead =
+      offset >= passed_.writes && record != nullptr && (answered_ || record->kind == RecordKind::read);
+  return std::max<std::uint64_t>(1, exchange_ + (ahead ? 1 : 0));
+}
+
+}  // namespace porttape

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+#include "libport/base/bytes.hpp"
+#include "libport/base/error.hpp"
+#include "libport/tape/record.hpp"
+
+namespace porttape {
+
+// The walk over the whole tape in merged order: the record it stands at, how much of a read is delivered, and
+// what it has passed so far. Knows no time but the tape's.
+//
+// Refers to its source, which must outlive it. After an error of the source the walk looks ended and error()
+// is set.
+class Schedule {
+ public:
+  struct Totals {
+    std::uint64_t reads = 0;   // bytes
+    std::uint64_t writes = 0;  // bytes
+  };
+
+  explicit Schedule(RecordSource& source) : source_(source) {}
+
+  void rewind();
+
+  // The record the walk stands at; null at the tape's end. Its data stays valid until pop().
+  [[nodiscard]] const Record* head();
+  void pop();
+
+  // A read at the head: what of it is still to be delivered.
+  [[nodiscard]] ByteView rest();
+  void take(std::size_t count) { taken_ += count; }
+
+  // Over everything up to and including the next `open`, which it gives; nothing when there is none.
+  std::optional<TapeTime> pass_next_open();
+
+  // Over the whole rest: what the tape holds. Known and cheap from the second time on.
+  Totals drain();
+
+  [[nodiscard]] bool at_end() { return head() == nullptr; }
+  // Bytes of either direction in the records passed.
+  [[nodiscard]] const Totals& passed() const { return passed_; }
+  [[nodiscard]] std::uint64_t opens_passed() const { return opens_passed_; }
+  // Whether the walk is between a recorded close and open: nobody had the line then.
+  [[nodiscard]] bool line_closed() const { return line_closed_; }
+  // 1-based number of the exchange that the byte at `offset` of the write stream belongs to. Exact for what
+  // the walk has passed or stands at; further ahead it is taken to be the next one.
+  [[nodiscard]] std::uint64_t exchange_of(std::uint64_t offset);
+  [[nodiscard]] const std::optional<Error>& error() const { return error_; }
+
+ private:
+  RecordSource& source_;
+  std::optional<Record> head_;
+  bool loaded_ = false;
+  std::size_t taken_ = 0;
+  Totals passed_;
+  std::optional<Totals> totals_;
+  std::uint64_t opens_passed_ = 0;
+  std::uint64_t exchange_ = 0;
+  bool answered_ = true;  // a read came after the last write
+  bool line_closed_ = false;
+  std::optional<Error> error_;
+};
+
+}  // namespace porttape

@@ -1,0 +1,81 @@
+#include "libport/port/port_options.hpp"
+
+#include <gtest/gtest.h>
+
+namespace porttape {
+namespace {
+
+PortOptions parsed(std::string_view spec) {
+  const Result<PortOptions> options = parse_port(spec);
+  EXPECT_TRUE(options.has_value()) << (options ? "" : options.error().message);
+  return options ? *options : PortOptions{};
+}
+
+std::string error_of(std::string_view spec) {
+  const Result<PortOptions> options = parse_port(spec);
+  EXPECT_FALSE(options.has_value()) << spec;
+  if (options) return {};
+  EXPECT_EQ(options.error().code, Errc::usage);
+  return options.error().message;
+}
+
+TEST(PortOptions, BothSpellingsMeanTheSame) {
+  EXPECT_EQ(parsed("type=serial,device=/dev/ttyUSB0,baud=115200"), parsed("serial:/dev/ttyUSB0,baud=115200"));
+  EXPECT_EQ(parsed("/dev/ttyUSB0"), parsed("serial:/dev/ttyUSB0"));
+}
+
+TEST(PortOptions, SeparatorsAreFlexiports) {
+  EXPECT_EQ(parsed("type=serial device=/dev/x\tbaud=1200\nhwflowctrl"), parsed("serial:/dev/x,baud=1200,hwflowctrl"));
+  EXPECT_EQ(parsed(",,type=serial,,device=/dev/x,"), parsed("serial:/dev/x"));
+}
+
+TEST(PortOptions, DefaultsAreFlexiports) {
+  const PortOptions serial = parsed("type=serial");
+  EXPECT_EQ(serial.text("device"), "/dev/ttyS0");
+  EXPECT_EQ(serial.integer("baud"), 9600);
+  EXPECT_EQ(serial.text("parity"), "none");
+  EXPECT_EQ(serial.number("timeout"), -1.0);
+  EXPECT_FALSE(serial.flag("alwaysopen"));
+  const PortOptions reader = parsed("type=logreader,file=x");
+  EXPECT_EQ(reader.integer("strictness"), 0);
+  EXPECT_EQ(reader.text("timing"), "recorded");
+}
+
+TEST(PortOptions, TheLastOfEqualOptionsCounts) { EXPECT_EQ(parsed("serial:/dev/x,baud=1200,baud=2400").integer("baud"), 2400); }
+
+TEST(PortOptions, ABareWordTurnsABooleanOnAndOffTurnsItOff) {
+  EXPECT_TRUE(parsed("serial:/dev/x,alwaysopen").flag("alwaysopen"));
+  EXPECT_TRUE(parsed("serial:/dev/x,alwaysopen=on").flag("alwaysopen"));
+  EXPECT_FALSE(parsed("serial:/dev/x,alwaysopen=0").flag("alwaysopen"));
+}
+
+TEST(PortOptions, ErrorsNameOptionValueAndWhatIsAccepted) {
+  EXPECT_NE(error_of("serial:/dev/x,baud=fast").find("'baud': 'fast'"), std::string::npos);
+  EXPECT_NE(error_of("serial:/dev/x,parity=mark").find("none, even, odd"), std::string::npos);
+  EXPECT_NE(error_of("serial:/dev/x,speed=9").find("unknown option 'speed'"), std::string::npos);
+  EXPECT_NE(error_of("modem:/dev/x").find("unknown type 'modem'"), std::string::npos);
+  EXPECT_NE(error_of("").find("missing"), std::string::npos);
+}
+
+TEST(PortOptions, NumbersAreCheckedToTheLastCharacter) {
+  for (const char* bad : {"baud=0", "baud=-1", "baud=9600x", "baud=", "baud=1.5", "baud=4294967296", "databits=9", "databits=4",
+                          "stopbits=3", "timeout=-2", "timeout=nan", "timeout=inf"}) {
+    EXPECT_FALSE(parse_port(std::string("serial:/dev/x,") + bad).has_value()) << bad;
+  }
+  EXPECT_EQ(parsed("serial:/dev/x,baud=12000000").integer("baud"), 12'000'000);
+  EXPECT_DOUBLE_EQ(parsed("serial:/dev/x,timeout=.5").number("timeout"), 0.5);
+}
+
+TEST(PortOptions, NameIsTheShortSpellingOfTheMainPart) {
+  EXPECT_EQ(parsed("type=serial,device=/dev/ttyUSB0,baud=1200").name(), "serial:/dev/ttyUSB0");
+  EXPECT_EQ(parsed("pty").name(), "pty");
+}
+
+TEST(PortOptions, HelpNamesEveryType) {
+  for (const char* type : {"serial:device", "pty:link", "logreader:file", "seriallog"}) {
+    EXPECT_NE(port_help().find(type), std::string::npos) << type;
+  }
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,259 @@
+#include "libport/port/pty_port.hpp"
+
+#include <fcntl.h>
+#include <sys/ioctl.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include <gtest/gtest.h>
+
+#include "libport/base/unique_fd.hpp"
+#include "tests/support/port_log.hpp"
+#include "tests/support/quiet_log.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+class PtyPortTest : public testing::Test {
+ protected:
+  PtyPortTest() : link((dir.path() / "port").string()), port(PortContext{&loop, book.log()}, options()) { port.listen(log); }
+
+  [[nodiscard]] PortOptions options() const { return {"pty", {{"link", link}}}; }
+  void start() {
+    const Result<void> prepared = port.prepare();
+    ASSERT_TRUE(prepared.has_value()) << prepared.error().message;
+    port.open();
+  }
+  [[nodiscard]] UniqueFd driver(int flags = O_RDWR | O_NOCTTY | O_NONBLOCK) const { return UniqueFd(::open(link.c_str(), flags)); }
+  void until(const std::string& events) {
+    run_until(loop, [&] { return log.events == events; });
+    EXPECT_EQ(log.events, events);
+  }
+  static std::string read_some(const UniqueFd& fd) {
+    char buffer[256];
+    const ssize_t size = ::read(fd.get(), buffer, sizeof buffer);
+    return size > 0 ? std::string(buffer, static_cast<std::size_t>(size)) : std::string();
+  }
+  // The kernel hands bytes to the slave from a work queue.
+  static std::string read_all(const UniqueFd& fd, std::size_t size) {
+    ::fcntl(fd.get(), F_SETFL, ::fcntl(fd.get(), F_GETFL) & ~O_NONBLOCK);
+    std::string text;
+    while (text.size() < size) text += read_some(fd);
+    return text;
+  }
+
+  test::TempDir dir;
+  std::string link;
+  Loop loop;
+  LogBook book;
+  PortLog log;
+  PtyPort port;
+};
+
+TEST_F(PtyPortTest, IsUpWhileADriverHasItOpen) {
+  start();
+  UniqueFd fd = driver();
+  until("up ");
+  fd.reset();
+  until("up closed ");
+  fd = driver();
+  until("up closed up ");
+}
+
+TEST_F(PtyPortTest, BytesGoBothWaysUnchanged) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  const std::string all = {'\0', '\x03', '\r', '\n', '\x11', '\x13', '\x7f', '\xff'};
+  ASSERT_EQ(::write(fd.get(), all.data(), all.size()), static_cast<ssize_t>(all.size()));
+  run_until(loop, [&] { return log.data.size() >= all.size(); });
+  EXPECT_EQ(log.data, all);
+  port.write(as_bytes(all));
+  EXPECT_EQ(read_all(fd, all.size()), all);
+}
+
+TEST_F(PtyPortTest, ASessionThatIsOverBeforeWeLookIsSeenWhole) {
+  start();
+  UniqueFd fd = driver();
+  ASSERT_EQ(::write(fd.get(), "gone", 4), 4);
+  fd.reset();
+  until("up closed ");
+  EXPECT_EQ(log.data, "gone");
+}
+
+TEST_F(PtyPortTest, AnOpenAndCloseWithoutABytesIsSeen) {
+  start();
+  driver().reset();
+  until("up closed ");
+}
+
+TEST_F(PtyPortTest, ManyShortSessionsAreSeenOneByOne) {
+  start();
+  std::string expected;
+  for (int i = 0; i < 20; ++i) {
+    UniqueFd fd = driver();
+    ASSERT_EQ(::write(fd.get(), "x", 1), 1);
+    fd.reset();
+    expected += "up closed ";
+    until(expected);
+  }
+  EXPECT_EQ(log.data, std::string(20, 'x'));
+}
+
+TEST_F(PtyPortTest, WhatADriverLeftUnreadIsNotServedToTheNext) {
+  start();
+  UniqueFd fd = driver();
+  until("up ");
+  port.write(as_bytes("stale"));
+  fd.reset();
+  until("up closed ");
+  fd = driver();
+  until("up closed up ");
+  port.write(as_bytes("fresh"));
+  EXPECT_EQ(read_all(fd, 5), "fresh");
+}
+
+TEST_F(PtyPortTest, ExclusiveUseEndsWithTheDriver) {
+  start();
+  UniqueFd fd = driver();
+  ASSERT_EQ(::ioctl(fd.get(), TIOCEXCL), 0);
+  until("up ");
+  fd.reset();
+  until("up closed ");
+  fd = driver();
+  ASSERT_TRUE(fd);
+  int exclusive = 0;
+  ASSERT_EQ(::ioctl(fd.get(), TIOCGEXCL, &exclusive), 0);
+  EXPECT_EQ(exclusive, 0);
+}
+
+TEST_F(PtyPortTest, IsRawForEachDriverWhateverTheLastOneSet) {
+  start();
+  UniqueFd fd = driver();
+  until("up ");
+  termios tio{};
+  ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
+  EXPECT_EQ(tio.c_lflag & static_cast<tcflag_t>(ICANON | ECHO | ISIG), 0U);
+  tio.c_lflag |= ICANON | ECHO;
+  ASSERT_EQ(::tcsetattr(fd.get(), TCSANOW, &tio), 0);
+  fd.reset();
+  until("up closed ");
+  fd = driver();
+  ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
+  EXPECT_EQ(tio.c_lflag & static_cast<tcflag_t>(ICANON | ECHO | ISIG), 0U);
+}
+
+TEST_F(PtyPortTest, AskingForParityTwiceIsNoError) {
+  start();
+  for (int i = 0; i < 3; ++i) {
+    const UniqueFd fd = driver();
+    termios tio{};
+    ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
+    ::cfmakeraw(&tio);
+    tio.c_cflag |= PARENB;
+    EXPECT_EQ(::tcsetattr(fd.get(), TCSANOW, &tio), 0) << "session " << i;
+    run_until(loop, [&] { return log.events.ends_with("up "); });
+    log.events.clear();
+    UniqueFd closing(::dup(fd.get()));
+    closing.reset();
+  }
+}
+
+TEST_F(PtyPortTest, ADriverThatDoesNotReadCongestsAndDrains) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  const std::string block(4096, 'b');
+  std::size_t written = 0;
+  while (!port.congested()) {
+    port.write(as_bytes(block));
+    written += block.size();
+    ASSERT_LT(written, 1U << 20U);
+  }
+  std::string got;
+  run_until(loop, [&] {
+    got += read_some(fd);
+    return log.events == "up drained ";
+  });
+  EXPECT_EQ(got.size() + read_all(fd, written - got.size()).size(), written);
+}
+
+TEST_F(PtyPortTest, HangUpEndsTheDriversLineAndTheLinkLivesOn) {
+  start();
+  const UniqueFd fd = driver(O_RDWR | O_NOCTTY);
+  until("up ");
+  port.hang_up(false);
+  until("up hung_up ");
+  char byte = 0;
+  EXPECT_EQ(::read(fd.get(), &byte, 1), 0);
+  const UniqueFd again = driver();
+  EXPECT_TRUE(again);
+  until("up hung_up up ");
+}
+
+TEST_F(PtyPortTest, HangUpAfterReadingLosesNothing) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  const std::string tail(10'000, 't');
+  port.write(as_bytes(tail));
+  port.hang_up(true);
+  std::string got;
+  run_until(loop, [&] {
+    got += read_some(fd);
+    return log.events.ends_with("hung_up ");
+  });
+  EXPECT_EQ(got, tail);
+}
+
+TEST_F(PtyPortTest, BackpressureLeavesTheBytesWithTheDriver) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  port.set_reading(false);
+  ASSERT_EQ(::write(fd.get(), "later", 5), 5);
+  while (loop.poll_one()) {
+  }
+  EXPECT_EQ(log.data, "");
+  port.set_reading(true);
+  run_until(loop, [&] { return !log.data.empty(); });
+  EXPECT_EQ(log.data, "later");
+}
+
+TEST_F(PtyPortTest, ADriverThatFlushesItsInputDropsWhatWeQueued) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  while (!port.congested()) port.write(as_bytes(std::string(4096, 'q')));
+  ASSERT_EQ(::tcflush(fd.get(), TCIFLUSH), 0);
+  until("up drained ");
+  EXPECT_FALSE(port.congested());
+}
+
+TEST(PtyPortOptions, ModeIsTheSlaves) {
+  test::TempDir dir;
+  Loop loop;
+  LogBook book;
+  const std::string link = (dir.path() / "port").string();
+  PtyPort port(PortContext{&loop, book.log()}, {"pty", {{"link", link}, {"mode", "0640"}}});
+  ASSERT_TRUE(port.prepare().has_value());
+  EXPECT_EQ(std::filesystem::status(link).permissions(), static_cast<std::filesystem::perms>(0640));
+}
+
+TEST(PtyPortOptions, BadModeOwnerAndGroupAreErrors) {
+  Loop loop;
+  LogBook book;
+  for (const auto& [option, value] : std::map<std::string, std::string>{{"mode", "rw"}, {"owner", "no-such-user"}, {"group", "no-such-group"}}) {
+    PtyPort port(PortContext{&loop, book.log()}, {"pty", {{option, value}}});
+    const Result<void> prepared = port.prepare();
+    ASSERT_FALSE(prepared.has_value()) << option;
+    EXPECT_EQ(prepared.error().code, Errc::usage);
+    EXPECT_NE(prepared.error().message.find(value), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,151 @@
+#include "libport/port/recording_port.hpp"
+
+#include <filesystem>
+#include <memory>
+#include <vector>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "libport/tape/tape_reader.hpp"
+#include "tests/support/memory_port.hpp"
+#include "tests/support/port_log.hpp"
+#include "tests/support/quiet_log.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+namespace fs = std::filesystem;
+
+Instant scripted_now;  // the clock that the port under test reads
+Instant read_scripted_clock() { return scripted_now; }
+
+class RecordingPortTest : public testing::Test {
+ protected:
+  RecordingPortTest() {
+    scripted_now = Instant{} + std::chrono::hours(1);
+    make_port();
+  }
+
+  void make_port(bool overwrite = false, bool fail_closed = false) {
+    port = std::make_unique<RecordingPort>(PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(device),
+                                           RecordingPort::Options{.tape = tape,
+                                                                  .header = {.device = "memory", .driver = "test"},
+                                                                  .overwrite = overwrite,
+                                                                  .fail_closed = fail_closed,
+                                                                  .now = &read_scripted_clock});
+    port->listen(log);
+  }
+  static void pass(std::int64_t us) { scripted_now += Micros(us); }
+
+  // "open@0 w:ask@10 r:answer@20 …"
+  static std::string records(const TapePaths& paths) {
+    Result<TapeReader> reader = TapeReader::open(paths);
+    if (!reader) return reader.error().message;
+    std::string text;
+    for (;;) {
+      const auto record = reader->next();
+      if (!record) return text + record.error().message;
+      if (!*record) return text;
+      const Record& r = **record;
+      const std::string what = r.kind == RecordKind::read    ? "r:" + std::string(as_text(r.data))
+                               : r.kind == RecordKind::write ? "w:" + std::string(as_text(r.data))
+                               : r.kind == RecordKind::open  ? "open"
+                               : r.kind == RecordKind::close ? "close"
+                                                             : std::string(r.event);
+      text += fmt::format("{}@{} ", what, to_us(r.at));
+    }
+  }
+
+  test::TempDir dir;
+  TapePaths tape = literal_tape((dir.path() / "x.log").string());
+  Loop loop;
+  LogBook book;
+  PortLog log;
+  MemoryPort::Peer device;
+  std::unique_ptr<RecordingPort> port;
+};
+
+TEST_F(RecordingPortTest, NoDriverNoTape) {
+  ASSERT_TRUE(port->prepare().has_value());
+  EXPECT_EQ(port->finish(), 0);
+  EXPECT_TRUE(fs::is_empty(dir.path()));
+}
+
+TEST_F(RecordingPortTest, BothDirectionsAndTheSessionsAreOnTheTape) {
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  pass(10);
+  port->write(as_bytes("ask"));
+  pass(10);
+  device.send("answer");
+  pass(10);
+  port->close();
+  pass(70);
+  port->open();
+  pass(10);
+  EXPECT_EQ(port->finish(), 0);
+  EXPECT_EQ(log.data, "answer");
+  EXPECT_EQ(device.written, "ask");
+  EXPECT_EQ(records(tape), "open@0 w:ask@10 r:answer@20 close@30 open@100 close@110 end@110 ");
+}
+
+TEST_F(RecordingPortTest, AnExistingTapeIsFoundBeforeTheDeviceIsTouched) {
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  port->finish();
+  make_port();
+  device.calls.clear();
+  const Result<void> prepared = port->prepare();
+  ASSERT_FALSE(prepared.has_value());
+  EXPECT_EQ(prepared.error().code, Errc::usage);
+  EXPECT_EQ(device.calls, "");
+  make_port(true);
+  EXPECT_TRUE(port->prepare().has_value());
+}
+
+TEST_F(RecordingPortTest, RotationGoesOnWithTheNextName) {
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  port->write(as_bytes("one"));
+  pass(50);
+  port->rotate();
+  pass(5);
+  port->write(as_bytes("two"));
+  port->finish();
+  EXPECT_EQ(records(tape), "open@0 w:one@0 end@50 ");
+  EXPECT_EQ(records(literal_tape((dir.path() / "x.2.log").string())), "open@0 w:two@5 close@5 end@5 ");
+}
+
+TEST_F(RecordingPortTest, TheLineStaysUpWhenTheTapeCannotBeMade) {
+  ASSERT_TRUE(port->prepare().has_value());
+  fs::remove_all(dir.path());
+  port->open();
+  port->write(as_bytes("ask"));
+  device.send("answer");
+  EXPECT_EQ(device.written, "ask");
+  EXPECT_EQ(log.data, "answer");
+  EXPECT_NE(book.text().find("the line stays up"), std::string::npos);
+  EXPECT_EQ(port->finish(), exit_status::kRuntime);
+}
+
+TEST_F(RecordingPortTest, FailClosedAsksForTheEndWhenTheTapeCannotBeMade) {
+  make_port(false, true);
+  ASSERT_TRUE(port->prepare().has_value());
+  fs::remove_all(dir.path());
+  port->open();
+  EXPECT_NE(log.events.find("finished1"), std::string::npos);
+}
+
+TEST_F(RecordingPortTest, ALostDeviceIsMarkedOnTheTape) {
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  pass(10);
+  device.down(LineDown::Reason::lost, "unplugged");
+  port->finish();
+  EXPECT_EQ(records(tape), "open@0 mark@10 close@10 end@10 ");
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,136 @@
+#include "libport/port/serial_port.hpp"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <memory>
+
+#include <gtest/gtest.h>
+
+#include "libport/port/pty.hpp"
+#include "tests/support/port_log.hpp"
+#include "tests/support/quiet_log.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+// The device is the slave of a pty whose master the test holds.
+class SerialPortTest : public testing::Test {
+ protected:
+  SerialPortTest() : device(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK)) {
+    ::grantpt(device.get());
+    ::unlockpt(device.get());
+    path = ::ptsname(device.get());
+  }
+
+  void make_port(std::map<std::string, std::string> options = {}) {
+    options.try_emplace("device", path);
+    port = std::make_unique<SerialPort>(PortContext{&loop, book.log()}, PortOptions{"serial", std::move(options)});
+    port->listen(log);
+  }
+  Error prepare_error(const std::string& device_path) {
+    make_port({{"device", device_path}});
+    const Result<void> prepared = port->prepare();
+    EXPECT_FALSE(prepared.has_value()) << device_path;
+    return prepared ? Error{} : prepared.error();
+  }
+
+  UniqueFd device;
+  std::string path;
+  Loop loop;
+  LogBook book;
+  PortLog log;
+  std::unique_ptr<SerialPort> port;
+};
+
+TEST_F(SerialPortTest, BytesGoBothWaysUnchanged) {
+  make_port({{"baud", "250000"}});
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  EXPECT_EQ(log.events, "up ");
+  port->write(as_bytes("ask\r\n\x03"));
+  char buffer[64];
+  ASSERT_EQ(::read(device.get(), buffer, sizeof buffer), 6);
+  EXPECT_EQ(std::string(buffer, 6), "ask\r\n\x03");
+  ASSERT_EQ(::write(device.get(), "answer\r\x11", 8), 8);
+  run_until(loop, [&] { return log.data.size() >= 8; });
+  EXPECT_EQ(log.data, "answer\r\x11");
+}
+
+TEST_F(SerialPortTest, WhatIsNotASerialDeviceIsNamed) {
+  const test::TempDir dir;
+  const std::string file = (dir.path() / "file").string();
+  std::ofstream(file) << "x";
+  for (const std::string& wrong : {file, dir.path().string(), std::string("/dev/null"), std::string("/dev/no-such-tty")}) {
+    const Error error = prepare_error(wrong);
+    EXPECT_EQ(error.code, Errc::device_missing);
+    EXPECT_NE(error.message.find(wrong), std::string::npos) << error.message;
+  }
+}
+
+TEST_F(SerialPortTest, ABusyDeviceFailsToOpen) {
+  const UniqueFd other(::open(path.c_str(), O_RDWR | O_NOCTTY));
+  ASSERT_EQ(::flock(other.get(), LOCK_EX | LOCK_NB), 0);
+  make_port();
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  EXPECT_EQ(log.events, "failed ");
+  EXPECT_NE(log.error.message.find("busy"), std::string::npos) << log.error.message;
+}
+
+TEST_F(SerialPortTest, ADeviceThatGoesAwayIsLost) {
+  make_port();
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  device.reset();
+  run_until(loop, [&] { return log.events == "up lost "; });
+  EXPECT_EQ(log.error.code, Errc::device_lost);
+}
+
+TEST_F(SerialPortTest, MayBeOpenedAgainAtOnce) {
+  make_port();
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  port->close();
+  port->open();
+  EXPECT_EQ(log.events, "up up ");
+}
+
+TEST_F(SerialPortTest, AlwaysOpenKeepsTheDeviceThroughClose) {
+  make_port({{"alwaysopen", "1"}});
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  port->close();
+  ASSERT_EQ(::write(device.get(), "on", 2), 2);
+  run_until(loop, [&] { return !log.data.empty(); });
+  EXPECT_EQ(log.data, "on");
+}
+
+TEST_F(SerialPortTest, WaitsForADeviceThatIsMissing) {
+  const test::TempDir dir;
+  const std::string link = (dir.path() / "ttyLater").string();
+  make_port({{"device", link}, {"wait", "1"}});
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  EXPECT_EQ(log.events, "");
+  std::filesystem::create_symlink(path, link);
+  run_until(loop, [&] { return log.events == "up "; });
+}
+
+TEST_F(SerialPortTest, ASlowDeviceCongestsAndDrains) {
+  make_port();
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  const std::string block(4096, 'b');
+  while (!port->congested()) port->write(as_bytes(block));
+  char buffer[4096];
+  run_until(loop, [&] { return ::read(device.get(), buffer, sizeof buffer) > 0 && log.events == "up drained "; });
+  EXPECT_EQ(log.events, "up drained ");
+}
+
+}  // namespace
+}  // namespace porttape

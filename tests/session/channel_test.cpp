@@ -1,0 +1,54 @@
+#include "libport/session/channel.hpp"
+
+#include <algorithm>
+
+#include <gtest/gtest.h>
+
+namespace porttape {
+namespace {
+
+Result<ChannelPorts> ports_of(ChannelMode mode, std::map<std::string, std::string> values) {
+  return channel_ports({mode, std::move(values)});
+}
+
+TEST(Channel, RecordingIsABridgeWhoseDevicePortLogs) {
+  const auto ports = ports_of(ChannelMode::record, {{"device", "/dev/ttyUSB0,baud=115200"}, {"driver", "pty:/tmp/x"}, {"tape", "laser"}});
+  ASSERT_TRUE(ports.has_value()) << ports.error().message;
+  EXPECT_EQ(ports->device.type, "seriallog");
+  EXPECT_EQ(ports->device.text("file"), "laser.log");
+  EXPECT_EQ(ports->device.text("baud"), "115200");
+  EXPECT_EQ(ports->driver.text("link"), "/tmp/x");
+}
+
+TEST(Channel, AMissingOptionIsNamed) {
+  const auto ports = ports_of(ChannelMode::record, {{"device", "/dev/ttyUSB0"}, {"driver", "pty"}});
+  ASSERT_FALSE(ports.has_value());
+  EXPECT_EQ(ports.error().code, Errc::usage);
+  EXPECT_NE(ports.error().message.find("'tape'"), std::string::npos);
+}
+
+TEST(Channel, ABadPortNamesTheOptionAndWhatIsAccepted) {
+  const auto ports = ports_of(ChannelMode::bridge, {{"device", "serial:/dev/ttyUSB0,parity=mark"}, {"driver", "pty"}});
+  ASSERT_FALSE(ports.has_value());
+  for (const char* part : {"'device'", "'parity'", "'mark'", "even"}) {
+    EXPECT_NE(ports.error().message.find(part), std::string::npos) << part;
+  }
+}
+
+TEST(Channel, ATapeThatIsNotThereIsAnError) {
+  const auto ports = ports_of(ChannelMode::replay, {{"tape", "/nowhere/laser"}, {"driver", "pty"}});
+  ASSERT_FALSE(ports.has_value());
+  EXPECT_EQ(ports.error().code, Errc::usage);
+}
+
+TEST(Channel, ReplayHasTheVerbsDefaultsNotFlexiports) {
+  const auto options = channel_options(ChannelMode::replay);
+  const auto value = [&](std::string_view name) { return std::ranges::find(options, name, &OptionSpec::name)->default_value; };
+  EXPECT_EQ(value("strictness"), "1");
+  EXPECT_EQ(value("timing"), "reactive");
+  EXPECT_EQ(find_port_type("logreader")->find("strictness")->default_value, "0");
+  EXPECT_EQ(find_port_type("logreader")->find("timing")->default_value, "recorded");
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,212 @@
+#include "libport/session/session.hpp"
+
+#include <memory>
+#include <optional>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/memory_port.hpp"
+#include "tests/support/quiet_log.hpp"
+
+namespace porttape {
+namespace {
+
+using Reason = LineDown::Reason;
+
+class SessionTest : public testing::Test {
+ protected:
+  SessionTest() {
+    driver.passive = true;
+    driver.up_at_once = false;
+    session = std::make_unique<Session>(PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(driver),
+                                        std::make_unique<MemoryPort>(device), [this](int status) { end_status = status; });
+  }
+
+  void start() { ASSERT_TRUE(session->start().has_value()); }
+  void run_ready() {
+    while (loop.poll_one()) {
+    }
+    loop.restart();
+  }
+
+  Loop loop;
+  LogBook book;
+  MemoryPort::Peer driver;
+  MemoryPort::Peer device;
+  std::optional<int> end_status;
+  std::unique_ptr<Session> session;
+};
+
+TEST_F(SessionTest, TheDeviceIsOpenedAndClosedByTheDriver) {
+  start();
+  EXPECT_EQ(device.calls, "prepare ");
+  driver.up();
+  EXPECT_EQ(device.calls, "prepare open ");
+  driver.down(Reason::closed);
+  EXPECT_EQ(device.calls, "prepare open close ");
+  driver.up();
+  EXPECT_EQ(device.calls, "prepare open close open ");
+}
+
+TEST_F(SessionTest, BytesGoBothWays) {
+  start();
+  driver.up();
+  driver.send("ask");
+  device.send("answer");
+  EXPECT_EQ(device.written, "ask");
+  EXPECT_EQ(driver.written, "answer");
+  EXPECT_EQ(session->counters().from_driver_bytes, 3U);
+  EXPECT_EQ(session->counters().to_driver_bytes, 6U);
+}
+
+TEST_F(SessionTest, BytesForAbsentDriverAreCountedAndDropped) {
+  start();
+  device.send("noise");
+  EXPECT_EQ(driver.written, "");
+  EXPECT_EQ(session->counters().dropped_bytes, 5U);
+}
+
+TEST_F(SessionTest, ASlowDeviceStopsTheDriverUntilItHasDrained) {
+  start();
+  driver.up();
+  device.congested = true;
+  driver.send("much");
+  EXPECT_FALSE(driver.reading);
+  device.drain();
+  EXPECT_TRUE(driver.reading);
+}
+
+TEST_F(SessionTest, ASlowDriverStopsTheDeviceUntilItHasDrained) {
+  start();
+  driver.up();
+  driver.congested = true;
+  device.send("much");
+  EXPECT_FALSE(device.reading);
+  driver.drain();
+  EXPECT_TRUE(device.reading);
+}
+
+TEST_F(SessionTest, ADriverThatLeavesASlowDeviceDoesNotStopItForEver) {
+  start();
+  driver.up();
+  driver.congested = true;
+  device.send("much");
+  driver.down(Reason::closed);
+  EXPECT_TRUE(device.reading);
+}
+
+TEST_F(SessionTest, LastBytesReachASlowDeviceBeforeItIsClosed) {
+  start();
+  driver.up();
+  device.congested = true;
+  driver.send("last");
+  driver.down(Reason::closed);
+  EXPECT_EQ(device.calls, "prepare open ");
+  device.drain();
+  EXPECT_EQ(device.calls, "prepare open close ");
+}
+
+TEST_F(SessionTest, ANewDriverWaitsForTheLastOnesBytes) {
+  start();
+  driver.up();
+  device.congested = true;
+  driver.send("last");
+  driver.down(Reason::closed);
+  driver.up();
+  EXPECT_FALSE(driver.reading);
+  device.drain();
+  EXPECT_EQ(device.calls, "prepare open close open ");
+  EXPECT_TRUE(driver.reading);
+}
+
+TEST_F(SessionTest, TheDriverIsNotReadUntilTheDeviceIsUp) {
+  device.up_at_once = false;
+  start();
+  driver.up();
+  EXPECT_FALSE(driver.reading);
+  device.up();
+  EXPECT_TRUE(driver.reading);
+}
+
+TEST_F(SessionTest, ALostDeviceHangsUpTheDriverAndSaysWhy) {
+  start();
+  driver.up();
+  device.down(Reason::lost, "unplugged");
+  EXPECT_EQ(driver.calls, "prepare open hang_up ");
+  EXPECT_NE(book.text().find("unplugged"), std::string::npos);
+  driver.down(Reason::hung_up);
+  EXPECT_EQ(device.calls, "prepare open close ");
+  driver.up();
+  EXPECT_EQ(device.calls, "prepare open close open ");
+}
+
+TEST_F(SessionTest, APassiveDeviceThatClosesKeepsTheDriverWaiting) {
+  device.passive = true;
+  start();
+  driver.up();
+  device.down(Reason::closed);
+  EXPECT_EQ(driver.calls, "prepare open ");
+  EXPECT_FALSE(driver.reading);
+  device.up();
+  EXPECT_TRUE(driver.reading);
+}
+
+TEST_F(SessionTest, NothingIsOpenedWhenTheDeviceIsMissing) {
+  device.prepared = make_error(Errc::device_missing, "no such device");
+  const Result<void> started = session->start();
+  ASSERT_FALSE(started.has_value());
+  EXPECT_EQ(started.error().code, Errc::device_missing);
+  EXPECT_EQ(driver.calls, "");
+}
+
+TEST_F(SessionTest, StopWithoutADriverEndsAtOnceWithTheDevicesStatus) {
+  device.status = exit_status::kIncomplete;
+  start();
+  session->stop();
+  run_ready();
+  EXPECT_EQ(end_status, exit_status::kIncomplete);
+  EXPECT_EQ(device.calls, "prepare finish ");
+}
+
+TEST_F(SessionTest, StopSendsWhatIsQueuedThenHangsUp) {
+  start();
+  driver.up();
+  device.congested = true;
+  driver.send("last");
+  session->stop();
+  EXPECT_EQ(driver.calls, "prepare open ");
+  device.drain();
+  EXPECT_EQ(driver.calls, "prepare open hang_up_after_reading ");
+  driver.down(Reason::hung_up);
+  run_ready();
+  EXPECT_EQ(end_status, 0);
+  EXPECT_EQ(device.calls, "prepare open close finish ");
+}
+
+TEST_F(SessionTest, ASecondStopEndsAtOnce) {
+  start();
+  driver.up();
+  device.congested = true;
+  driver.send("last");
+  session->stop();
+  session->stop();
+  run_ready();
+  EXPECT_EQ(end_status, 0);
+}
+
+TEST_F(SessionTest, APortThatHasFinishedEndsTheSessionWithItsStatus) {
+  start();
+  device.finish(exit_status::kDataMismatch);
+  EXPECT_FALSE(end_status.has_value());
+  run_ready();
+  EXPECT_EQ(end_status, exit_status::kDataMismatch);
+}
+
+TEST_F(SessionTest, RotateReachesTheTape) {
+  start();
+  session->rotate();
+  EXPECT_EQ(device.calls, "prepare rotate ");
+}
+
+}  // namespace
+}  // namespace porttape

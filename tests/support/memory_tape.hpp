@@ -1,0 +1,127 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "libport/base/bytes.hpp"
+#include "libport/tape/record.hpp"
+
+namespace porttape::test {
+
+// A tape written down in a test, in merged order.
+class MemoryTape {
+ public:
+  struct Entry {
+    RecordKind kind = RecordKind::event;
+    std::int64_t us = 0;
+    std::string data;  // event: its kind
+  };
+
+  MemoryTape& read(std::int64_t us, std::string_view data) { return add(RecordKind::read, us, data); }
+  MemoryTape& write(std::int64_t us, std::string_view data) { return add(RecordKind::write, us, data); }
+  MemoryTape& open(std::int64_t us) { return add(RecordKind::open, us, {}); }
+  MemoryTape& close(std::int64_t us) { return add(RecordKind::close, us, {}); }
+  MemoryTape& event(std::int64_t us, std::string_view kind) { return add(RecordKind::event, us, kind); }
+
+  [[nodiscard]] const std::vector<Entry>& entries() const { return entries_; }
+  [[nodiscard]] std::string all(RecordKind kind) const {
+    std::string out;
+    for (const Entry& entry : entries_) {
+      if (entry.kind == kind) out += entry.data;
+    }
+    return out;
+  }
+  [[nodiscard]] std::uint64_t opens() const {
+    return static_cast<std::uint64_t>(std::count_if(
+        entries_.begin(), entries_.end(), [](const Entry& entry) { return entry.kind == RecordKind::open; }));
+  }
+
+ private:
+  MemoryTape& add(RecordKind kind, std::int64_t us, std::string_view data) {
+    entries_.push_back({kind, us, std::string(data)});
+    return *this;
+  }
+
+  std::vector<Entry> entries_;
+};
+
+// Plays a MemoryTape as a RecordSource: all of it, or only its writes. Refers to the tape. Blocks come in
+// pieces of at most `piece` bytes; call number `fail_at` of next() (counted from 0, over all rewinds) and all
+// after it fail.
+class MemorySource final : public RecordSource {
+ public:
+  enum class Select : std::uint8_t { merged, writes_only };
+
+  explicit MemorySource(const MemoryTape& tape, Select select = Select::merged,
+                        std::size_t piece = std::numeric_limits<std::size_t>::max())
+      : tape_(tape), select_(select), piece_(piece) {}
+
+  void fail_at(std::size_t call) { fail_at_ = call; }
+  [[nodiscard]] std::size_t calls() const { return calls_; }
+  [[nodiscard]] std::size_t rewinds() const { return rewinds_; }
+
+  Result<std::optional<Record>> next() override {
+    if (calls_++ >= fail_at_) return make_error(Errc::damaged_tape, "damaged at block 7");
+    const auto& entries = tape_.entries();
+    while (index_ < entries.size() && select_ == Select::writes_only &&
+           entries[index_].kind != RecordKind::write)
+      ++index_;
+    if (index_ >= entries.size()) return std::optional<Record>{};
+    return std::optional<Record>{piece_of(entries[index_])};
+  }
+
+  Result<void> rewind() override {
+    ++rewinds_;
+    index_ = 0;
+    taken_ = 0;
+    reads_ = 0;
+    writes_ = 0;
+    return {};
+  }
+
+ private:
+  Record piece_of(const MemoryTape::Entry& entry) {
+    Record record;
+    record.kind = entry.kind;
+    record.at = tape_time_us(entry.us);
+    if (entry.kind == RecordKind::event) record.event = entry.data;
+    if (entry.kind == RecordKind::read || entry.kind == RecordKind::write) {
+      const ByteView data = as_bytes(entry.data);
+      const std::size_t size = std::min(piece_, data.size() - taken_);
+      std::uint64_t& stream = entry.kind == RecordKind::read ? reads_ : writes_;
+      // A copy, so that a view kept too long shows under AddressSanitizer.
+      buffer_ = Bytes(data.begin() + static_cast<std::ptrdiff_t>(taken_),
+                      data.begin() + static_cast<std::ptrdiff_t>(taken_ + size));
+      record.data = buffer_;
+      record.stream_offset = stream;
+      record.block_length = static_cast<std::uint32_t>(data.size());
+      record.piece_offset = static_cast<std::uint32_t>(taken_);
+      stream += size;
+      taken_ += size;
+      if (taken_ < data.size()) return record;
+    }
+    taken_ = 0;
+    ++index_;
+    return record;
+  }
+
+  const MemoryTape& tape_;
+  Select select_;
+  std::size_t piece_;
+  std::size_t index_ = 0;
+  std::size_t taken_ = 0;
+  std::uint64_t reads_ = 0;
+  std::uint64_t writes_ = 0;
+  std::size_t calls_ = 0;
+  std::size_t rewinds_ = 0;
+  std::size_t fail_at_ = std::numeric_limits<std::size_t>::max();
+  Bytes buffer_;
+};
+
+}  // namespace porttape::test

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "libport/port/loop.hpp"
+#include "libport/port/port.hpp"
+#include "libport/port/timer.hpp"
+
+namespace porttape {
+
+// Notes what a port tells.
+class PortLog final : public PortListener {
+ public:
+  void on_up() override { events += "up "; }
+  void on_data(ByteView bytes) override { data += as_text(bytes); }
+  void on_drained() override { events += "drained "; }
+  void on_down(const LineDown& down) override {
+    events += down.reason == LineDown::Reason::closed ? "closed " : down.reason == LineDown::Reason::failed ? "failed " : down.reason == LineDown::Reason::lost ? "lost " : "hung_up ";
+    error = down.error;
+  }
+  void on_finished(int exit_status) override { events += "finished" + std::to_string(exit_status) + " "; }
+
+  std::string events;
+  std::string data;
+  Error error;
+};
+
+// Runs the loop until `done`, and fails the test when that takes absurdly long.
+inline void run_until(Loop& loop, const std::function<bool()>& done) {
+  bool late = false;
+  Timer limit(loop, [&late] { late = true; });
+  limit.set_after(std::chrono::seconds(20));
+  while (!done() && !late) loop.run_one();
+  EXPECT_FALSE(late) << "what the test waits for did not come";
+}
+
+}  // namespace porttape
