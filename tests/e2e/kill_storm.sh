@@ -21,7 +21,7 @@ print(len(received) - common, len(taped))' "$devices" "$1" "$2"
 
 worst=0 torn=0 bytes=0
 for ((n = 1; n <= kills; n++)); do
-  rm -f "$work"/tape.log?
+  rm -f "$work"/tape.log? "$work"/*.got
   line_pair line
   pair=$started
   rm -f "$work/port" # left by the kill before; its tty may be another one by now
