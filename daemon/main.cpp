@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "daemon/background.hpp"
-#include "daemon/command_line.hpp"
+#include "daemon/invocation.hpp"
 #include "daemon/daemon.hpp"
 #include "daemon/log.hpp"
 #include "daemon/notify.hpp"
@@ -19,7 +19,7 @@ int fail(const Error& error) {
   return exit_status_of(error.code);
 }
 
-int run(const CommandLine& line) {
+int run(const Invocation& line) {
   Background background;
   if (line.background) {
     const Result<std::optional<int>> child = background.start();
@@ -46,7 +46,7 @@ int main_of(const std::vector<std::string>& arguments) {
   // A reader that goes away, and a limit on the size of files, are errors of a write, not the end of the line.
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);
-  const Result<CommandLine> line = parse_command_line(arguments);
+  const Result<Invocation> line = parse_invocation(arguments);
   if (!line) return fail(line.error());
   if (line->print) {
     std::cout << *line->print << std::flush;

@@ -2,7 +2,7 @@
 
 #include <signal.h>
 #include <spawn.h>
-#include <sys/pidfd.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -41,7 +41,8 @@ Result<std::unique_ptr<ChildProcess>> ChildProcess::start(Loop& loop, const std:
   if (const int error = spawn(command, pid); error != 0) {
     return make_error(Errc::usage, fmt::format("command '{}' cannot be run: {}", command.front(), errno_text(error)));
   }
-  UniqueFd pid_fd(::pidfd_open(pid, 0));
+  // glibc 2.36 declares pidfd_open() without extern "C".
+  UniqueFd pid_fd(static_cast<int>(::syscall(SYS_pidfd_open, pid, 0)));
   if (!pid_fd) {
     const int error = errno;
     ::kill(pid, SIGKILL);

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
-#include <iostream>
 #include <memory>
 #include <optional>
 #include <ostream>
@@ -29,6 +28,7 @@
 #include "libport/session/session.hpp"
 #include "tools/child_process.hpp"
 #include "tools/option_description.hpp"
+#include "tools/output.hpp"
 #include "tools/verbs.hpp"
 
 namespace porttape {
@@ -247,8 +247,7 @@ int run_request(const Request& request, std::ostream& out, std::ostream& err) {
   TestRun test(request);
   const Result<RunReport> report = test.run();
   if (!report) return fail(report.error(), err);
-  const bool color = &out == &std::cout && ::isatty(STDOUT_FILENO) != 0 && ::getenv("NO_COLOR") == nullptr;
-  out << to_text(*report, color) << std::flush;
+  out << to_text(*report, wants_color(out)) << std::flush;
   if (!test.trouble().empty()) fmt::print(err, "porttape test: {}\n", test.trouble());
   if (report->command_exit.value_or(0) != 0) fmt::print(err, "porttape test: the command ended with status {}\n", *report->command_exit);
   if (!request.report_file.empty()) {
@@ -259,9 +258,9 @@ int run_request(const Request& request, std::ostream& out, std::ostream& err) {
 
 }  // namespace
 
-int run_test(std::span<const std::string> args, std::ostream& out, std::ostream& err) {
+int run_test(Arguments args, std::ostream& out, std::ostream& err) {
   const auto separator = std::ranges::find(args, "--");
-  const std::span<const std::string> options(args.begin(), separator);
+  const Arguments options(args.begin(), separator);
   std::vector<std::string> command;
   if (separator != args.end()) command.assign(separator + 1, args.end());
   const std::vector<OptionSpec> specs = test_options();

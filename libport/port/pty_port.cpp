@@ -12,10 +12,17 @@
 
 #include <spdlog/spdlog.h>
 
+#include "libport/port/tty.hpp"
+
 namespace porttape {
 namespace {
 
 constexpr Nanos kUnreadPoll = std::chrono::milliseconds(2);  // no event tells that a driver has read everything
+
+// How often the driver's settings are looked at: drivers set them mostly just after opening.
+constexpr Nanos kFirstLooks = std::chrono::milliseconds(10);
+constexpr Nanos kLaterLooks = std::chrono::milliseconds(100);
+constexpr Nanos kSettlingTime = std::chrono::seconds(1);
 
 Result<Pty::Access> access_of(const PortOptions& options) {
   Pty::Access access{0, options.text("owner"), options.text("group")};
@@ -39,7 +46,8 @@ PtyPort::Line::Line(PtyPort& port, Pty made)
 }
 
 PtyPort::PtyPort(const PortContext& context, const PortOptions& options)
-    : context_(context), options_(options), hang_up_timer_(*context.loop, [this] { on_hang_up_timer(); }) {}
+    : context_(context), options_(options),
+      hang_up_timer_(*context.loop, [this] { on_hang_up_timer(); }), look_timer_(*context.loop, [this] { on_look_timer(); }) {}
 
 PtyPort::~PtyPort() = default;
 
@@ -135,6 +143,8 @@ void PtyPort::peer_arrived() {
   openers_ = 1;
   context_.log->debug("{}: opened", name());
   line_->master_watch.watch_readable(reading_);
+  arrived_ = Loop::now();
+  look_timer_.set_after(kFirstLooks);
   set_up(true);
 }
 
@@ -142,6 +152,7 @@ void PtyPort::peer_left() {
   peer_ = false;
   openers_ = 0;
   hang_up_timer_.cancel();
+  look_timer_.cancel();
   context_.log->debug("{}: closed", name());
   line_->master_watch.watch_readable(false);
   line_->outbox.discard();
@@ -240,6 +251,12 @@ void PtyPort::on_hang_up_timer() {
   } else {
     hang_up(false);
   }
+}
+
+void PtyPort::on_look_timer() {
+  if (!peer_ || !line_) return;
+  renew_mark(line_->pty.master());
+  look_timer_.set_after(Loop::now() - arrived_ < kSettlingTime ? kFirstLooks : kLaterLooks);
 }
 
 std::string PtyPort::name() const {

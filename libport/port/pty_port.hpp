@@ -60,12 +60,15 @@ class PtyPort final : public Port {
   void peer_reopened();
   void set_up(bool up, LineDown::Reason reason = LineDown::Reason::closed);
   void on_hang_up_timer();
+  void on_look_timer();
 
   PortContext context_;
   PortOptions options_;
   std::optional<PtyLink> link_;
   std::unique_ptr<Line> line_;
   Timer hang_up_timer_;
+  Timer look_timer_;  // no event tells of changed settings
+  Instant arrived_{};
   std::array<Byte, kReadSize> buffer_{};
   int openers_ = 0;  // an estimate (inotify merges events); only decides whether CLOSE, OPEN was a reopen
   bool accepting_ = false;

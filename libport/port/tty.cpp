@@ -87,6 +87,13 @@ Result<void> make_pty_raw(int fd) {
   return {};
 }
 
+void renew_mark(int fd) {
+  termios2 tio{};
+  if (::ioctl(fd, TCGETS2, &tio) != 0 || (tio.c_lflag & (ICANON | ECHONL)) != 0) return;
+  tio.c_lflag |= ECHONL;
+  (void)::ioctl(fd, TCSETS2, &tio);
+}
+
 Result<void> set_modem_line(int fd, int line, bool on) {
   if (::ioctl(fd, on ? TIOCMBIS : TIOCMBIC, &line) != 0) return tty_error("setting a modem line");
   return {};

@@ -31,6 +31,9 @@ Result<std::string> apply_settings(int fd, const LineSettings& settings);
 // changes nothing that sticks, and a pty takes neither parity nor 5 to 7 bits; clearing that bit is a change that sticks.
 Result<void> make_pty_raw(int fd);
 
+// Sets ECHONL again after a driver has cleared it, if ICANON is off. Cheap when there is nothing to do.
+void renew_mark(int fd);
+
 // Sets or clears a modem line (TIOCM_DTR, TIOCM_RTS). Ptys have none: ENOTTY.
 Result<void> set_modem_line(int fd, int line, bool on);
 

@@ -17,6 +17,23 @@
 namespace porttape {
 namespace {
 
+// A driver that reads whatever comes.
+struct Reader {
+  Reader(Loop& loop, const UniqueFd& fd) : watch(loop, fd.get(), [this, raw = fd.get()] {
+    char buffer[4096];
+    const ssize_t size = ::read(raw, buffer, sizeof buffer);
+    if (size > 0) {
+      got.append(buffer, static_cast<std::size_t>(size));
+    } else {
+      watch.watch_readable(false);
+    }
+  }) {
+    watch.watch_readable(true);
+  }
+  std::string got;
+  FdWatch watch;
+};
+
 class PtyPortTest : public testing::Test {
  protected:
   PtyPortTest() : link((dir.path() / "port").string()), port(PortContext{&loop, book.log()}, options()) { port.listen(log); }
@@ -149,16 +166,29 @@ TEST_F(PtyPortTest, IsRawForEachDriverWhateverTheLastOneSet) {
 TEST_F(PtyPortTest, AskingForParityTwiceIsNoError) {
   start();
   for (int i = 0; i < 3; ++i) {
-    const UniqueFd fd = driver();
+    UniqueFd fd = driver();
     termios tio{};
     ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
     ::cfmakeraw(&tio);
     tio.c_cflag |= PARENB;
     EXPECT_EQ(::tcsetattr(fd.get(), TCSANOW, &tio), 0) << "session " << i;
     run_until(loop, [&] { return log.events.ends_with("up "); });
-    log.events.clear();
-    UniqueFd closing(::dup(fd.get()));
-    closing.reset();
+    fd.reset();
+    run_until(loop, [&] { return log.events.ends_with("closed "); });
+  }
+}
+
+TEST_F(PtyPortTest, AskingForParityAgainInOneSessionIsNoErrorOnceWeHaveLooked) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  termios tio{};
+  for (const tcflag_t parity : {tcflag_t{PARENB}, tcflag_t{PARENB | PARODD}, tcflag_t{PARENB}}) {
+    ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
+    tio.c_lflag &= ~static_cast<tcflag_t>(ECHONL);
+    tio.c_cflag |= parity;
+    EXPECT_EQ(::tcsetattr(fd.get(), TCSANOW, &tio), 0);
+    run_until(loop, [&] { return ::tcgetattr(fd.get(), &tio) == 0 && (tio.c_lflag & static_cast<tcflag_t>(ECHONL)) != 0; });
   }
 }
 
@@ -173,12 +203,10 @@ TEST_F(PtyPortTest, ADriverThatDoesNotReadCongestsAndDrains) {
     written += block.size();
     ASSERT_LT(written, 1U << 20U);
   }
-  std::string got;
-  run_until(loop, [&] {
-    got += read_some(fd);
-    return log.events == "up drained ";
-  });
-  EXPECT_EQ(got.size() + read_all(fd, written - got.size()).size(), written);
+  const Reader reader(loop, fd);
+  until("up drained ");
+  run_until(loop, [&] { return reader.got.size() >= written; });
+  EXPECT_EQ(reader.got.size(), written);
 }
 
 TEST_F(PtyPortTest, HangUpEndsTheDriversLineAndTheLinkLivesOn) {
@@ -201,12 +229,9 @@ TEST_F(PtyPortTest, HangUpAfterReadingLosesNothing) {
   const std::string tail(10'000, 't');
   port.write(as_bytes(tail));
   port.hang_up(true);
-  std::string got;
-  run_until(loop, [&] {
-    got += read_some(fd);
-    return log.events.ends_with("hung_up ");
-  });
-  EXPECT_EQ(got, tail);
+  const Reader reader(loop, fd);
+  until("up hung_up ");
+  EXPECT_EQ(reader.got, tail);
 }
 
 TEST_F(PtyPortTest, BackpressureLeavesTheBytesWithTheDriver) {

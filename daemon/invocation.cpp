@@ -1,4 +1,4 @@
-#include "daemon/command_line.hpp"
+#include "daemon/invocation.hpp"
 
 #include <string_view>
 #include <utility>
@@ -62,7 +62,7 @@ po::options_description common_options() {
   return options;
 }
 
-Result<void> take_common(const po::variables_map& values, CommandLine& line) {
+Result<void> take_common(const po::variables_map& values, Invocation& line) {
   const std::string level = values["log-level"].as<std::string>();
   line.log_level = spdlog::level::from_str(level);
   if (line.log_level == spdlog::level::off && level != "off") {
@@ -74,12 +74,12 @@ Result<void> take_common(const po::variables_map& values, CommandLine& line) {
   return {};
 }
 
-Result<CommandLine> parse_verb(const Verb& verb, std::span<const std::string> arguments) {
+Result<Invocation> parse_verb(const Verb& verb, std::span<const std::string> arguments) {
   const std::vector<OptionSpec> specs = channel_options(verb.mode);
   po::options_description options = describe(specs, fmt::format("Options of {}", verb.name));
   options.add(common_options());
   const po::variables_map values = read_options(arguments, options);
-  CommandLine line;
+  Invocation line;
   if (values.contains("help")) {
     line.print = fmt::format("Usage: porttaped {} [options]\n\n{}\n\nExample: {}\n\n{}\n`porttaped --help-ports` tells what a PORT is.\n", verb.name,
                              verb.help, verb.example, as_text(options));
@@ -90,7 +90,7 @@ Result<CommandLine> parse_verb(const Verb& verb, std::span<const std::string> ar
   return line;
 }
 
-Result<CommandLine> parse_run(std::span<const std::string> arguments) {
+Result<Invocation> parse_run(std::span<const std::string> arguments) {
   po::options_description hidden;
   hidden.add_options()("config", po::value<std::string>());
   po::options_description options = common_options();
@@ -99,7 +99,7 @@ Result<CommandLine> parse_run(std::span<const std::string> arguments) {
   po::positional_options_description positions;
   positions.add("config", 1);
   const po::variables_map values = read_options(arguments, all, positions);
-  CommandLine line;
+  Invocation line;
   if (values.contains("help")) {
     line.print = fmt::format("Usage: porttaped run CONFIG [options]\n\nRuns every channel of a configuration file.\n\n{}\n{}", kRunHelp,
                              as_text(options));
@@ -113,10 +113,10 @@ Result<CommandLine> parse_run(std::span<const std::string> arguments) {
   return line;
 }
 
-Result<CommandLine> parse(std::span<const std::string> arguments) {
+Result<Invocation> parse(std::span<const std::string> arguments) {
   if (arguments.empty()) return usage("a verb is missing: record, replay, bridge or run; see porttaped --help");
   const std::string& verb = arguments.front();
-  CommandLine line;
+  Invocation line;
   if (verb == "--help" || verb == "-h" || verb == "help") {
     line.print = kUsage;
     return line;
@@ -138,7 +138,7 @@ Result<CommandLine> parse(std::span<const std::string> arguments) {
 
 }  // namespace
 
-Result<CommandLine> parse_command_line(std::span<const std::string> arguments) {
+Result<Invocation> parse_invocation(std::span<const std::string> arguments) {
   try {
     return parse(arguments);
   } catch (const po::error& error) {

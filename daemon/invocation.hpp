@@ -14,7 +14,7 @@
 namespace porttape {
 
 // What a command line of porttaped asks for.
-struct CommandLine {
+struct Invocation {
   std::optional<std::string> print;  // --help, --version: print this and end
   std::map<std::string, ChannelSpec> channels;  // by name; the verbs record, replay and bridge make one, named after the verb
   spdlog::level::level_enum log_level = spdlog::level::info;
@@ -24,6 +24,6 @@ struct CommandLine {
 };
 
 // Reads arguments (without the program's name), and the configuration file of the verb `run`.
-Result<CommandLine> parse_command_line(std::span<const std::string> arguments);
+Result<Invocation> parse_invocation(std::span<const std::string> arguments);
 
 }  // namespace porttape

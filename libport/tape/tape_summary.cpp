@@ -1,0 +1,217 @@
+#include "libport/tape/tape_summary.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "libport/tape/block_file.hpp"
+#include "libport/tape/events.hpp"
+#include "libport/tape/layout.hpp"
+#include "libport/tape/quantiles.hpp"
+
+namespace porttape {
+namespace {
+
+constexpr std::size_t kMaxKinds = 64;
+
+// Counts exchanges and measures answers, told the blocks in order.
+class ExchangeMeter {
+ public:
+  void on_write(TapeTime at) {
+    if (state_ != State::asking) ++exchanges_;
+    state_ = State::asking;
+    asked_ = at;
+  }
+  void on_read(TapeTime at) {
+    if (state_ != State::asking) return;
+    state_ = State::idle;
+    latency_.add((at - asked_).count());
+  }
+  void on_open_or_close() { state_ = State::idle; }
+
+  void report(TapeSummary& summary) const {
+    summary.exchanges = exchanges_;
+    summary.answered = latency_.count();
+    if (latency_.count() == 0) return;
+    summary.latency = LatencySummary{latency_.min(), latency_.at(0.5), latency_.at(0.99), latency_.max()};
+  }
+
+ private:
+  enum class State : std::uint8_t { idle, asking };
+
+  State state_ = State::idle;
+  TapeTime asked_{};
+  std::uint64_t exchanges_ = 0;
+  Quantiles latency_;
+};
+
+// One r or w file with its next block in view.
+class BlockStream {
+ public:
+  BlockStream(std::unique_ptr<ByteSource> source, Layout layout, FileSummary& summary) : summary_(summary) {
+    if (!source) return;
+    summary_.exists = true;
+    summary_.path = source->name();
+    const auto size = source->size();
+    summary_.file_bytes = size ? *size : 0;
+    file_.emplace(std::move(source), layout, BlockFile::Blocks::in_pieces);
+    advance();
+  }
+
+  [[nodiscard]] bool has_block() const { return has_block_; }
+  [[nodiscard]] bool failed() const { return summary_.damage.has_value(); }
+  [[nodiscard]] TapeTime at() const { return file_->piece().at; }
+
+  // Counts the block in view and goes on to the next one.
+  void advance() {
+    for (;;) {
+      const BlockFile::Step step = file_->next();
+      if (step != BlockFile::Step::piece) [[unlikely]]
+        return stop(step);
+      const BlockPiece& piece = file_->piece();
+      bytes_ += piece.data.size();
+      if (piece.piece_offset > 0) continue;
+      ++blocks_;
+      largest_ = std::max(largest_, piece.block_length);
+      if (blocks_ == 1) summary_.first = piece.at;
+      last_ = piece.at;
+      has_block_ = true;
+      return;
+    }
+  }
+
+ private:
+  void stop(BlockFile::Step step) {
+    has_block_ = false;
+    summary_.blocks = blocks_;
+    summary_.bytes = bytes_;
+    summary_.largest_block = largest_;
+    if (blocks_ > 0) summary_.last = last_;
+    if (step == BlockFile::Step::failed) summary_.damage = file_->error();
+    summary_.torn_bytes = file_->torn_bytes();
+    summary_.torn_tail = file_->torn_tail();
+  }
+
+  FileSummary& summary_;
+  std::optional<BlockFile> file_;
+  bool has_block_ = false;
+  std::uint64_t blocks_ = 0;
+  std::uint64_t bytes_ = 0;
+  std::uint32_t largest_ = 0;
+  TapeTime last_{};
+};
+
+// The events file with its next event in view.
+class EventStream {
+ public:
+  explicit EventStream(EventsSummary& summary) : summary_(summary) {}
+
+  Result<void> open(std::unique_ptr<ByteSource> source) {
+    if (!source) return {};
+    summary_.exists = true;
+    summary_.path = source->name();
+    auto file = EventFile::create(std::move(source));
+    if (!file) return file.error();
+    file_.emplace(std::move(*file));
+    summary_.header = file_->header();
+    advance();
+    return {};
+  }
+
+  [[nodiscard]] bool has_event() const { return has_event_; }
+  [[nodiscard]] bool failed() const { return summary_.damage.has_value(); }
+  [[nodiscard]] const TapeEvent& event() const { return file_->event(); }
+
+  void advance() {
+    const EventFile::Step step = file_->next();
+    has_event_ = step == EventFile::Step::event;
+    if (!has_event_) {
+      if (step == EventFile::Step::failed) summary_.damage = file_->error();
+      summary_.torn_tail = file_->torn_tail();
+      return;
+    }
+    const TapeEvent& event = file_->event();
+    if (summary_.kinds.size() < kMaxKinds || summary_.kinds.contains(event.kind))
+      ++summary_.kinds[event.kind];
+    if (event.kind == "gap") summary_.gap_bytes += event.bytes;
+    summary_.last = event.at;
+  }
+
+ private:
+  EventsSummary& summary_;
+  std::optional<EventFile> file_;
+  bool has_event_ = false;
+};
+
+// Goes through the three in the tape's order. Behind damage the order is unknown, so exchanges are counted no
+// further.
+void merge(BlockStream& read, BlockStream& write, EventStream& events, ExchangeMeter& meter) {
+  for (;;) {
+    const bool ordered = !read.failed() && !write.failed() && !events.failed();
+    if (events.has_event() && (!read.has_block() || events.event().at <= read.at()) &&
+        (!write.has_block() || events.event().at <= write.at())) {
+      const std::string& kind = events.event().kind;
+      if (ordered && (kind == "open" || kind == "close")) meter.on_open_or_close();
+      events.advance();
+    } else if (write.has_block() && (!read.has_block() || write.at() <= read.at())) {
+      if (ordered) meter.on_write(write.at());
+      write.advance();
+    } else if (read.has_block()) {
+      if (ordered) meter.on_read(read.at());
+      read.advance();
+    } else {
+      return;
+    }
+  }
+}
+
+}  // namespace
+
+std::uint64_t EventsSummary::count(const std::string& kind) const {
+  const auto found = kinds.find(kind);
+  return found == kinds.end() ? 0 : found->second;
+}
+
+Micros TapeSummary::duration() const {
+  const TapeTime zero{};
+  return std::max({read.last.value_or(zero), write.last.value_or(zero), events.last.value_or(zero)}) - zero;
+}
+
+std::vector<Error> TapeSummary::damages() const {
+  std::vector<Error> all;
+  for (const auto* damage : {&read.damage, &write.damage, &events.damage}) {
+    if (*damage) all.push_back(**damage);
+  }
+  return all;
+}
+
+std::vector<std::string> TapeSummary::torn_tails() const {
+  std::vector<std::string> all;
+  for (const auto* note : {&read.torn_tail, &write.torn_tail, &events.torn_tail}) {
+    if (*note) all.push_back(**note);
+  }
+  return all;
+}
+
+Result<TapeSummary> summarize(const TapePaths& paths) {
+  auto sources = TapeSources::open(paths);
+  if (!sources) return sources.error();
+  return summarize(paths.name(), std::move(*sources));
+}
+
+Result<TapeSummary> summarize(std::string name, TapeSources sources) {
+  const auto layout = detect_layout(sources.read.get(), sources.write.get());
+  if (!layout) return layout.error();
+  TapeSummary summary;
+  summary.name = std::move(name);
+  summary.layout = *layout;
+  EventStream events(summary.events);
+  if (const auto opened = events.open(std::move(sources.events)); !opened) return opened.error();
+  BlockStream read(std::move(sources.read), *layout, summary.read);
+  BlockStream write(std::move(sources.write), *layout, summary.write);
+  ExchangeMeter meter;
+  merge(read, write, events, meter);
+  meter.report(summary);
+  return summary;
+}
+
+}  // namespace porttape

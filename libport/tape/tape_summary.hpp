@@ -1,0 +1,77 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "libport/base/result.hpp"
+#include "libport/base/time.hpp"
+#include "libport/tape/block.hpp"
+#include "libport/tape/tape_header.hpp"
+#include "libport/tape/tape_name.hpp"
+#include "libport/tape/tape_reader.hpp"
+
+namespace porttape {
+
+// What an r or w file holds, up to its damage if there is any.
+struct FileSummary {
+  std::string path;
+  bool exists = false;
+  std::uint64_t file_bytes = 0;
+  std::uint64_t blocks = 0;
+  std::uint64_t bytes = 0;  // payload
+  std::uint32_t largest_block = 0;
+  std::optional<TapeTime> first;
+  std::optional<TapeTime> last;
+  std::uint64_t torn_bytes = 0;
+  std::optional<std::string> torn_tail;  // a note for a person
+  std::optional<Error> damage;           // or that it could not be read on (Errc::io)
+};
+
+struct EventsSummary {
+  std::string path;
+  bool exists = false;
+  std::optional<TapeHeader> header;
+  std::map<std::string, std::uint64_t>
+      kinds;                    // how many events of each; of unknown kinds at most 64 different ones
+  std::uint64_t gap_bytes = 0;  // that the gap events say are missing
+  std::optional<TapeTime> last;
+  std::optional<std::string> torn_tail;
+  std::optional<Error> damage;
+
+  [[nodiscard]] std::uint64_t count(const std::string& kind) const;
+};
+
+// Microseconds from the last write block of an exchange to the first read block behind it.
+struct LatencySummary {
+  std::int64_t min_us = 0;
+  std::int64_t median_us = 0;
+  std::int64_t p99_us = 0;
+  std::int64_t max_us = 0;
+};
+
+// What one pass over a tape finds: all that `porttape info` prints and `porttape verify` judges.
+struct TapeSummary {
+  std::string name;
+  Layout layout = Layout::big_endian;
+  FileSummary read;
+  FileSummary write;
+  EventsSummary events;
+  std::uint64_t exchanges = 0;  // a run of write blocks and the read blocks up to the next write
+  std::uint64_t answered = 0;   // exchanges with a read block, with no open or close in between
+  std::optional<LatencySummary> latency;
+
+  // From the tape's zero to its last block or event.
+  [[nodiscard]] Micros duration() const;
+  [[nodiscard]] std::vector<Error> damages() const;
+  [[nodiscard]] std::vector<std::string> torn_tails() const;
+};
+
+// Reads the whole tape once, in constant memory; what is damaged ends that file and not the others. Errors:
+// only what keeps it from being read at all (Errc::usage, Errc::not_a_tape, Errc::io).
+Result<TapeSummary> summarize(const TapePaths& paths);
+Result<TapeSummary> summarize(std::string name, TapeSources sources);
+
+}  // namespace porttape

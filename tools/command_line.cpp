@@ -1,0 +1,64 @@
+#include "tools/command_line.hpp"
+
+#include <boost/program_options/errors.hpp>
+#include <boost/program_options/positional_options.hpp>
+#include <boost/program_options/value_semantic.hpp>
+
+#include "libport/base/error.hpp"
+#include "tools/option_description.hpp"
+
+namespace porttape {
+
+namespace po = boost::program_options;
+
+CommandLine::CommandLine(const VerbHelp& help) : help_(help), options_("Options", 100) {
+  options_.add_options()("help,h", "this text");
+}
+
+CommandLine& CommandLine::flag(const char* name, const char* help) {
+  options_.add_options()(name, help);
+  return *this;
+}
+
+CommandLine& CommandLine::value(const char* name, const char* value_name, const char* help) {
+  options_.add_options()(name, po::value<std::string>()->value_name(value_name), help);
+  return *this;
+}
+
+std::optional<int> CommandLine::parse(Arguments args, std::ostream& out, std::ostream& err) {
+  po::options_description all;
+  all.add(options_).add_options()("tape", po::value<std::vector<std::string>>(&tapes_));
+  po::positional_options_description positional;
+  positional.add("tape", -1);
+  try {
+    values_ = read_options(args, all, positional);
+  } catch (const po::error& wrong) {
+    return usage_error(err, wrong.what());
+  }
+  if (has("help")) {
+    print_help(out);
+    return exit_status::kPass;
+  }
+  if (tapes_.empty()) return usage_error(err, "no tape given");
+  return std::nullopt;
+}
+
+int CommandLine::usage_error(std::ostream& err, std::string_view what) const {
+  err << "porttape " << help_.verb << ": " << what << "; see porttape " << help_.verb << " --help\n";
+  return exit_status::kUsage;
+}
+
+std::optional<std::string> CommandLine::text(const std::string& option) const {
+  const auto found = values_.find(option);
+  if (found == values_.end()) return std::nullopt;
+  return found->second.as<std::string>();
+}
+
+void CommandLine::print_help(std::ostream& out) const {
+  out << "Usage: porttape " << help_.verb << ' ' << help_.usage << "\n\n"
+      << help_.about << '\n'
+      << options_ << "\nExamples:\n"
+      << help_.examples;
+}
+
+}  // namespace porttape

@@ -1,0 +1,37 @@
+#include "tools/text.hpp"
+
+#include <array>
+#include <cstdio>
+
+namespace porttape {
+namespace {
+
+std::string with_unit(double value, const char* unit) {
+  std::array<char, 64> text{};
+  std::snprintf(text.data(), text.size(), value < 9.995 ? "%.2f %s" : "%.1f %s", value, unit);
+  return text.data();
+}
+
+}  // namespace
+
+std::string seconds_text(std::int64_t us) {
+  std::string fraction = std::to_string(us % 1'000'000);
+  fraction.insert(0, 6 - fraction.size(), '0');
+  return std::to_string(us / 1'000'000) + '.' + fraction;
+}
+
+std::string span_text(std::int64_t us) {
+  if (us < 1000) return std::to_string(us) + " us";
+  if (us < 1'000'000) return with_unit(static_cast<double>(us) / 1e3, "ms");
+  return with_unit(static_cast<double>(us) / 1e6, "s");
+}
+
+std::string rate_text(std::uint64_t bytes, std::int64_t us) {
+  if (us <= 0) return "-";
+  const double rate = static_cast<double>(bytes) * 1e6 / static_cast<double>(us);
+  if (rate < 1e3) return with_unit(rate, "B/s");
+  if (rate < 1e6) return with_unit(rate / 1e3, "kB/s");
+  return with_unit(rate / 1e6, "MB/s");
+}
+
+}  // namespace porttape
