@@ -1,0 +1,29 @@
+# shellcheck shell=bash
+# Sourced by ./check and ./demo: need_packages NAME… installs what is missing of the named Debian packages, and nothing else.
+
+need_packages() {
+  local package missing=() as_root=()
+  for package; do
+    [[ $(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null) == installed ]] || missing+=("$package")
+  done
+  [[ ${#missing[@]} -gt 0 ]] || return 0
+  echo "Installing: ${missing[*]}"
+  if [[ $EUID != 0 ]]; then
+    command -v sudo >/dev/null || { echo "These packages are missing, and there is no sudo to install them." >&2; return 1; }
+    as_root=(sudo)
+  fi
+  # No service may start on this machine because of a test.
+  local policy=/usr/sbin/policy-rc.d made_policy=
+  if [[ ! -e $policy ]]; then
+    printf '#!/bin/sh\nexit 101\n' | "${as_root[@]}" tee "$policy" >/dev/null
+    "${as_root[@]}" chmod 755 "$policy"
+    made_policy=yes
+  fi
+  local status=0
+  "${as_root[@]}" apt-get update -qq </dev/null &&
+    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" \
+      </dev/null >/dev/null || status=$?
+  [[ -z $made_policy ]] || "${as_root[@]}" rm -f "$policy"
+  [[ $status == 0 ]] || echo "apt-get could not install them (status $status)." >&2
+  return "$status"
+}

@@ -1,0 +1,135 @@
+# shellcheck shell=bash
+# Sourced by every script of this folder. Gives $work (a folder that goes away at exit), processes that end with the
+# script, waiting, and the exit statuses: 0 right, 1 wrong, 77 something needed is missing.
+set -euo pipefail
+
+e2e=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+devices=$e2e/../devices
+: "${PORTTAPED:=porttaped}" "${PORTTAPE:=porttape}" "${PYTHON:=/usr/bin/python3}"
+: "${DEVICE_BIN:=$e2e/../../build/release/tests/devices}" # modbus_slave and serprog_flash
+: "${SHARED_DIR:=$e2e/../../../shared}"
+self=$(basename "$0" .sh)
+work=$(mktemp -d "${TMPDIR:-/tmp}/porttape-e2e.XXXXXX")
+pids=()
+
+say() { printf '%s: %s\n' "$self" "$*"; }
+die() { printf '%s: FAIL: %s\n' "$self" "$*" >&2; exit 1; }
+skip() { printf '%s: skipped: %s\n' "$self" "$*" >&2; exit 77; }
+
+need() {
+  local program
+  for program; do command -v "$program" >/dev/null || skip "no $program"; done
+}
+
+# start COMMAND…: in the background, in a process group of its own; $started is its pid. $input replaces /dev/null.
+start() {
+  set -m
+  "$@" <"${input:-/dev/null}" &
+  started=$!
+  set +m
+  pids+=("$started")
+}
+
+alive() { kill -0 "$1" 2>/dev/null; }
+
+# ended PID SECONDS: waits for the end; status 1 when it still runs then.
+ended() {
+  local n
+  for ((n = 0; n < $2 * 50; n++)); do
+    alive "$1" || return 0
+    sleep 0.02
+  done
+  return 1
+}
+
+# stop PID…: ends what start started, with all its children; by force when it takes over 10 s.
+stop() {
+  local pid
+  for pid; do kill -TERM -- "-$pid" 2>/dev/null || true; done
+  for pid; do
+    ended "$pid" 10 || say "pid $pid had to be killed" >&2
+    kill -KILL -- "-$pid" 2>/dev/null || true
+    wait "$pid" 2>/dev/null || true
+  done
+}
+
+# status_of PID: waits and sets $status, without ending the script.
+status_of() { if { wait "$1"; } 2>/dev/null; then status=0; else status=$?; fi; }
+
+# try COMMAND…: runs it and sets $status, without ending the script.
+try() { if "$@"; then status=0; else status=$?; fi; }
+
+finish() {
+  local code=$?
+  trap - EXIT
+  set +e
+  local n
+  for ((n = ${#pids[@]} - 1; n >= 0; n--)); do
+    alive "${pids[n]}" && kill -CONT -- "-${pids[n]}" 2>/dev/null
+    kill -0 -- "-${pids[n]}" 2>/dev/null && stop "${pids[n]}"
+  done
+  if [[ -n ${KEEP:-} ]]; then echo "kept $work" >&2; else rm -rf "$work"; fi
+  exit "$code"
+}
+trap finish EXIT
+trap 'exit 130' INT TERM
+
+# until_true SECONDS COMMAND…: tries the command until it succeeds.
+until_true() {
+  local n limit=$1
+  shift
+  for ((n = 0; n < limit * 50; n++)); do
+    "$@" && return 0
+    sleep 0.02
+  done
+  return 1
+}
+
+is_link() { [[ -e $1 ]]; } # through a link: it is there and not dangling
+wait_for() { until_true 20 is_link "$1" || die "$1 did not come${2:+: $(cat "$2")}"; }
+
+# has_open PID PATH: whether the process, or a child of it, has that file open.
+has_open() {
+  local pid target
+  target=$(readlink -f "$2") || return 1
+  for pid in "$1" $(pgrep -P "$1"); do
+    find "/proc/$pid/fd" -lname "$target" 2>/dev/null | grep -q . && return 0
+  done
+  return 1
+}
+
+# line_pair NAME: two joined ttys $work/NAME.near and $work/NAME.far. What passes is kept by this second tap:
+# NAME.w.tap (near to far: what a driver writes) and NAME.r.tap. $started is the socat that owns them.
+line_pair() {
+  start socat -r "$work/$1.w.tap" -R "$work/$1.r.tap" \
+    "pty,raw,echo=0,link=$work/$1.near" "pty,raw,echo=0,link=$work/$1.far"
+  wait_for "$work/$1.near"
+  wait_for "$work/$1.far"
+}
+
+payload() { "$PYTHON" "$devices/tapefile.py" payload "$1"; }
+
+# json FILE KEY.KEY: one value of a JSON file. verdict_is WORD REPORT: the report's verdict.
+json() { "$PYTHON" -c 'import json,sys
+value = json.load(open(sys.argv[1]))
+for key in sys.argv[2].split("."): value = value[key]
+print(json.dumps(value) if isinstance(value, (dict, list, bool, type(None))) else value)' "$1" "$2"; }
+verdict_is() {
+  local verdict
+  verdict=$(json "$2" verdict) || die "no report in $2"
+  [[ $verdict == "$1" ]] || die "verdict $verdict, expected $1: $(cat "$2")"
+}
+
+# keep_busy: one spinning process for each core, until quiet.
+busy=()
+keep_busy() {
+  local n
+  for ((n = 0; n < $(nproc); n++)); do
+    start bash -c 'while :; do :; done'
+    busy+=("$started")
+  done
+}
+quiet() {
+  stop "${busy[@]}"
+  busy=()
+}

@@ -1,0 +1,64 @@
+#!/bin/bash
+# links.sh: what the daemon leaves behind when a signal ends it, and what SIGHUP does.
+# shellcheck source=lib.sh
+source "$(dirname "$0")/lib.sh"
+need socat
+line_pair line
+cd "$work"
+
+record() { start "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/port" --tape "$1" 2>>"$work/log"; wait_for "$work/port" "$work/log"; }
+# One exchange over the port; the device end sends everything back.
+start socat "FILE:$work/line.far,raw,echo=0" PIPE
+talk() {
+  "$PYTHON" -c 'import sys
+sys.path.insert(0, sys.argv[1])
+from line import Line
+line = Line(sys.argv[2])
+line.write(sys.argv[3].encode() + b"\n")
+got = line.read_until(b"\n", 10)
+sys.exit(got != sys.argv[3].encode() + b"\n")' "$devices" "$work/port" "$1" || die "no answer to $1: $(cat "$work/log")"
+}
+
+for signal in TERM INT; do
+  record "$work/$signal.log"
+  talk hello
+  kill "-$signal" "$started"
+  ended "$started" 10 || die "SIG$signal does not end porttaped"
+  status_of "$started"
+  [[ $status == 0 ]] || die "SIG$signal: exit $status: $(cat "$work/log")"
+  [[ ! -L $work/port ]] || die "SIG$signal leaves the link behind"
+  [[ $(payload "$work/$signal.logr") == hello ]] || die "SIG$signal: the tape does not hold the answer"
+done
+say "SIGTERM and SIGINT: exit 0, no link, tape closed"
+
+record "$work/turn.log"
+talk first
+find . -name '*.logr' | sort >before
+kill -HUP "$started"
+sleep 0.3
+talk second
+kill -TERM "$started"
+status_of "$started"
+[[ $status == 0 ]] || die "after SIGHUP: exit $status: $(cat "$work/log")"
+find . -name '*.logr' | sort >after
+mapfile -t new < <(comm -13 before after)
+[[ ${#new[@]} == 1 ]] || die "SIGHUP started ${#new[@]} new tapes: ${new[*]:-}"
+[[ $(payload "$work/turn.logr") == first ]] || die "the first tape does not end with the first talk"
+[[ $(payload "${new[0]}") == second ]] || die "the next tape does not hold the second talk"
+"$PORTTAPE" verify turn.log "${new[0]}" >out 2>&1 || die "verify: $(cat out)"
+say "SIGHUP: a next tape, ${new[0]}"
+
+record "$work/killed.log"
+kill -KILL "$started"
+status_of "$started"
+[[ -L $work/port ]] || die "expected the killed daemon's link to be still there"
+record "$work/again.log"
+talk hello
+stop "$started"
+say "a killed daemon's dangling link is taken over"
+
+start "$PORTTAPED" replay --tape "$work/TERM.log" --driver pty >"$work/name" 2>>"$work/log"
+until_true 10 test -s "$work/name" || die "pty without a link prints no name"
+[[ $(wc -l <"$work/name") == 1 && -c $(cat "$work/name") ]] || die "not one line with a tty: $(cat "$work/name")"
+stop "$started"
+say "a pty without a link: its name on stdout"

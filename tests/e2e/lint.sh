@@ -1,0 +1,10 @@
+#!/bin/bash
+# lint.sh: shellcheck finds nothing in the scripts of the tree.
+# shellcheck source=lib.sh
+source "$(dirname "$0")/lib.sh"
+need shellcheck
+cd "$e2e/../.."
+mapfile -t scripts < <(printf '%s\n' demo check .ci/run .ci/packages.sh sample-logs/record-all
+  find tests -name '*.sh' | sort)
+shellcheck "${scripts[@]}"
+say "${#scripts[@]} scripts"

@@ -1,0 +1,59 @@
+#!/bin/bash
+# run.sh MODE NAME [TAPE]: one scenario with real programs. Exit status: 0 right, 1 wrong, 77 a program is missing.
+#   direct NAME         driver and device on a joined pair of ttys, no porttape
+#   record NAME TAPE    the same through `porttaped record`; the tape must hold what a second tap on the line saw
+#   replay NAME TAPE    the driver against the tape, without the device
+# Environment: PORTTAPED; RECORD_OPTS and REPLAY_OPTS (more options); KEEP=1 keeps the work folders.
+# shellcheck source=lib.sh
+source "$(dirname "$0")/lib.sh"
+usage() { echo "usage: run.sh direct|record|replay NAME [TAPE]" >&2; exit 64; }
+[[ $# -ge 2 ]] || usage
+mode=$1 name=$2 tape=${3:-}
+[[ $mode == direct || -n $tape ]] || usage
+[[ -x $e2e/scenarios/$name.sh ]] || { echo "run.sh: no scenario $name" >&2; exit 64; }
+read -ra record_opts <<<"${RECORD_OPTS:-}"
+read -ra replay_opts <<<"${REPLAY_OPTS:-}"
+daemon_log=$work/daemon.log
+
+scenario() {
+  local begin=${EPOCHREALTIME/./} seconds
+  try "$e2e/scenarios/$name.sh" "$@"
+  result=$status
+  seconds=$(((${EPOCHREALTIME/./} - begin) / 10000))
+  took=$(printf '%d.%02d s' $((seconds / 100)) $((seconds % 100)))
+  if [[ $result != 0 && $result != 77 && -f $daemon_log ]]; then tail -20 "$daemon_log" >&2; fi
+}
+
+daemon_ends_well() {
+  kill -TERM "$1"
+  ended "$1" 10 || die "porttaped does not end on SIGTERM"
+  status_of "$1"
+  [[ $status == 0 || $result != 0 ]] || die "porttaped exit $status: $(tail -5 "$daemon_log")"
+}
+
+case $mode in
+  direct)
+    line_pair line
+    scenario "$work/line.near" "$work/line.far"
+    ;;
+  record)
+    line_pair line
+    start "$PORTTAPED" record --device "serial:$work/line.near,baud=115200" --driver "pty:$work/driver" \
+      --tape "$tape" --overwrite "${record_opts[@]}" 2>"$daemon_log"
+    wait_for "$work/driver" "$daemon_log"
+    scenario "$work/driver" "$work/line.far"
+    daemon_ends_well "$started"
+    if [[ $result == 0 ]]; then "$e2e/compare_tap.sh" "$tape" "$work/line" "$name"; fi
+    ;;
+  replay)
+    start "$PORTTAPED" replay --tape "$tape" --driver "pty:$work/driver" --report "$work/report.json" \
+      "${replay_opts[@]}" 2>"$daemon_log"
+    wait_for "$work/driver" "$daemon_log"
+    scenario "$work/driver" -
+    daemon_ends_well "$started"
+    if [[ $result == 0 ]]; then verdict_is pass "$work/report.json"; fi
+    ;;
+  *) usage ;;
+esac
+say "$mode $name: status $result, $took"
+exit "$result"

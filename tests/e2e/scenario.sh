@@ -1,0 +1,17 @@
+# shellcheck shell=bash
+# Sourced by scenarios/NAME.sh, which are called with DRIVER DEVICE: the tty that the unmodified driver opens and the one
+# that the simulated device opens; `-` starts no device. Exit status 0 only if the application's own result is right.
+# shellcheck source=lib.sh
+source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
+[[ $# == 2 ]] || { echo "usage: $0 DRIVER DEVICE|-" >&2; exit 64; }
+driver=$1 device=$2
+
+has_device() { [[ $device != - ]]; }
+
+# device COMMAND…: starts the device and waits until it has its tty open, unless it is replayed.
+device() {
+  has_device || return 0
+  start "$@"
+  until_true 20 has_open "$started" "$device" || die "the device does not open $device"
+  sleep 0.1 # it may still set the line up
+}
