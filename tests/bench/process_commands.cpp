@@ -8,8 +8,12 @@ namespace porttape::bench {
 namespace po = boost::program_options;
 namespace {
 
-void watch_idle(const Rig& rig, const std::string& state, double seconds) {
+void watch_idle(Rig& rig, const std::string& state, double seconds) {
   sleep_ms(1500);  // what follows an open or close is over
+  if (!rig.alive()) {
+    JsonLine().add("name", rig.name()).add("driver", state).add("ended", std::int64_t{rig.stop()}).print();
+    return;
+  }
   const std::int64_t cpu_before = rig.relay_cpu_ns();
   const std::uint64_t wakeups_before = wakeups(rig.pid());
   const std::int64_t start = now_ns();

@@ -41,6 +41,7 @@ class Rig {
   [[nodiscard]] int device() const { return device_.master.get(); }
   [[nodiscard]] bool has_process() const { return !spec_.command.empty(); }
   [[nodiscard]] pid_t pid() const { return relay_.pid(); }
+  [[nodiscard]] bool alive() { return has_process() && !relay_.poll(); }
   [[nodiscard]] std::int64_t relay_cpu_ns() const { return has_process() ? cpu_ns(pid()) : 0; }
 
   static constexpr std::size_t kHandshake = 16;
