@@ -111,7 +111,7 @@ void Engine::Impl::reopen() {
     case Reopen::next_open: {
       player.continue_at_next_open(now);
       const std::uint64_t there = player.schedule().passed().writes;
-      if (can_realign() && matcher.position() < there) matcher.realign(there);
+      if (can_realign() && (!matcher.comparing() || matcher.position() < there)) matcher.realign(there);
       break;
     }
   }
