@@ -203,6 +203,9 @@ Player::Progress Player::at_write(const Turn& turn) {
     gate_.end = end;
     gate_.at = head.at;
   }
+  // By the recorded clock a write holds nothing up; the walk only keeps to its time.
+  const Instant when = timeline_.real(head.at);
+  if (!gated() && turn.mode == Mode::deliver && turn.now < when) return wait(when);
   pass();
   return Progress::passed;
 }
