@@ -1,16 +1,14 @@
 #include "daemon/background.hpp"
 
+#include <array>
+#include <cerrno>
 #include <fcntl.h>
+#include <fmt/format.h>
+#include <fstream>
 #include <signal.h>
 #include <sys/file.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-#include <array>
-#include <cerrno>
-#include <fstream>
-
-#include <fmt/format.h>
 
 namespace porttape {
 namespace {
@@ -35,7 +33,8 @@ bool alive(pid_t pid) { return pid > 0 && pid != ::getpid() && (::kill(pid, 0) =
 
 Result<std::optional<int>> Background::start() {
   std::array<int, 2> ends{};
-  if (::pipe2(ends.data(), O_CLOEXEC) != 0) return make_error(Errc::io, "going into the background: " + errno_text(errno));
+  if (::pipe2(ends.data(), O_CLOEXEC) != 0)
+    return make_error(Errc::io, "going into the background: " + errno_text(errno));
   const UniqueFd from_child(ends[0]);
   UniqueFd to_parent(ends[1]);
   const pid_t child = ::fork();
@@ -60,12 +59,16 @@ void Background::ready() {
 Result<void> PidFile::write(const std::string& path) {
   pid_t old = 0;
   if (std::ifstream(path) >> old && alive(old)) {
-    return make_error(Errc::usage, fmt::format("pidfile '{}' names process {}, which is running; end it or name another file", path, old));
+    return make_error(
+        Errc::usage,
+        fmt::format("pidfile '{}' names process {}, which is running; end it or name another file", path,
+                    old));
   }
   const UniqueFd fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0644));
   const std::string text = fmt::format("{}\n", ::getpid());
   if (!fd || ::write(fd.get(), text.data(), text.size()) != static_cast<ssize_t>(text.size())) {
-    return make_error(Errc::usage, fmt::format("pidfile '{}' cannot be written: {}", path, errno_text(errno)));
+    return make_error(Errc::usage,
+                      fmt::format("pidfile '{}' cannot be written: {}", path, errno_text(errno)));
   }
   path_ = path;
   return {};

@@ -8,14 +8,16 @@
 
 namespace porttape {
 
-// The program in the background: the caller's process waits until the child is ready or has failed. Use before any thread
-// is started.
+// The program in the background: the caller's process waits until the child is ready or has failed. Use
+// before any thread is started.
 class Background {
  public:
-  // Forks. In the caller's process: the status to exit with, once the child is ready (0) or has ended. In the child: nothing.
+  // Forks. In the caller's process: the status to exit with, once the child is ready (0) or has ended. In the
+  // child: nothing.
   Result<std::optional<int>> start();
 
-  // In the child: lets the caller's process return, and gives up its terminal. Nothing to do when start() was not called.
+  // In the child: lets the caller's process return, and gives up its terminal. Nothing to do when start() was
+  // not called.
   void ready();
 
  private:

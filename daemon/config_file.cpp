@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <filesystem>
+#include <fmt/format.h>
 #include <fstream>
 #include <string_view>
 #include <utility>
@@ -10,7 +11,6 @@
 #include <boost/program_options/errors.hpp>
 #include <boost/program_options/options_description.hpp>
 #include <boost/program_options/parsers.hpp>
-#include <fmt/format.h>
 
 namespace porttape {
 namespace {
@@ -42,10 +42,12 @@ Result<std::map<std::string, ChannelSpec>> channels_of(const po::parsed_options&
     if (!key) return key.error();
     const std::string value = option.value.empty() ? std::string() : option.value.front();
     if (!channels[key->first].values.emplace(key->second, value).second) {
-      return make_error(Errc::usage, fmt::format("channel '{}': '{}' is there twice", key->first, key->second));
+      return make_error(Errc::usage,
+                        fmt::format("channel '{}': '{}' is there twice", key->first, key->second));
     }
   }
-  if (channels.empty()) return make_error(Errc::usage, "there is no section [channel NAME] with options in it");
+  if (channels.empty())
+    return make_error(Errc::usage, "there is no section [channel NAME] with options in it");
   for (auto& [name, channel] : channels) channel.mode = mode_of(channel);
   return channels;
 }

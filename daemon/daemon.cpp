@@ -1,11 +1,11 @@
 #include "daemon/daemon.hpp"
 
 #include <csignal>
+#include <fmt/format.h>
 #include <utility>
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/signal_set.hpp>
-#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 namespace porttape {
@@ -37,7 +37,8 @@ Result<void> Daemon::start(const std::map<std::string, ChannelSpec>& channels) {
   const bool named = channels.size() > 1;
   for (const auto& [name, spec] : channels) {
     const auto fail = [&name = name, named](const Error& error) {
-      return make_error(error.code, named ? fmt::format("channel '{}': {}", name, error.message) : error.message);
+      return make_error(error.code,
+                        named ? fmt::format("channel '{}': {}", name, error.message) : error.message);
     };
     const Result<ChannelPorts> ports = channel_ports(spec);
     if (!ports) return fail(ports.error());

@@ -11,8 +11,8 @@
 
 namespace porttape {
 
-// The channels of one process and the signals that steer them: SIGTERM and SIGINT end them (a second one at once), SIGHUP
-// starts their next tapes.
+// The channels of one process and the signals that steer them: SIGTERM and SIGINT end them (a second one at
+// once), SIGHUP starts their next tapes.
 //
 // Drive it: start(), then run() until every channel has ended.
 class Daemon {

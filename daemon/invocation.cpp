@@ -1,11 +1,11 @@
 #include "daemon/invocation.hpp"
 
+#include <fmt/format.h>
 #include <string_view>
 #include <utility>
 
 #include <boost/program_options/errors.hpp>
 #include <boost/program_options/value_semantic.hpp>
-#include <fmt/format.h>
 
 #include "daemon/config_file.hpp"
 #include "libport/base/version.hpp"
@@ -23,10 +23,12 @@ constexpr std::string_view kUsage =
     "       porttaped bridge --device PORT --driver PORT\n"
     "       porttaped run CONFIG\n"
     "       porttaped VERB --help, --help-ports, --version\n\n"
-    "Sits between a driver and a device, records both directions, and plays a recording back in the device's place.\n";
+    "Sits between a driver and a device, records both directions, and plays a recording back in the device's "
+    "place.\n";
 
 constexpr std::string_view kRunHelp =
-    "CONFIG is an INI file with a section a channel; its keys are the options of the verbs. A section with device and tape\n"
+    "CONFIG is an INI file with a section a channel; its keys are the options of the verbs. A section with "
+    "device and tape\n"
     "records, with tape alone it replays, with device alone it bridges:\n\n"
     "    [channel laser]\n"
     "    device = serial:/dev/ttyUSB0,baud=115200\n"
@@ -53,11 +55,12 @@ Error usage(std::string message) { return make_error(Errc::usage, std::move(mess
 
 po::options_description common_options() {
   po::options_description options("Common options");
-  options.add_options()                                                                                       //
-      ("help", "this text")                                                                                   //
-      ("log-level", po::value<std::string>()->default_value("info"), "trace, debug, info, warn, error, off")  //
-      ("log-file", po::value<std::string>(), "writes the log there, not to stderr")                           //
-      ("background,b", "returns once the link is there and goes on in the background")                        //
+  options.add_options()      //
+      ("help", "this text")  //
+      ("log-level", po::value<std::string>()->default_value("info"),
+       "trace, debug, info, warn, error, off")                                          //
+      ("log-file", po::value<std::string>(), "writes the log there, not to stderr")     //
+      ("background,b", "returns once the link is there and goes on in the background")  //
       ("pidfile", po::value<std::string>(), "writes the process's number there");
   return options;
 }
@@ -66,7 +69,8 @@ Result<void> take_common(const po::variables_map& values, Invocation& line) {
   const std::string level = values["log-level"].as<std::string>();
   line.log_level = spdlog::level::from_str(level);
   if (line.log_level == spdlog::level::off && level != "off") {
-    return usage(fmt::format("option 'log-level': '{}' is not valid; accepted: trace, debug, info, warn, error, off", level));
+    return usage(fmt::format(
+        "option 'log-level': '{}' is not valid; accepted: trace, debug, info, warn, error, off", level));
   }
   if (values.contains("log-file")) line.log_file = values["log-file"].as<std::string>();
   if (values.contains("pidfile")) line.pid_file = values["pidfile"].as<std::string>();
@@ -81,8 +85,10 @@ Result<Invocation> parse_verb(const Verb& verb, std::span<const std::string> arg
   const po::variables_map values = read_options(arguments, options);
   Invocation line;
   if (values.contains("help")) {
-    line.print = fmt::format("Usage: porttaped {} [options]\n\n{}\n\nExample: {}\n\n{}\n`porttaped --help-ports` tells what a PORT is.\n", verb.name,
-                             verb.help, verb.example, as_text(options));
+    line.print = fmt::format(
+        "Usage: porttaped {} [options]\n\n{}\n\nExample: {}\n\n{}\n`porttaped --help-ports` tells what a "
+        "PORT is.\n",
+        verb.name, verb.help, verb.example, as_text(options));
     return line;
   }
   if (Result<void> taken = take_common(values, line); !taken) return taken.error();
@@ -101,12 +107,14 @@ Result<Invocation> parse_run(std::span<const std::string> arguments) {
   const po::variables_map values = read_options(arguments, all, positions);
   Invocation line;
   if (values.contains("help")) {
-    line.print = fmt::format("Usage: porttaped run CONFIG [options]\n\nRuns every channel of a configuration file.\n\n{}\n{}", kRunHelp,
-                             as_text(options));
+    line.print = fmt::format(
+        "Usage: porttaped run CONFIG [options]\n\nRuns every channel of a configuration file.\n\n{}\n{}",
+        kRunHelp, as_text(options));
     return line;
   }
   if (Result<void> taken = take_common(values, line); !taken) return taken.error();
-  if (!values.contains("config")) return usage("run: the configuration file is missing; see porttaped run --help");
+  if (!values.contains("config"))
+    return usage("run: the configuration file is missing; see porttaped run --help");
   Result<std::map<std::string, ChannelSpec>> channels = read_config_file(values["config"].as<std::string>());
   if (!channels) return channels.error();
   line.channels = std::move(*channels);
@@ -114,7 +122,8 @@ Result<Invocation> parse_run(std::span<const std::string> arguments) {
 }
 
 Result<Invocation> parse(std::span<const std::string> arguments) {
-  if (arguments.empty()) return usage("a verb is missing: record, replay, bridge or run; see porttaped --help");
+  if (arguments.empty())
+    return usage("a verb is missing: record, replay, bridge or run; see porttaped --help");
   const std::string& verb = arguments.front();
   Invocation line;
   if (verb == "--help" || verb == "-h" || verb == "help") {
@@ -133,7 +142,8 @@ Result<Invocation> parse(std::span<const std::string> arguments) {
   for (const Verb& known : kVerbs) {
     if (known.name == verb) return parse_verb(known, arguments.subspan(1));
   }
-  return usage(fmt::format("unknown verb '{}'; accepted: record, replay, bridge, run; see porttaped --help", verb));
+  return usage(
+      fmt::format("unknown verb '{}'; accepted: record, replay, bridge, run; see porttaped --help", verb));
 }
 
 }  // namespace

@@ -16,7 +16,8 @@ namespace porttape {
 // What a command line of porttaped asks for.
 struct Invocation {
   std::optional<std::string> print;  // --help, --version: print this and end
-  std::map<std::string, ChannelSpec> channels;  // by name; the verbs record, replay and bridge make one, named after the verb
+  std::map<std::string, ChannelSpec>
+      channels;  // by name; the verbs record, replay and bridge make one, named after the verb
   spdlog::level::level_enum log_level = spdlog::level::info;
   std::string log_file;
   bool background = false;

@@ -1,10 +1,10 @@
 #include "daemon/log.hpp"
 
 #include <cstdlib>
+#include <fmt/format.h>
 #include <string_view>
 #include <utility>
 
-#include <fmt/format.h>
 #include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/basic_file_sink.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
@@ -20,7 +20,9 @@ class JournalPriority final : public spdlog::custom_flag_formatter {
     const auto level = static_cast<std::size_t>(message.level);
     fmt::format_to(std::back_inserter(out), "<{}>", priorities[level]);
   }
-  [[nodiscard]] std::unique_ptr<custom_flag_formatter> clone() const override { return std::make_unique<JournalPriority>(); }
+  [[nodiscard]] std::unique_ptr<custom_flag_formatter> clone() const override {
+    return std::make_unique<JournalPriority>();
+  }
 };
 
 constexpr const char* kPattern = "%Y-%m-%d %H:%M:%S.%e %^%l%$ %n: %v";

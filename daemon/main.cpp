@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "daemon/background.hpp"
-#include "daemon/invocation.hpp"
 #include "daemon/daemon.hpp"
+#include "daemon/invocation.hpp"
 #include "daemon/log.hpp"
 #include "daemon/notify.hpp"
 
@@ -43,7 +43,8 @@ int run(const Invocation& line) {
 }
 
 int main_of(const std::vector<std::string>& arguments) {
-  // A reader that goes away, and a limit on the size of files, are errors of a write, not the end of the line.
+  // A reader that goes away, and a limit on the size of files, are errors of a write, not the end of the
+  // line.
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);
   const Result<Invocation> line = parse_invocation(arguments);

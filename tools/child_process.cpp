@@ -1,16 +1,14 @@
 #include "tools/child_process.hpp"
 
+#include <cerrno>
+#include <fmt/format.h>
+#include <memory>
 #include <signal.h>
 #include <spawn.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-#include <cerrno>
-#include <memory>
 #include <utility>
-
-#include <fmt/format.h>
 
 namespace porttape {
 namespace {
@@ -39,7 +37,8 @@ Result<std::unique_ptr<ChildProcess>> ChildProcess::start(Loop& loop, const std:
                                                           std::function<void()> on_exit) {
   pid_t pid = 0;
   if (const int error = spawn(command, pid); error != 0) {
-    return make_error(Errc::usage, fmt::format("command '{}' cannot be run: {}", command.front(), errno_text(error)));
+    return make_error(Errc::usage,
+                      fmt::format("command '{}' cannot be run: {}", command.front(), errno_text(error)));
   }
   // glibc 2.36 declares pidfd_open() without extern "C".
   UniqueFd pid_fd(static_cast<int>(::syscall(SYS_pidfd_open, pid, 0)));
@@ -53,7 +52,10 @@ Result<std::unique_ptr<ChildProcess>> ChildProcess::start(Loop& loop, const std:
 }
 
 ChildProcess::ChildProcess(Loop& loop, pid_t pid, UniqueFd pid_fd, std::function<void()> on_exit)
-    : pid_(pid), pid_fd_(std::move(pid_fd)), on_exit_(std::move(on_exit)), watch_(loop, pid_fd_.get(), [this] {
+    : pid_(pid),
+      pid_fd_(std::move(pid_fd)),
+      on_exit_(std::move(on_exit)),
+      watch_(loop, pid_fd_.get(), [this] {
         watch_.watch_readable(false);
         reap();
         on_exit_();

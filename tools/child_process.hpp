@@ -1,10 +1,9 @@
 #pragma once
 
-#include <sys/types.h>
-
 #include <functional>
 #include <memory>
 #include <string>
+#include <sys/types.h>
 #include <vector>
 
 #include "libport/base/result.hpp"
@@ -13,8 +12,8 @@
 
 namespace porttape {
 
-// A command that was started with our stdin, stdout and stderr, in our process group, so that a debugger can use the
-// terminal. Killed and reaped by the destructor. Loop thread only.
+// A command that was started with our stdin, stdout and stderr, in our process group, so that a debugger can
+// use the terminal. Killed and reaped by the destructor. Loop thread only.
 class ChildProcess {
  public:
   // Starts it; `on_exit` comes once, from the loop. Errc::usage when there is no such command.

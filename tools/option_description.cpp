@@ -1,10 +1,10 @@
 #include "tools/option_description.hpp"
 
+#include <fmt/format.h>
 #include <sstream>
 
 #include <boost/program_options/parsers.hpp>
 #include <boost/program_options/value_semantic.hpp>
-#include <fmt/format.h>
 
 namespace porttape {
 
@@ -38,7 +38,8 @@ po::variables_map read_options(std::span<const std::string> arguments, const po:
   return values;
 }
 
-std::map<std::string, std::string> given_values(const po::variables_map& values, const std::vector<OptionSpec>& specs) {
+std::map<std::string, std::string> given_values(const po::variables_map& values,
+                                                const std::vector<OptionSpec>& specs) {
   std::map<std::string, std::string> given;
   for (const OptionSpec& spec : specs) {
     const std::string name(spec.name);

@@ -1,23 +1,22 @@
-#include <signal.h>
-#include <stdlib.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <fmt/format.h>
+#include <fmt/ostream.h>
 #include <memory>
 #include <optional>
 #include <ostream>
+#include <signal.h>
 #include <span>
+#include <stdlib.h>
 #include <string>
+#include <unistd.h>
 #include <utility>
 #include <vector>
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/signal_set.hpp>
 #include <boost/program_options/errors.hpp>
-#include <fmt/format.h>
-#include <fmt/ostream.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
@@ -43,7 +42,8 @@ constexpr Nanos kAfterTerm = seconds(5);     // … and killed then
 
 constexpr std::string_view kHelp =
     "Usage: porttape test --tape NAME [options] -- COMMAND…\n\n"
-    "Runs COMMAND against a tape in the device's place and prints the verdict. {port} in COMMAND is the path to open.\n\n"
+    "Runs COMMAND against a tape in the device's place and prints the verdict. {port} in COMMAND is the path "
+    "to open.\n\n"
     "Example: porttape test --tape laser -- ./laser_driver --device {port}\n";
 
 struct Request {
@@ -58,7 +58,8 @@ class PrivateFolder {
  public:
   Result<std::string> make() {
     std::string path = (std::filesystem::temp_directory_path() / "porttape-XXXXXX").string();
-    if (::mkdtemp(path.data()) == nullptr) return make_error(Errc::io, fmt::format("folder '{}': {}", path, errno_text(errno)));
+    if (::mkdtemp(path.data()) == nullptr)
+      return make_error(Errc::io, fmt::format("folder '{}': {}", path, errno_text(errno)));
     path_ = path;
     return path;
   }
@@ -80,7 +81,8 @@ std::vector<OptionSpec> test_options() {
     if (spec.name == "on-mismatch") spec.default_value = "fail";
     if (spec.name == "driver") spec.help = "PORT for the command instead of a pty in a private folder";
   }
-  specs.push_back({"timeout", OptionSpec::Kind::number, "", "seconds after which the command is ended", 0.001, 1e9});
+  specs.push_back(
+      {"timeout", OptionSpec::Kind::number, "", "seconds after which the command is ended", 0.001, 1e9});
   specs.push_back({"help", OptionSpec::Kind::flag, "", "this text"});
   return specs;
 }
@@ -139,7 +141,8 @@ class TestRun {
     auto device = std::make_unique<ReplayPort>(context, std::move(options));
     Result<std::unique_ptr<Port>> driver = make_port(context, request_.ports.driver, device->name());
     if (!driver) return driver.error();
-    session_ = std::make_unique<Session>(context, std::move(*driver), std::move(device), [this](int) { session_.reset(); });
+    session_ = std::make_unique<Session>(context, std::move(*driver), std::move(device),
+                                         [this](int) { session_.reset(); });
     return session_->start();
   }
 
@@ -200,8 +203,8 @@ class TestRun {
   bool interrupted_ = false;
 };
 
-Result<Request> read_request(const po::variables_map& values, const std::vector<OptionSpec>& specs, PrivateFolder& folder,
-                             std::vector<std::string> command) {
+Result<Request> read_request(const po::variables_map& values, const std::vector<OptionSpec>& specs,
+                             PrivateFolder& folder, std::vector<std::string> command) {
   ChannelSpec channel{ChannelMode::replay, given_values(values, specs)};
   Request request;
   if (const auto timeout = channel.values.extract("timeout")) {
@@ -225,7 +228,8 @@ Result<Request> read_request(const po::variables_map& values, const std::vector<
   if (!request.report_file.empty()) {
     if (Result<void> place = check_report_place(request.report_file); !place) return place.error();
   }
-  if (command.empty()) return make_error(Errc::usage, "the command is missing: porttape test --tape NAME -- COMMAND…");
+  if (command.empty())
+    return make_error(Errc::usage, "the command is missing: porttape test --tape NAME -- COMMAND…");
   request.command = with_port(std::move(command), port_of(request.ports.driver));
   return request;
 }
@@ -249,9 +253,11 @@ int run_request(const Request& request, std::ostream& out, std::ostream& err) {
   if (!report) return fail(report.error(), err);
   out << to_text(*report, wants_color(out)) << std::flush;
   if (!test.trouble().empty()) fmt::print(err, "porttape test: {}\n", test.trouble());
-  if (report->command_exit.value_or(0) != 0) fmt::print(err, "porttape test: the command ended with status {}\n", *report->command_exit);
+  if (report->command_exit.value_or(0) != 0)
+    fmt::print(err, "porttape test: the command ended with status {}\n", *report->command_exit);
   if (!request.report_file.empty()) {
-    if (Result<void> written = write_report(request.report_file, to_json(*report)); !written) return fail(written.error(), err);
+    if (Result<void> written = write_report(request.report_file, to_json(*report)); !written)
+      return fail(written.error(), err);
   }
   return exit_status_with(*report, test);
 }

@@ -5,12 +5,14 @@
 
 namespace porttape {
 
-// A moment of this machine's monotonic clock. The pure layers take it as an argument; only ports and programs read it.
+// A moment of this machine's monotonic clock. The pure layers take it as an argument; only ports and programs
+// read it.
 using Instant = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
 using Nanos = std::chrono::nanoseconds;
 using Micros = std::chrono::microseconds;
 
-// The clock of a tape: microseconds since its zero, the moment the driver first opened the port. It has no now().
+// The clock of a tape: microseconds since its zero, the moment the driver first opened the port. It has no
+// now().
 struct TapeClock {
   using rep = std::int64_t;
   using period = std::micro;

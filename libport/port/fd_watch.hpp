@@ -7,9 +7,9 @@
 
 namespace porttape {
 
-// Tells when a descriptor can be read or written. Does not own the descriptor, which must stay open until this is gone.
-// Level semantics: while watched, the callback comes again as long as the condition holds. A callback may destroy the
-// watch. Loop thread only.
+// Tells when a descriptor can be read or written. Does not own the descriptor, which must stay open until
+// this is gone. Level semantics: while watched, the callback comes again as long as the condition holds. A
+// callback may destroy the watch. Loop thread only.
 class FdWatch {
  public:
   using Callback = std::function<void()>;

@@ -7,7 +7,8 @@
 
 namespace porttape {
 
-// BOOST_ASIO_CONCURRENCY_HINT_UNSAFE_IO would also drop the reactor's locks, but post() from a second thread needs them.
+// BOOST_ASIO_CONCURRENCY_HINT_UNSAFE_IO would also drop the reactor's locks, but post() from a second thread
+// needs them.
 Loop::Loop() : io_(std::make_unique<boost::asio::io_context>(1)) {}
 Loop::~Loop() = default;
 

@@ -11,7 +11,8 @@ class io_context;
 
 namespace porttape {
 
-// The event loop that ports live on: one thread, the one that calls run(). Owns the io_context; outlives every port on it.
+// The event loop that ports live on: one thread, the one that calls run(). Owns the io_context; outlives
+// every port on it.
 class Loop {
  public:
   Loop();

@@ -4,10 +4,9 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <string>
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <string>
 
 namespace porttape {
 namespace {
@@ -20,7 +19,8 @@ constexpr double kMaxSeconds = 1e9;
 std::vector<OptionSpec> with_common(std::vector<OptionSpec> options) {
   const std::vector<OptionSpec> common = {
       {"debug", Kind::integer, "0", "verbosity of the port, 0 to 9", 0, 9},
-      {"timeout", Kind::number, "-1", "seconds that a blocking read or write waits, -1 for ever", -1, kMaxSeconds},
+      {"timeout", Kind::number, "-1", "seconds that a blocking read or write waits, -1 for ever", -1,
+       kMaxSeconds},
       {"readonly", Kind::flag, "", "bytes come from the peer, none go to it"},
       {"writeonly", Kind::flag, "", "bytes go to the peer, none come from it"},
       {"readwrite", Kind::flag, "", "both ways (the default)"},
@@ -31,8 +31,7 @@ std::vector<OptionSpec> with_common(std::vector<OptionSpec> options) {
 }
 
 PortType serial_type() {
-  return {"serial",
-          "device",
+  return {"serial", "device",
           with_common({
               {"device", Kind::text, "/dev/ttyS0", "the tty"},
               {"baud", Kind::integer, "9600", "bit/s, any rate the kernel takes", 1, kMaxBaud},
@@ -49,8 +48,7 @@ PortType serial_type() {
 }
 
 PortType pty_type() {
-  return {"pty",
-          "link",
+  return {"pty", "link",
           with_common({
               {"link", Kind::text, "", "symbolic link to the slave; without it the slave's path is printed"},
               {"mode", Kind::text, "0600", "permissions of the slave, octal"},
@@ -61,25 +59,43 @@ PortType pty_type() {
 }
 
 PortType logreader_type() {
-  return {"logreader",
-          "file",
-          with_common({
-              {"file", Kind::text, "port.log", "the tape: FILEr, FILEw, FILEe"},
-              {"strictness", Kind::integer, "0", "0 writes not checked, 1 data, 2 data and timing", 0, 2},
-              {"jitter", Kind::number, "100", "ms, margin of strictness 2, early and late", 0, kMaxSeconds},
-              {"ignoretimes", Kind::flag, "", "the same as timing=none"},
-              {"timing", Kind::choice, "recorded", "when bytes become readable", 0, 0, {"reactive", "recorded", "none"}},
-              {"rate", Kind::number, "1", "time runs this many times as fast", 1e-6, 1e6},
-              {"on-mismatch", Kind::choice, "warn", "what a wrong write does", 0, 0, {"fail", "warn"}},
-              {"at-end", Kind::choice, "idle", "what the used-up tape does", 0, 0, {"idle", "hangup", "exit"}},
-              {"on-reopen", Kind::choice, "auto", "what a second open does", 0, 0, {"auto", "rewind", "continue"}},
-              {"chunks", Kind::choice, "auto", "how bytes are cut into arrivals", 0, 0, {"auto", "recorded", "burst"}},
-              {"burst-gap", Kind::integer, "500", "µs, reads closer than this are one burst", 0, 1e9},
-              {"patience", Kind::number, "1", "s, strictness 0 waits this long for a write", 0, kMaxSeconds},
-              {"once", Kind::flag, "", "the program ends after the first run, with its verdict"},
-              {"report", Kind::text, "", "file for the verdict as JSON"},
-          }),
-          "a tape in the device's place"};
+  return {
+      "logreader", "file",
+      with_common({
+          {"file", Kind::text, "port.log", "the tape: FILEr, FILEw, FILEe"},
+          {"strictness", Kind::integer, "0", "0 writes not checked, 1 data, 2 data and timing", 0, 2},
+          {"jitter", Kind::number, "100", "ms, margin of strictness 2, early and late", 0, kMaxSeconds},
+          {"ignoretimes", Kind::flag, "", "the same as timing=none"},
+          {"timing",
+           Kind::choice,
+           "recorded",
+           "when bytes become readable",
+           0,
+           0,
+           {"reactive", "recorded", "none"}},
+          {"rate", Kind::number, "1", "time runs this many times as fast", 1e-6, 1e6},
+          {"on-mismatch", Kind::choice, "warn", "what a wrong write does", 0, 0, {"fail", "warn"}},
+          {"at-end", Kind::choice, "idle", "what the used-up tape does", 0, 0, {"idle", "hangup", "exit"}},
+          {"on-reopen",
+           Kind::choice,
+           "auto",
+           "what a second open does",
+           0,
+           0,
+           {"auto", "rewind", "continue"}},
+          {"chunks",
+           Kind::choice,
+           "auto",
+           "how bytes are cut into arrivals",
+           0,
+           0,
+           {"auto", "recorded", "burst"}},
+          {"burst-gap", Kind::integer, "500", "µs, reads closer than this are one burst", 0, 1e9},
+          {"patience", Kind::number, "1", "s, strictness 0 waits this long for a write", 0, kMaxSeconds},
+          {"once", Kind::flag, "", "the program ends after the first run, with its verdict"},
+          {"report", Kind::text, "", "file for the verdict as JSON"},
+      }),
+      "a tape in the device's place"};
 }
 
 // The type that records `inner`: its options and those of the tape.
@@ -97,14 +113,18 @@ PortType recording_type(const PortType& inner, std::string_view name) {
 
 const std::vector<PortType>& types() {
   static const std::vector<PortType> all = {
-      serial_type(),    pty_type(), logreader_type(), recording_type(serial_type(), "seriallog"),
+      serial_type(),
+      pty_type(),
+      logreader_type(),
+      recording_type(serial_type(), "seriallog"),
       recording_type(pty_type(), "ptylog"),
   };
   return all;
 }
 
 Error bad_value(const OptionSpec& option, std::string_view value, std::string_view accepted) {
-  return make_error(Errc::usage, fmt::format("option '{}': '{}' is not valid; accepted: {}", option.name, value, accepted));
+  return make_error(
+      Errc::usage, fmt::format("option '{}': '{}' is not valid; accepted: {}", option.name, value, accepted));
 }
 
 Result<std::string> check_flag(const OptionSpec& option, std::string_view value) {
@@ -117,12 +137,14 @@ Result<std::string> check_flag(const OptionSpec& option, std::string_view value)
 
 Result<std::string> check_number(const OptionSpec& option, std::string_view value) {
   double number = 0;
-  const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number, std::chars_format::fixed);
+  const auto [end, error] =
+      std::from_chars(value.data(), value.data() + value.size(), number, std::chars_format::fixed);
   const bool whole = option.kind != Kind::integer || std::floor(number) == number;
-  if (error != std::errc{} || end != value.data() + value.size() || !std::isfinite(number) || !whole || number < option.min ||
-      number > option.max) {
+  if (error != std::errc{} || end != value.data() + value.size() || !std::isfinite(number) || !whole ||
+      number < option.min || number > option.max) {
     return bad_value(option, value,
-                     fmt::format("a {}number from {} to {}", option.kind == Kind::integer ? "whole " : "", option.min, option.max));
+                     fmt::format("a {}number from {} to {}", option.kind == Kind::integer ? "whole " : "",
+                                 option.min, option.max));
   }
   return std::string(value);
 }

@@ -36,7 +36,8 @@ struct PortType {
 std::span<const PortType> port_types();
 const PortType* find_port_type(std::string_view name);
 
-// Checks a value and gives its canonical form ("1" and "" for flags). The error names option, value and what is accepted.
+// Checks a value and gives its canonical form ("1" and "" for flags). The error names option, value and what
+// is accepted.
 Result<std::string> check_value(const OptionSpec& option, std::string_view value);
 
 }  // namespace porttape

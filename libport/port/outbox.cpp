@@ -1,8 +1,7 @@
 #include "libport/port/outbox.hpp"
 
-#include <unistd.h>
-
 #include <cerrno>
+#include <unistd.h>
 #include <utility>
 
 namespace porttape {

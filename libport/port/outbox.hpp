@@ -8,12 +8,13 @@
 
 namespace porttape {
 
-// The sending half of a stream descriptor: writes at once what the kernel takes and keeps the rest. Bounded by its users,
-// who stop while congested(). Reports a write error once. Loop thread only.
+// The sending half of a stream descriptor: writes at once what the kernel takes and keeps the rest. Bounded
+// by its users, who stop while congested(). Reports a write error once. Loop thread only.
 class Outbox {
  public:
   // `watch` must call flush() when writable; it and `fd` must outlive the outbox.
-  Outbox(int fd, FdWatch& watch, std::function<void()> on_drained, std::function<void(int error_number)> on_error);
+  Outbox(int fd, FdWatch& watch, std::function<void()> on_drained,
+         std::function<void(int error_number)> on_error);
 
   void write(ByteView data);
   void flush();  // from the watch

@@ -1,12 +1,11 @@
 #include "libport/port/path_watch.hpp"
 
-#include <sys/inotify.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <chrono>
 #include <filesystem>
+#include <sys/inotify.h>
+#include <unistd.h>
 #include <utility>
 
 namespace porttape {

@@ -9,8 +9,9 @@
 
 namespace porttape {
 
-// Calls back when something may have changed about a path: its folder changed (inotify), or a while has passed (with
-// back-off to two seconds, for folders that are missing themselves). The callback may destroy the watch. Loop thread only.
+// Calls back when something may have changed about a path: its folder changed (inotify), or a while has
+// passed (with back-off to two seconds, for folders that are missing themselves). The callback may destroy
+// the watch. Loop thread only.
 class PathWatch {
  public:
   PathWatch(Loop& loop, const std::string& path, std::function<void()> on_change);

@@ -25,14 +25,15 @@ class PortListener {
  public:
   // The line to the peer is up. Follows open(), possibly from within it; on passive ports again and again.
   virtual void on_up() = 0;
-  // Bytes from the peer, as they came; valid during the call. A passive or always-open port passes them on between close() and
-  // open() too, since the device sends whether anybody listens or not.
+  // Bytes from the peer, as they came; valid during the call. A passive or always-open port passes them on
+  // between close() and open() too, since the device sends whether anybody listens or not.
   virtual void on_data(ByteView data) = 0;
   // All that write() took has been passed on: congested() is false again. Only after congestion.
   virtual void on_drained() = 0;
   // The line is down. A passive port waits for the next peer by itself.
   virtual void on_down(const LineDown& down) = 0;
-  // The port asks for the end of the session with this exit status (a replay that is to run once, a tape that must not fail).
+  // The port asks for the end of the session with this exit status (a replay that is to run once, a tape that
+  // must not fail).
   virtual void on_finished(int exit_status) = 0;
 
  protected:
@@ -41,9 +42,9 @@ class PortListener {
 
 // One end of a line: a pty, a serial device, a socket, a tape, or a port that records another.
 //
-// Drive it: listen(), prepare() once, then open() and close() in turn; finish() before the end. A *passive* port (a pty, a
-// listening socket) exists from prepare() on and comes up when a peer arrives while it is open(); the others come up by
-// open() alone. Never blocks. Lives on one Loop; loop thread only.
+// Drive it: listen(), prepare() once, then open() and close() in turn; finish() before the end. A *passive*
+// port (a pty, a listening socket) exists from prepare() on and comes up when a peer arrives while it is
+// open(); the others come up by open() alone. Never blocks. Lives on one Loop; loop thread only.
 class Port {
  public:
   Port() = default;
@@ -62,15 +63,16 @@ class Port {
   // Ends it: unsent bytes are dropped (wait for on_drained() first where they matter). No on_down follows.
   virtual void close() = 0;
 
-  // Takes all of `data`, as one datagram where the line has boundaries. What cannot be sent at once is kept: the caller must
-  // stop writing while congested() is true. Bytes for a line that is not up are dropped.
+  // Takes all of `data`, as one datagram where the line has boundaries. What cannot be sent at once is kept:
+  // the caller must stop writing while congested() is true. Bytes for a line that is not up are dropped.
   virtual void write(ByteView data) = 0;
   [[nodiscard]] virtual bool congested() const = 0;
 
   // Whether on_data may come: false is backpressure to the peer.
   virtual void set_reading(bool on) = 0;
 
-  // Makes the peer see the line break, as an unplugged cable would; `after_reading`: once it has read what was written.
+  // Makes the peer see the line break, as an unplugged cable would; `after_reading`: once it has read what
+  // was written.
   virtual void hang_up(bool after_reading) = 0;
 
   // Passes on what has come in but was not read yet. For the end of a session.
@@ -79,8 +81,8 @@ class Port {
   // Starts the next tape. Nothing to do for ports without one.
   virtual void rotate() {}
 
-  // The end of the program is near: completes what belongs to the session (tape, report) and gives its exit status, 0 when
-  // the port has no opinion. The port may not be opened again.
+  // The end of the program is near: completes what belongs to the session (tape, report) and gives its exit
+  // status, 0 when the port has no opinion. The port may not be opened again.
   virtual int finish() { return 0; }
 
   // Whether it waits for the next peer by itself when one has closed.

@@ -15,11 +15,13 @@ constexpr std::string_view kLogSuffix = "log";
 Result<std::unique_ptr<Port>> make_replay_port(const PortContext& context, const PortOptions& options) {
   const Result<ReplayConfig> config = replay_config(options);
   if (!config) return config.error();
-  ReplayPort::Options replay{literal_tape(options.text("file")), *config, options.flag("once"), options.text("report"), {}};
+  ReplayPort::Options replay{
+      literal_tape(options.text("file")), *config, options.flag("once"), options.text("report"), {}};
   return std::unique_ptr<Port>(std::make_unique<ReplayPort>(context, std::move(replay)));
 }
 
-Result<std::unique_ptr<Port>> make_recording_port(const PortContext& context, const PortOptions& options, const std::string& peer) {
+Result<std::unique_ptr<Port>> make_recording_port(const PortContext& context, const PortOptions& options,
+                                                  const std::string& peer) {
   PortOptions inner = options;
   inner.type.resize(inner.type.size() - kLogSuffix.size());
   for (const char* own : {"file", "overwrite", "failclosed"}) inner.values.erase(own);
@@ -29,12 +31,14 @@ Result<std::unique_ptr<Port>> make_recording_port(const PortContext& context, co
                                    .header = {.device = inner.name(), .driver = peer},
                                    .overwrite = options.flag("overwrite"),
                                    .fail_closed = options.flag("failclosed")};
-  return std::unique_ptr<Port>(std::make_unique<RecordingPort>(context, std::move(*port), std::move(recording)));
+  return std::unique_ptr<Port>(
+      std::make_unique<RecordingPort>(context, std::move(*port), std::move(recording)));
 }
 
 }  // namespace
 
-Result<std::unique_ptr<Port>> make_port(const PortContext& context, const PortOptions& options, const std::string& peer) {
+Result<std::unique_ptr<Port>> make_port(const PortContext& context, const PortOptions& options,
+                                        const std::string& peer) {
   if (options.type == "serial") return std::unique_ptr<Port>(std::make_unique<SerialPort>(context, options));
   if (options.type == "pty") return std::unique_ptr<Port>(std::make_unique<PtyPort>(context, options));
   if (options.type == "logreader") return make_replay_port(context, options);

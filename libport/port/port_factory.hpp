@@ -9,8 +9,9 @@
 
 namespace porttape {
 
-// The port that these options name. `peer` says what is at the other end, for a tape's header. The options come from
-// parse_port() or check_port(). Errc::usage where options contradict each other.
-Result<std::unique_ptr<Port>> make_port(const PortContext& context, const PortOptions& options, const std::string& peer);
+// The port that these options name. `peer` says what is at the other end, for a tape's header. The options
+// come from parse_port() or check_port(). Errc::usage where options contradict each other.
+Result<std::unique_ptr<Port>> make_port(const PortContext& context, const PortOptions& options,
+                                        const std::string& peer);
 
 }  // namespace porttape

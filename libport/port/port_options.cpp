@@ -1,10 +1,9 @@
 #include "libport/port/port_options.hpp"
 
 #include <charconv>
+#include <fmt/format.h>
 #include <utility>
 #include <vector>
-
-#include <fmt/format.h>
 
 #include "libport/port/option_schema.hpp"
 
@@ -123,7 +122,8 @@ std::string PortOptions::name() const {
 
 Result<PortOptions> parse_port(std::string_view spec) {
   if (split(spec, kSeparators).empty()) {
-    return usage(fmt::format("a port is missing; name one as TYPE:MAIN[,option=value…] with a type of {}", type_names()));
+    return usage(fmt::format("a port is missing; name one as TYPE:MAIN[,option=value…] with a type of {}",
+                             type_names()));
   }
   Result<PortOptions> options = is_option_string(spec) ? parse_option_string(spec) : parse_short(spec);
   if (!options) return options;
@@ -135,12 +135,13 @@ Result<PortOptions> parse_port(std::string_view spec) {
 Result<PortOptions> check_port(PortOptions options) {
   if (options.type.empty()) return usage("option 'type' is missing; accepted: " + type_names());
   const PortType* type = find_port_type(options.type);
-  if (type == nullptr) return usage(fmt::format("unknown type '{}'; accepted: {}", options.type, type_names()));
+  if (type == nullptr)
+    return usage(fmt::format("unknown type '{}'; accepted: {}", options.type, type_names()));
   for (auto it = options.values.begin(); it != options.values.end();) {
     const OptionSpec* spec = type->find(it->first);
     if (spec == nullptr) {
-      return usage(fmt::format("unknown option '{}' ('{}') of type {}; accepted: {}", it->first, it->second, type->name,
-                               option_names(*type)));
+      return usage(fmt::format("unknown option '{}' ('{}') of type {}; accepted: {}", it->first, it->second,
+                               type->name, option_names(*type)));
     }
     Result<std::string> value = check_value(*spec, it->second);
     if (!value) return value.error();
@@ -154,11 +155,13 @@ Result<PortOptions> check_port(PortOptions options) {
 }
 
 std::string port_help() {
-  std::string out = "A PORT is TYPE:MAIN[,option=value…] or type=TYPE,option=value…; a bare /dev/… is serial:.\n";
+  std::string out =
+      "A PORT is TYPE:MAIN[,option=value…] or type=TYPE,option=value…; a bare /dev/… is serial:.\n";
   for (const PortType& type : port_types()) {
     out += fmt::format("\n{}:{}  {}\n", type.name, type.main, type.help);
     for (const OptionSpec& option : type.options) {
-      const std::string fallback = option.default_value.empty() ? "" : fmt::format(" [{}]", option.default_value);
+      const std::string fallback =
+          option.default_value.empty() ? "" : fmt::format(" [{}]", option.default_value);
       out += fmt::format("  {:<12} {}{}\n", option.name, option.help, fallback);
     }
   }

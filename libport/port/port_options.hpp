@@ -9,8 +9,8 @@
 
 namespace porttape {
 
-// A port as a user names it: a type and its options (contract section 2). Values are as written; the typed getters have been
-// checked by parse_port()/check_port(), so they cannot fail on a checked object.
+// A port as a user names it: a type and its options (contract section 2). Values are as written; the typed
+// getters have been checked by parse_port()/check_port(), so they cannot fail on a checked object.
 struct PortOptions {
   std::string type;
   std::map<std::string, std::string> values;  // a boolean option has the value "1" when on; absent when off
@@ -28,8 +28,8 @@ struct PortOptions {
   friend bool operator==(const PortOptions&, const PortOptions&) = default;
 };
 
-// Reads either spelling: `type=serial,device=/dev/ttyUSB0,baud=115200` or `serial:/dev/ttyUSB0,baud=115200`; a bare `/dev/…`
-// is `serial:`. Errc::usage names the option, its value and what would be accepted.
+// Reads either spelling: `type=serial,device=/dev/ttyUSB0,baud=115200` or `serial:/dev/ttyUSB0,baud=115200`;
+// a bare `/dev/…` is `serial:`. Errc::usage names the option, its value and what would be accepted.
 Result<PortOptions> parse_port(std::string_view spec);
 
 // The same checks for options that came as a map.

@@ -1,6 +1,11 @@
 #include "libport/port/pty.hpp"
 
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cstring>
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <grp.h>
 #include <poll.h>
 #include <pwd.h>
@@ -10,13 +15,6 @@
 #include <sys/stat.h>
 #include <termios.h>
 #include <unistd.h>
-
-#include <array>
-#include <cerrno>
-#include <charconv>
-#include <cstring>
-
-#include <fmt/format.h>
 
 #include "libport/port/tty.hpp"
 

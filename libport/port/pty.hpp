@@ -8,16 +8,19 @@
 
 namespace porttape {
 
-// A pseudo-terminal pair of which we hold the master, with what is needed to learn when programs open and close the slave.
+// A pseudo-terminal pair of which we hold the master, with what is needed to learn when programs open and
+// close the slave.
 //
-// The kernel tells of a last close by POLLHUP on the master and of an open not at all, so: the slave is opened and closed once
-// at creation, which sets POLLHUP; from then on `occupied()` is the truth and inotify events on the slave are only the
-// reason to look. No slave descriptor is held, since POLLHUP would never come.
+// The kernel tells of a last close by POLLHUP on the master and of an open not at all, so: the slave is
+// opened and closed once at creation, which sets POLLHUP; from then on `occupied()` is the truth and inotify
+// events on the slave are only the reason to look. No slave descriptor is held, since POLLHUP would never
+// come.
 class Pty {
  public:
   enum class Event { opened, closed };
 
-  // A raw pty in packet mode with these permissions on the slave. `owner` and `group` may be names or numbers, or empty.
+  // A raw pty in packet mode with these permissions on the slave. `owner` and `group` may be names or
+  // numbers, or empty.
   struct Access {
     unsigned mode = 0600;
     std::string owner;
@@ -37,11 +40,13 @@ class Pty {
   // The opens and closes since the last call, in order. Equal ones in a row may be merged by the kernel.
   std::vector<Event> take_events();
 
-  // Makes the line fresh for the next driver, as a real tty is: unread input gone, exclusive use given up, raw. Call after
-  // the last close. Fails when a driver left TIOCEXCL set and we are not root: then only a new pty helps.
+  // Makes the line fresh for the next driver, as a real tty is: unread input gone, exclusive use given up,
+  // raw. Call after the last close. Fails when a driver left TIOCEXCL set and we are not root: then only a
+  // new pty helps.
   Result<void> settle();
 
-  // Bytes written to the driver that it has not read yet; counts at most what the line discipline holds (4095).
+  // Bytes written to the driver that it has not read yet; counts at most what the line discipline holds
+  // (4095).
   [[nodiscard]] std::size_t unread();
 
  private:

@@ -1,13 +1,11 @@
 #include "libport/port/pty_link.hpp"
 
-#include <unistd.h>
-
 #include <cerrno>
 #include <cstdio>
 #include <filesystem>
-#include <utility>
-
 #include <fmt/format.h>
+#include <unistd.h>
+#include <utility>
 
 namespace porttape {
 namespace {
@@ -18,7 +16,8 @@ namespace fs = std::filesystem;
 Result<void> make_link(const std::string& path, const std::string& target) {
   const std::string temporary = fmt::format("{}.{}.new", path, ::getpid());
   (void)::unlink(temporary.c_str());
-  if (::symlink(target.c_str(), temporary.c_str()) != 0 || std::rename(temporary.c_str(), path.c_str()) != 0) {
+  if (::symlink(target.c_str(), temporary.c_str()) != 0 ||
+      std::rename(temporary.c_str(), path.c_str()) != 0) {
     const int error = errno;
     (void)::unlink(temporary.c_str());
     return make_error(Errc::usage, fmt::format("link '{}' cannot be made: {}", path, errno_text(error)));
@@ -31,17 +30,22 @@ Result<void> check_place(const std::string& path, const std::string& target) {
   std::error_code error;
   const fs::path parent = fs::absolute(path).parent_path();
   if (!fs::is_directory(parent, error)) {
-    return make_error(Errc::usage, fmt::format("link '{}': its folder {} does not exist; create it first", path, parent.string()));
+    return make_error(Errc::usage, fmt::format("link '{}': its folder {} does not exist; create it first",
+                                               path, parent.string()));
   }
   const fs::file_status status = fs::symlink_status(path, error);
   if (!fs::exists(status)) return {};
   if (!fs::is_symlink(status)) {
-    return make_error(Errc::usage, fmt::format("link '{}' exists and is not a link; it is left alone, choose another path", path));
+    return make_error(
+        Errc::usage,
+        fmt::format("link '{}' exists and is not a link; it is left alone, choose another path", path));
   }
   const fs::path points_to = fs::read_symlink(path, error);
   if (points_to == target || !fs::exists(path, error)) return {};
-  return make_error(Errc::usage, fmt::format("link '{}' exists and points to {}, which is in use; remove it or choose another path",
-                                             path, points_to.string()));
+  return make_error(
+      Errc::usage,
+      fmt::format("link '{}' exists and points to {}, which is in use; remove it or choose another path",
+                  path, points_to.string()));
 }
 
 }  // namespace

@@ -1,13 +1,12 @@
 #include "libport/port/pty_port.hpp"
 
-#include <sys/ioctl.h>
-#include <unistd.h>
-
 #include <cerrno>
 #include <charconv>
 #include <chrono>
 #include <cstdio>
 #include <iostream>
+#include <sys/ioctl.h>
+#include <unistd.h>
 #include <utility>
 
 #include <spdlog/spdlog.h>
@@ -17,7 +16,8 @@
 namespace porttape {
 namespace {
 
-constexpr Nanos kUnreadPoll = std::chrono::milliseconds(2);  // no event tells that a driver has read everything
+constexpr Nanos kUnreadPoll =
+    std::chrono::milliseconds(2);  // no event tells that a driver has read everything
 
 // How often the driver's settings are looked at: drivers set them mostly just after opening.
 constexpr Nanos kFirstLooks = std::chrono::milliseconds(10);
@@ -29,7 +29,8 @@ Result<Pty::Access> access_of(const PortOptions& options) {
   const std::string mode = options.text("mode");
   const auto [end, error] = std::from_chars(mode.data(), mode.data() + mode.size(), access.mode, 8);
   if (error != std::errc{} || end != mode.data() + mode.size() || access.mode > 0777) {
-    return make_error(Errc::usage, "option 'mode': '" + mode + "' is not valid; accepted: octal permissions like 0660");
+    return make_error(Errc::usage,
+                      "option 'mode': '" + mode + "' is not valid; accepted: octal permissions like 0660");
   }
   return access;
 }
@@ -38,16 +39,24 @@ Result<Pty::Access> access_of(const PortOptions& options) {
 
 PtyPort::Line::Line(PtyPort& port, Pty made)
     : pty(std::move(made)),
-      master_watch(*port.context_.loop, pty.master(), [&port] { port.on_readable(); }, [this] { outbox.flush(); }),
+      master_watch(
+          *port.context_.loop, pty.master(), [&port] { port.on_readable(); }, [this] { outbox.flush(); }),
       inotify_watch(*port.context_.loop, pty.inotify(), [&port] { port.on_inotify(); }),
       // A write fails only when the driver is gone, which the read side notices.
-      outbox(pty.master(), master_watch, [&port] { if (port.up_) port.listener().on_drained(); }, [](int) {}) {
+      outbox(
+          pty.master(), master_watch,
+          [&port] {
+            if (port.up_) port.listener().on_drained();
+          },
+          [](int) {}) {
   inotify_watch.watch_readable(true);
 }
 
 PtyPort::PtyPort(const PortContext& context, const PortOptions& options)
-    : context_(context), options_(options),
-      hang_up_timer_(*context.loop, [this] { on_hang_up_timer(); }), look_timer_(*context.loop, [this] { on_look_timer(); }) {}
+    : context_(context),
+      options_(options),
+      hang_up_timer_(*context.loop, [this] { on_hang_up_timer(); }),
+      look_timer_(*context.loop, [this] { on_look_timer(); }) {}
 
 PtyPort::~PtyPort() = default;
 
@@ -93,7 +102,8 @@ void PtyPort::replace_line() {
     return;
   }
   if (link_) {
-    if (Result<void> moved = link_->retarget(line_->pty.slave_path()); !moved) context_.log->error("{}", moved.error().message);
+    if (Result<void> moved = link_->retarget(line_->pty.slave_path()); !moved)
+      context_.log->error("{}", moved.error().message);
   }
   announce_path();
 }

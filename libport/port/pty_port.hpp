@@ -16,8 +16,9 @@
 
 namespace porttape {
 
-// A pseudo-terminal that a program opens as if it were the device. Passive: up while a program has the slave open.
-// Owns the pty and its link. One peer at a time: a second program that opens it shares the line, as on a real tty.
+// A pseudo-terminal that a program opens as if it were the device. Passive: up while a program has the slave
+// open. Owns the pty and its link. One peer at a time: a second program that opens it shares the line, as on
+// a real tty.
 class PtyPort final : public Port {
  public:
   PtyPort(const PortContext& context, const PortOptions& options);
@@ -29,7 +30,8 @@ class PtyPort final : public Port {
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
   void set_reading(bool on) override;
-  // Replaces the pty by a new one under the same link; on_down(hung_up) follows. Without a link the new path is printed.
+  // Replaces the pty by a new one under the same link; on_down(hung_up) follows. Without a link the new path
+  // is printed.
   void hang_up(bool after_reading) override;
   void read_pending() override;
   [[nodiscard]] bool passive() const override { return true; }

@@ -1,10 +1,10 @@
 #include "libport/port/recording_port.hpp"
 
 #include <filesystem>
+#include <fmt/format.h>
 #include <string_view>
 #include <utility>
 
-#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 namespace porttape {
@@ -13,13 +13,15 @@ namespace {
 // The first free name after this one: `laser.log`, `laser.2.log`, `laser.3.log`, …
 TapePaths next_tape(const TapePaths& first) {
   const std::string name = first.name();
-  const std::string_view stem = name.ends_with(".log") ? std::string_view(name).substr(0, name.size() - 4) : name;
+  const std::string_view stem =
+      name.ends_with(".log") ? std::string_view(name).substr(0, name.size() - 4) : name;
   const std::string_view suffix = std::string_view(name).substr(stem.size());
   for (int number = 2;; ++number) {
     TapePaths paths = literal_tape(fmt::format("{}.{}{}", stem, number, suffix));
     if (TapeWriter::check(paths, {})) return paths;
     std::error_code error;
-    if (!std::filesystem::exists(paths.read.parent_path(), error) && paths.read.has_parent_path()) return paths;
+    if (!std::filesystem::exists(paths.read.parent_path(), error) && paths.read.has_parent_path())
+      return paths;
   }
 }
 
@@ -34,7 +36,8 @@ void RecordingPort::listen(PortListener& listener) {
 }
 
 Result<void> RecordingPort::prepare() {
-  if (Result<void> free = TapeWriter::check(options_.tape, {.overwrite = options_.overwrite}); !free) return free;
+  if (Result<void> free = TapeWriter::check(options_.tape, {.overwrite = options_.overwrite}); !free)
+    return free;
   return inner_->prepare();
 }
 
@@ -80,7 +83,8 @@ void RecordingPort::on_down(const LineDown& down) {
 void RecordingPort::start_tape() {
   started_ = true;
   zero_ = options_.now();
-  Result<TapeWriter> tape = TapeWriter::create(options_.tape, options_.header, {.overwrite = options_.overwrite});
+  Result<TapeWriter> tape =
+      TapeWriter::create(options_.tape, options_.header, {.overwrite = options_.overwrite});
   if (tape) {
     tape_ = std::move(*tape);
     context_.log->info("recording to {}", options_.tape.name());
@@ -107,11 +111,13 @@ void RecordingPort::tell_of_failure() {
   if (tape_->failing() == failing_) return;
   failing_ = !failing_;
   if (!failing_) {
-    context_.log->info("{} is being written again; {} bytes are missing", options_.tape.name(), tape_->bytes_lost());
+    context_.log->info("{} is being written again; {} bytes are missing", options_.tape.name(),
+                       tape_->bytes_lost());
     return;
   }
-  context_.log->error("{}; {}", tape_->failure(),
-                      options_.fail_closed ? "ending, as --fail-closed asks" : "the line stays up, the loss is counted");
+  context_.log->error(
+      "{}; {}", tape_->failure(),
+      options_.fail_closed ? "ending, as --fail-closed asks" : "the line stays up, the loss is counted");
   if (options_.fail_closed) listener().on_finished(exit_status::kRuntime);
 }
 

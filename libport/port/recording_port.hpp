@@ -12,9 +12,9 @@
 
 namespace porttape {
 
-// A port that keeps a tape of the port it owns. Bytes are passed on first and written to the tape in the same turn of the
-// loop, so that a killed process has lost at most the block it was in. The tape's zero is the first open(); its files come
-// into being then.
+// A port that keeps a tape of the port it owns. Bytes are passed on first and written to the tape in the same
+// turn of the loop, so that a killed process has lost at most the block it was in. The tape's zero is the
+// first open(); its files come into being then.
 class RecordingPort final : public Port, private PortListener {
  public:
   struct Options {

@@ -1,9 +1,9 @@
 #include "libport/port/replay_port.hpp"
 
 #include <chrono>
+#include <fmt/format.h>
 #include <utility>
 
-#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include "libport/port/report_file.hpp"
@@ -33,12 +33,20 @@ Result<ReplayConfig> replay_config(const PortOptions& options) {
   ReplayConfig config;
   config.strictness = static_cast<int>(options.integer("strictness"));
   config.jitter = milliseconds(options.number("jitter"));
-  config.timing = choice<Timing>(options.text("timing"), {{"reactive", Timing::reactive}, {"recorded", Timing::recorded}, {"none", Timing::none}});
+  config.timing = choice<Timing>(
+      options.text("timing"),
+      {{"reactive", Timing::reactive}, {"recorded", Timing::recorded}, {"none", Timing::none}});
   config.rate = options.number("rate");
-  config.on_mismatch = choice<OnMismatch>(options.text("on-mismatch"), {{"warn", OnMismatch::warn}, {"fail", OnMismatch::fail}});
-  config.at_end = choice<AtEnd>(options.text("at-end"), {{"idle", AtEnd::idle}, {"hangup", AtEnd::hangup}, {"exit", AtEnd::exit}});
-  config.on_reopen = choice<OnReopen>(options.text("on-reopen"), {{"auto", OnReopen::automatic}, {"rewind", OnReopen::rewind}, {"continue", OnReopen::continue_}});
-  config.chunks = choice<Chunks>(options.text("chunks"), {{"auto", Chunks::automatic}, {"recorded", Chunks::recorded}, {"burst", Chunks::burst}});
+  config.on_mismatch = choice<OnMismatch>(options.text("on-mismatch"),
+                                          {{"warn", OnMismatch::warn}, {"fail", OnMismatch::fail}});
+  config.at_end = choice<AtEnd>(options.text("at-end"),
+                                {{"idle", AtEnd::idle}, {"hangup", AtEnd::hangup}, {"exit", AtEnd::exit}});
+  config.on_reopen = choice<OnReopen>(
+      options.text("on-reopen"),
+      {{"auto", OnReopen::automatic}, {"rewind", OnReopen::rewind}, {"continue", OnReopen::continue_}});
+  config.chunks =
+      choice<Chunks>(options.text("chunks"),
+                     {{"auto", Chunks::automatic}, {"recorded", Chunks::recorded}, {"burst", Chunks::burst}});
   config.burst_gap = Micros(options.integer("burst-gap"));
   config.patience = seconds(options.number("patience"));
   if (options.flag("ignoretimes")) {
@@ -46,7 +54,9 @@ Result<ReplayConfig> replay_config(const PortOptions& options) {
     if (config.strictness == 2) config.strictness = 1;
   }
   if (config.strictness == 2 && config.timing == Timing::none) {
-    return make_error(Errc::usage, "option 'strictness': 2 checks timing, which timing=none has not; use strictness 1 or another timing");
+    return make_error(Errc::usage,
+                      "option 'strictness': 2 checks timing, which timing=none has not; use strictness 1 or "
+                      "another timing");
   }
   return config;
 }

@@ -18,8 +18,8 @@ namespace porttape {
 // The replay options among a logreader's options. Errc::usage for values that contradict each other.
 Result<ReplayConfig> replay_config(const PortOptions& options);
 
-// A tape in the device's place: reads the tape and the clock, and does what the engine says. Each run's report goes to the
-// log and, when asked for, to a file; with `once` the session ends after the first run.
+// A tape in the device's place: reads the tape and the clock, and does what the engine says. Each run's
+// report goes to the log and, when asked for, to a file; with `once` the session ends after the first run.
 class ReplayPort final : public Port {
  public:
   struct Options {

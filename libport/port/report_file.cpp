@@ -1,15 +1,13 @@
 #include "libport/port/report_file.hpp"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <cerrno>
 #include <cstdio>
+#include <fcntl.h>
 #include <filesystem>
-#include <iostream>
-
 #include <fmt/format.h>
+#include <iostream>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "libport/base/unique_fd.hpp"
 
@@ -40,10 +38,12 @@ bool write_all(int fd, std::string_view text) {
 Result<void> check_report_place(const std::string& path) {
   if (path == "-") return {};
   std::error_code error;
-  if (fs::is_directory(path, error)) return make_error(Errc::usage, fmt::format("report '{}' is a folder; name a file", path));
+  if (fs::is_directory(path, error))
+    return make_error(Errc::usage, fmt::format("report '{}' is a folder; name a file", path));
   const fs::path folder = fs::absolute(path).parent_path();
   if (!fs::is_directory(folder, error)) {
-    return make_error(Errc::usage, fmt::format("report '{}': its folder {} does not exist; create it first", path, folder.string()));
+    return make_error(Errc::usage, fmt::format("report '{}': its folder {} does not exist; create it first",
+                                               path, folder.string()));
   }
   return {};
 }
@@ -62,7 +62,8 @@ Result<void> write_report(const std::string& path, std::string_view text) {
   if (ok) return {};
   const int error_number = errno;
   if (replace) (void)::unlink(target.c_str());
-  return make_error(Errc::io, fmt::format("report '{}' cannot be written: {}", path, errno_text(error_number)));
+  return make_error(Errc::io,
+                    fmt::format("report '{}' cannot be written: {}", path, errno_text(error_number)));
 }
 
 }  // namespace porttape

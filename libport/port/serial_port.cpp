@@ -1,16 +1,15 @@
 #include "libport/port/serial_port.hpp"
 
+#include <cerrno>
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/file.h>
 #include <sys/ioctl.h>
 #include <sys/stat.h>
 #include <termios.h>
 #include <unistd.h>
-
-#include <cerrno>
 #include <utility>
 
-#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 namespace porttape {
@@ -32,10 +31,14 @@ LineSettings settings_of(const PortOptions& options) {
 
 std::string advice_for(int error_number) {
   switch (error_number) {
-    case ENOENT: return "is it plugged in? (--wait-device waits for it)";
-    case EACCES: return "add the user to the group dialout";
-    case EBUSY: return "another program has it open";
-    default: return "check the device";
+    case ENOENT:
+      return "is it plugged in? (--wait-device waits for it)";
+    case EACCES:
+      return "add the user to the group dialout";
+    case EBUSY:
+      return "another program has it open";
+    default:
+      return "check the device";
   }
 }
 
@@ -49,9 +52,13 @@ int access_mode(const PortOptions& options) {
 
 SerialPort::Line::Line(SerialPort& port, UniqueFd opened)
     : fd(std::move(opened)),
-      watch(*port.context_.loop, fd.get(), [&port] { port.on_readable(); }, [this] { outbox.flush(); }),
+      watch(
+          *port.context_.loop, fd.get(), [&port] { port.on_readable(); }, [this] { outbox.flush(); }),
       outbox(
-          fd.get(), watch, [&port] { if (port.up_) port.listener().on_drained(); },
+          fd.get(), watch,
+          [&port] {
+            if (port.up_) port.listener().on_drained();
+          },
           [&port](int error_number) {
             // From within a write of the caller's, who must not see the line vanish under it.
             port.context_.loop->post([&port, error_number, alive = std::weak_ptr<int>(port.alive_)] {
@@ -76,9 +83,13 @@ Result<void> SerialPort::prepare() {
   }
   if (!S_ISCHR(status.st_mode) || !is_tty_device(status.st_rdev)) {
     return missing(fmt::format("device '{}' is {}, not a serial device", device_,
-                               S_ISDIR(status.st_mode) ? "a folder" : S_ISREG(status.st_mode) ? "a file" : "something else"));
+                               S_ISDIR(status.st_mode)   ? "a folder"
+                               : S_ISREG(status.st_mode) ? "a file"
+                                                         : "something else"));
   }
-  const int wanted = access_mode(options_) == O_RDONLY ? R_OK : access_mode(options_) == O_WRONLY ? W_OK : R_OK | W_OK;
+  const int wanted = access_mode(options_) == O_RDONLY   ? R_OK
+                     : access_mode(options_) == O_WRONLY ? W_OK
+                                                         : R_OK | W_OK;
   if (::access(device_.c_str(), wanted) != 0) {
     return missing(fmt::format("device '{}': {}; {}", device_, errno_text(errno), advice_for(errno)));
   }
@@ -159,8 +170,8 @@ void SerialPort::close() {
 }
 
 void SerialPort::drop_line() {
-  // Closed at once, so that the device gets its old name back when it is plugged in again. The rest goes on the next turn of
-  // the loop, since one of its callbacks may be running.
+  // Closed at once, so that the device gets its old name back when it is plugged in again. The rest goes on
+  // the next turn of the loop, since one of its callbacks may be running.
   line_->watch.stop();
   line_->fd.reset();
   context_.loop->post([old = std::shared_ptr<Line>(std::move(line_))] {});
@@ -203,7 +214,8 @@ void SerialPort::lost(int error_number) {
   if (!line_) return;
   drop_line();
   const bool was_up = std::exchange(up_, false);
-  const Error error = make_error(Errc::device_lost, fmt::format("device '{}' is lost ({}); plug it in again", device_, errno_text(error_number)));
+  const Error error = make_error(Errc::device_lost, fmt::format("device '{}' is lost ({}); plug it in again",
+                                                                device_, errno_text(error_number)));
   if (was_up) {
     listener().on_down({.reason = LineDown::Reason::lost, .error = error});
   } else {

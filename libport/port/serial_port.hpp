@@ -15,9 +15,9 @@
 
 namespace porttape {
 
-// A serial device, opened raw, exclusive (TIOCEXCL and flock), with any baud rate, read back. `alwaysopen` opens it in
-// prepare() and keeps it open; `wait` waits for a device that is missing instead of failing. A device that goes away is closed at
-// once, so that it comes back under its own name.
+// A serial device, opened raw, exclusive (TIOCEXCL and flock), with any baud rate, read back. `alwaysopen`
+// opens it in prepare() and keeps it open; `wait` waits for a device that is missing instead of failing. A
+// device that goes away is closed at once, so that it comes back under its own name.
 class SerialPort final : public Port {
  public:
   SerialPort(const PortContext& context, const PortOptions& options);

@@ -15,11 +15,12 @@ struct Timer::State : std::enable_shared_from_this<Timer::State> {
     if (due == when) return;
     due = when;
     timer.expires_at(when);
-    timer.async_wait([self = shared_from_this(), round = ++generation](const boost::system::error_code& error) {
-      if (error || round != self->generation || !self->due) return;
-      self->due.reset();
-      self->callback();
-    });
+    timer.async_wait(
+        [self = shared_from_this(), round = ++generation](const boost::system::error_code& error) {
+          if (error || round != self->generation || !self->due) return;
+          self->due.reset();
+          self->callback();
+        });
   }
 
   void cancel() {
@@ -32,7 +33,8 @@ struct Timer::State : std::enable_shared_from_this<Timer::State> {
   boost::asio::steady_timer timer;
   std::function<void()> callback;
   std::optional<Instant> due;
-  std::uint64_t generation = 0;  // a wait that was replaced while its callback was already queued is recognised by it
+  std::uint64_t generation =
+      0;  // a wait that was replaced while its callback was already queued is recognised by it
 };
 
 Timer::Timer(Loop& loop, std::function<void()> callback)

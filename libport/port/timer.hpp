@@ -8,8 +8,8 @@
 
 namespace porttape {
 
-// Calls back once at a moment of the monotonic clock, never before it. Setting it again replaces the moment. The callback
-// may destroy the timer. Loop thread only.
+// Calls back once at a moment of the monotonic clock, never before it. Setting it again replaces the moment.
+// The callback may destroy the timer. Loop thread only.
 class Timer {
  public:
   Timer(Loop& loop, std::function<void()> callback);

@@ -1,15 +1,13 @@
 #include "libport/port/tty.hpp"
 
-#include <asm/termbits.h>  // termios2; not to be mixed with <termios.h>
-#include <sys/ioctl.h>
-#include <sys/sysmacros.h>
-
 #include <array>
+#include <asm/termbits.h>  // termios2; not to be mixed with <termios.h>
 #include <cerrno>
 #include <filesystem>
-#include <utility>
-
 #include <fmt/format.h>
+#include <sys/ioctl.h>
+#include <sys/sysmacros.h>
+#include <utility>
 
 namespace porttape {
 namespace {
@@ -25,7 +23,8 @@ Error tty_error(std::string_view what) {
 }
 
 void set_raw_flags(termios2& tio) {
-  tio.c_iflag &= ~static_cast<tcflag_t>(IGNBRK | BRKINT | PARMRK | ISTRIP | INLCR | IGNCR | ICRNL | IXON | IXOFF | IXANY | INPCK);
+  tio.c_iflag &= ~static_cast<tcflag_t>(IGNBRK | BRKINT | PARMRK | ISTRIP | INLCR | IGNCR | ICRNL | IXON |
+                                        IXOFF | IXANY | INPCK);
   tio.c_oflag &= ~static_cast<tcflag_t>(OPOST);
   tio.c_lflag &= ~static_cast<tcflag_t>(ECHO | ECHOE | ECHOK | ECHONL | ICANON | ISIG | IEXTEN);
   tio.c_cc[VMIN] = 1;
@@ -34,7 +33,8 @@ void set_raw_flags(termios2& tio) {
 
 termios2 with_settings(termios2 tio, const LineSettings& wanted) {
   set_raw_flags(tio);
-  tio.c_cflag &= ~static_cast<tcflag_t>(CSIZE | CSTOPB | PARENB | PARODD | CMSPAR | CRTSCTS | CBAUD | (CBAUD << IBSHIFT));
+  tio.c_cflag &= ~static_cast<tcflag_t>(CSIZE | CSTOPB | PARENB | PARODD | CMSPAR | CRTSCTS | CBAUD |
+                                        (CBAUD << IBSHIFT));
   tio.c_cflag |= CREAD | CLOCAL | BOTHER | kDataBitFlags[wanted.data_bits - 5];
   if (wanted.stop_bits == 2) tio.c_cflag |= CSTOPB;
   if (wanted.parity != Parity::none) tio.c_cflag |= PARENB;
@@ -61,8 +61,9 @@ Result<std::string> apply_settings(int fd, const LineSettings& settings) {
   termios2 got{};
   if (::ioctl(fd, TCGETS2, &got) != 0) return tty_error("reading the line settings back");
   if (!rate_close(got.c_ospeed, settings.baud)) {
-    return make_error(Errc::device_missing, fmt::format("the device does not do {} baud (it took {}): choose a rate it can do",
-                                                         settings.baud, got.c_ospeed));
+    return make_error(Errc::device_missing,
+                      fmt::format("the device does not do {} baud (it took {}): choose a rate it can do",
+                                  settings.baud, got.c_ospeed));
   }
   std::string not_taken;
   const auto check = [&](tcflag_t mask, std::string_view what) {

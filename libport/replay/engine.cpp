@@ -49,7 +49,7 @@ struct Engine::Impl {
   void settle(Player::Lost lost);
   void play(std::size_t max_bytes, ReplayActions& out);
   void at_tape_end();
-  void tell(const Mismatch& mismatch);
+  void tell(Mismatch mismatch);
   void tell_difference(ByteView got);
   void tell_fault(const Player::TimingFault& fault);
   void stop_if_damaged();
@@ -247,12 +247,11 @@ void Engine::Impl::tell_difference(ByteView got) {
   if (config.strictness == 0) return;
   Mismatch mismatch = matcher.describe(got);
   mismatch.real = run->since_begin(now);
-  mismatch.exchange = player.schedule().exchange_of(mismatch.tape_offset);
   if (run->mismatches() < kMostHints) {
     mismatch.hint = find_hint(writes, mismatch.tape_offset, got);
     matcher.restore_source();
   }
-  tell(mismatch);
+  tell(std::move(mismatch));
 }
 
 void Engine::Impl::tell_fault(const Player::TimingFault& fault) {
@@ -264,18 +263,20 @@ void Engine::Impl::tell_fault(const Player::TimingFault& fault) {
   mismatch.real = run->since_begin(fault.real);
   mismatch.error = fault.error;
   mismatch.own_late = std::chrono::ceil<Micros>(run->last_lateness());
-  mismatch.exchange = player.schedule().exchange_of(fault.tape_offset);
-  tell(mismatch);
+  tell(std::move(mismatch));
 }
 
-void Engine::Impl::tell(const Mismatch& mismatch) {
+void Engine::Impl::tell(Mismatch mismatch) {
+  // A run that ends here has no more use for the walk, so it may go ahead to where the driver is.
+  if (fails()) player.schedule().pass_write(mismatch.tape_offset);
+  mismatch.exchange = player.schedule().exchange_of(mismatch.tape_offset);
   run->mismatch(mismatch);
   if (pending.mismatches.size() < kMostMismatchesHeld) pending.mismatches.push_back(mismatch);
   if (fails()) {
     pending.hang_up = true;
     end_run();
   } else if (mismatch.kind != MismatchKind::timing) {
-    player.set_lenient(true);
+    player.become_lenient(now);
   }
 }
 

@@ -58,7 +58,7 @@ class Player {
   std::optional<TimingFault> check_recorded(const Matcher::Step& step, Instant now) const;
 
   // From the run's first divergence on (and always at strictness 0) gates also open by quiet and patience.
-  void set_lenient(bool lenient) { lenient_ = lenient; }
+  void become_lenient(Instant now);
 
   [[nodiscard]] std::optional<Instant> wake() const { return wake_; }
   // All reads are delivered and all writes came.
@@ -144,6 +144,7 @@ class Player {
   TapeTime session_start_{};
   std::optional<PassedOpen> passed_open_;
   bool lenient_ = false;
+  Instant lenient_since_{};
   bool used_up_ = false;
   std::optional<Instant> wake_;
   std::optional<TimingFault> fault_;

@@ -58,8 +58,17 @@ Player::Silence Player::next_silence(TapeTime next_at) const {
   return {patience, false};
 }
 
+// The driver gets its patience in full: from when the block was due, but not before it really had what came
+// before.
 Instant Player::patience_end(TapeTime next_at) const {
-  return saturating_add(std::max(floor_, timeline_.real(next_at)), config_.patience);
+  const Instant due = std::max({floor_, timeline_.real(next_at), last_event_.real, lenient_since_});
+  return saturating_add(due, config_.patience);
+}
+
+void Player::become_lenient(Instant now) {
+  if (lenient_) return;
+  lenient_ = true;
+  lenient_since_ = now;
 }
 
 bool Player::nothing_left() {

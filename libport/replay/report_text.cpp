@@ -102,26 +102,27 @@ std::string comparison(const Mismatch& mismatch, const Paint& paint) {
          "            " + indent + paint.red("^^") + '\n';
 }
 
+// Where: on the driver's side of things, and on the tape.
 std::string place(const Mismatch& mismatch) {
-  return "at byte " + std::to_string(mismatch.offset) + " from the driver, " +
-         seconds(mismatch.real.count()) + " after its open; exchange " + std::to_string(mismatch.exchange) +
-         " of the tape, byte " + std::to_string(mismatch.tape_offset) + " of its writes, recorded at " +
-         seconds(to_us(mismatch.tape));
+  return "byte " + std::to_string(mismatch.offset) + " from the driver, " + seconds(mismatch.real.count()) +
+         " after its open\n  on the tape: exchange " + std::to_string(mismatch.exchange) + ", byte " +
+         std::to_string(mismatch.tape_offset) + " of the writes, recorded at " +
+         seconds(to_us(mismatch.tape)) + '\n';
 }
 
 std::string timing_lines(const Mismatch& mismatch, const Paint& paint) {
   const bool late = mismatch.error.count() > 0;
   const Micros size = late ? mismatch.error : -mismatch.error;
-  return "  the write came " + paint.red(millis(size) + (late ? " late" : " early")) + ", " +
-         place(mismatch) + '\n' + "  our own delivery before it was " + millis(mismatch.own_late) + " late\n";
+  return "  a write came " + paint.red(millis(size) + (late ? " late" : " early")) + ": " + place(mismatch) +
+         "  our own delivery before it was " + millis(mismatch.own_late) + " late\n";
 }
 
 std::string mismatch_lines(const Mismatch& mismatch, const Paint& paint) {
   if (mismatch.kind == MismatchKind::timing) return timing_lines(mismatch, paint);
   const std::string_view what =
       mismatch.kind == MismatchKind::extra ? "more than the tape has" : "not what the tape has";
-  std::string out = "  " + paint.bold(what) + ", " + place(mismatch) + '\n' + comparison(mismatch, paint);
-  if (!mismatch.hint.empty()) out += "  what was got: " + mismatch.hint + '\n';
+  std::string out = "  " + paint.bold(what) + ": " + place(mismatch) + comparison(mismatch, paint);
+  if (!mismatch.hint.empty()) out += "  hint      " + mismatch.hint + '\n';
   return out;
 }
 

@@ -73,6 +73,10 @@ std::optional<TapeTime> Schedule::pass_next_open() {
   return std::nullopt;
 }
 
+void Schedule::pass_write(std::uint64_t offset) {
+  while (passed_.writes <= offset && head() != nullptr) pop();
+}
+
 Schedule::Totals Schedule::drain() {
   if (totals_) return *totals_;
   while (head() != nullptr) pop();

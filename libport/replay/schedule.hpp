@@ -37,6 +37,9 @@ class Schedule {
   // Over everything up to and including the next `open`, which it gives; nothing when there is none.
   std::optional<TapeTime> pass_next_open();
 
+  // Over everything up to and including the write that holds the byte at `offset`.
+  void pass_write(std::uint64_t offset);
+
   // Over the whole rest: what the tape holds. Known and cheap from the second time on.
   Totals drain();
 

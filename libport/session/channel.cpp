@@ -2,9 +2,8 @@
 
 #include <algorithm>
 #include <array>
-#include <utility>
-
 #include <fmt/format.h>
+#include <utility>
 
 #include "libport/port/port_factory.hpp"
 #include "libport/tape/tape_name.hpp"
@@ -19,7 +18,8 @@ constexpr std::array<std::pair<std::string_view, std::string_view>, 2> kReplayDe
     {{"strictness", "1"}, {"timing", "reactive"}}};
 
 const OptionSpec kDriver{"driver", Kind::text, "", "PORT that the driver opens, e.g. pty:/tmp/laser"};
-const OptionSpec kDevice{"device", Kind::text, "", "PORT of the device, e.g. serial:/dev/ttyUSB0,baud=115200"};
+const OptionSpec kDevice{"device", Kind::text, "",
+                         "PORT of the device, e.g. serial:/dev/ttyUSB0,baud=115200"};
 const OptionSpec kTape{"tape", Kind::text, "", "NAME of the tape: NAMEr, NAMEw, NAMEe"};
 const OptionSpec kWaitDevice{"wait-device", Kind::flag, "", "a device that is missing is waited for"};
 
@@ -118,9 +118,11 @@ Result<ChannelPorts> channel_ports(const ChannelSpec& spec) {
   if (!values) return values.error();
   Result<PortOptions> driver = named_port("driver", values->at("driver"));
   if (!driver) return driver.error();
-  Result<PortOptions> device = spec.mode == ChannelMode::replay ? replay_device(*values) : named_port("device", values->at("device"));
+  Result<PortOptions> device =
+      spec.mode == ChannelMode::replay ? replay_device(*values) : named_port("device", values->at("device"));
   if (!device) return device.error();
-  if (values->contains("wait-device") && find_port_type(device->type)->find("wait") != nullptr) device->values["wait"] = "1";
+  if (values->contains("wait-device") && find_port_type(device->type)->find("wait") != nullptr)
+    device->values["wait"] = "1";
   if (spec.mode == ChannelMode::record) device = recording_device(*values, std::move(*device));
   if (!device) return device.error();
   return ChannelPorts{std::move(*driver), std::move(*device)};

@@ -18,12 +18,12 @@ namespace porttape {
 // What a channel does; also the verb of the daemon that makes one.
 enum class ChannelMode { record, replay, bridge };
 
-// The options of a mode, for a command line, a configuration file and --help. Replay has the verb's defaults here
-// (strictness 1, reactive), not flexiport's.
+// The options of a mode, for a command line, a configuration file and --help. Replay has the verb's defaults
+// here (strictness 1, reactive), not flexiport's.
 std::vector<OptionSpec> channel_options(ChannelMode mode);
 
-// A driver's and a device's end, as a user describes them: option name to value, as written. Both programs and the
-// configuration file make one of these.
+// A driver's and a device's end, as a user describes them: option name to value, as written. Both programs
+// and the configuration file make one of these.
 struct ChannelSpec {
   ChannelMode mode = ChannelMode::bridge;
   std::map<std::string, std::string> values;

@@ -10,7 +10,8 @@ namespace {
 
 using std::chrono::seconds;
 
-// How long the last bytes of a driver that has closed may take to the device (a tty's own closing_wait is 30 s as well).
+// How long the last bytes of a driver that has closed may take to the device (a tty's own closing_wait is 30
+// s as well).
 constexpr Nanos kDrainLimit = seconds(30);
 // At the end of the program: how long queues may take, and a driver to read what was delivered.
 constexpr Nanos kSendLimit = seconds(2);
@@ -51,8 +52,8 @@ Session::Session(const PortContext& context, std::unique_ptr<Port> driver, std::
       on_end_(std::move(on_end)),
       end_timer_(*context.loop, [this] { ending_ == Ending::sending ? continue_end() : end(); }),
       drain_timer_(*context.loop, [this] {
-        context_.log->warn("{} did not take the driver's last bytes within {} s; they are dropped", device_->name(),
-                           std::chrono::duration_cast<seconds>(kDrainLimit).count());
+        context_.log->warn("{} did not take the driver's last bytes within {} s; they are dropped",
+                           device_->name(), std::chrono::duration_cast<seconds>(kDrainLimit).count());
         close_device();
       }) {
   driver_->listen(*driver_side_);

@@ -10,11 +10,12 @@
 
 namespace porttape {
 
-// Joins a driver's port and a device's port: the device is opened when a driver comes and closed when it goes, bytes are
-// passed on at once, and who is slow stops the other side. Owns both ports.
+// Joins a driver's port and a device's port: the device is opened when a driver comes and closed when it
+// goes, bytes are passed on at once, and who is slow stops the other side. Owns both ports.
 //
-// Drive it: start(), then the loop; stop() or a port's on_finished() leads to `on_end` with the exit status, once, from the
-// loop. It must not be destroyed from within a callback of its ports; from `on_end` it may. Loop thread only.
+// Drive it: start(), then the loop; stop() or a port's on_finished() leads to `on_end` with the exit status,
+// once, from the loop. It must not be destroyed from within a callback of its ports; from `on_end` it may.
+// Loop thread only.
 class Session {
  public:
   struct Counters {
@@ -78,7 +79,7 @@ class Session {
   Ending ending_ = Ending::no;
   bool limited_ = false;  // the end waits for slow peers only so long
   bool driver_up_ = false;
-  bool device_open_ = false;    // between device_->open() and device_->close()
+  bool device_open_ = false;  // between device_->open() and device_->close()
   bool device_up_ = false;
   bool closing_device_ = false;  // the driver has gone, its last bytes are still on their way to the device
 };

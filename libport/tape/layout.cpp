@@ -20,18 +20,25 @@ struct Reading {
   enum class End : std::uint8_t { clean, goes_on, torn, damaged, no_tape };
 
   End end = End::clean;
-  std::uint64_t blocks = 0;
+  std::uint64_t blocks = 0;   // with data: an empty one is no evidence, zeros read as such in both layouts
   std::uint64_t claimed = 0;  // length of an unfinished block
+  bool unsure = false;  // only the beginning of a header is there, too little to tell it from anything else
 
-  [[nodiscard]] bool is_tape() const { return end != End::no_tape; }
+  [[nodiscard]] bool is_tape(const Reading& other) const {
+    return end != End::no_tape && (!unsure || other.blocks > 0);
+  }
 };
 
-// Whether the few bytes of a first header can be the beginning of one.
-bool begins_header(Layout layout, ByteView bytes) {
+// The beginning of a first header, with zeros for what is missing.
+BlockHeader parse_beginning(Layout layout, ByteView bytes) {
   std::array<Byte, kMaxHeaderSize> header{};
   std::copy(bytes.begin(), bytes.end(), header.begin());
-  if (check_header(parse_header(layout, header.data()), 0) != HeaderFault::none) return false;
-  return layout == Layout::big_endian ? bytes[0] == 0 || bytes.size() > 8 : bytes.size() >= 8;
+  return parse_header(layout, header.data());
+}
+
+// Whether so little of a header tells nothing: less than its seconds, or seconds that text would have too.
+bool is_unsure(Layout layout, ByteView bytes) {
+  return layout == Layout::big_endian ? bytes[0] != 0 && bytes.size() <= 8 : bytes.size() < 8;
 }
 
 class Sniffer {
@@ -49,12 +56,15 @@ class Sniffer {
       if (header.length > size_ - offset_ - head_) return past_end(header);
       time = header_time_us(header);
       offset_ += head_ + header.length;
-      ++reading_.blocks;
+      if (header.length > 0) ++reading_.blocks;
     }
     if (offset_ == size_) return end(Reading::End::clean);
     if (prefix_.size() < size_) return end(Reading::End::goes_on);
-    const bool torn = reading_.blocks > 0 || begins_header(layout_, prefix_.subspan(offset_));
-    return end(torn ? Reading::End::torn : Reading::End::no_tape);
+    if (reading_.blocks > 0) return end(Reading::End::torn);
+    const ByteView rest = prefix_.subspan(offset_);
+    reading_.unsure = is_unsure(layout_, rest);
+    const HeaderFault fault = check_header(parse_beginning(layout_, rest), 0);
+    return end(fault == HeaderFault::none ? Reading::End::torn : Reading::End::no_tape);
   }
 
  private:
@@ -106,15 +116,15 @@ Result<Readings> sniff(ByteSource* source) {
 // How well a pair reads in one layout.
 struct Rank {
   bool is_tape = false;
-  bool sound = false;
   std::uint64_t blocks = 0;
+  bool sound = false;
   int neatness = 0;
   std::uint64_t claimed = 0;  // less is better
 
   Rank(const Reading& r, const Reading& w)
-      : is_tape(r.is_tape() && w.is_tape()),
-        sound(r.end < Reading::End::damaged && w.end < Reading::End::damaged),
+      : is_tape(r.is_tape(w) && w.is_tape(r)),
         blocks(r.blocks + w.blocks),
+        sound(r.end < Reading::End::damaged && w.end < Reading::End::damaged),
         neatness(-static_cast<int>(r.end) - static_cast<int>(w.end)),
         claimed(std::numeric_limits<std::uint64_t>::max() - std::max(r.claimed, w.claimed)) {}
 
@@ -138,8 +148,11 @@ Result<Layout> detect_layout(ByteSource* read, ByteSource* write) {
   if (big_endian.is_tape || native64.is_tape) {
     return native64 > big_endian ? Layout::native64 : Layout::big_endian;
   }
-  if (!r->big_endian.is_tape() && !r->native64.is_tape()) return not_a_tape(*read);
-  if (!w->big_endian.is_tape() && !w->native64.is_tape()) return not_a_tape(*write);
+  const auto is_tape = [](const Readings& one, const Readings& other) {
+    return one.big_endian.is_tape(other.big_endian) || one.native64.is_tape(other.native64);
+  };
+  if (!is_tape(*r, *w)) return not_a_tape(*read);
+  if (!is_tape(*w, *r)) return not_a_tape(*write);
   return make_error(Errc::not_a_tape, read->name() + " and " + write->name() +
                                           " are in different layouts: they are not the files of one tape");
 }

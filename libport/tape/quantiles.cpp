@@ -47,6 +47,7 @@ std::int64_t Quantiles::at(double q) const {
     std::nth_element(sorted.begin(), nth, sorted.end());
     return *nth;
   }
+  if (rank == count_) return max_;
   std::uint64_t seen = 0;
   for (std::size_t i = 0; i < buckets_.size(); ++i) {
     seen += buckets_[i];

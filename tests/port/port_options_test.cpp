@@ -25,7 +25,8 @@ TEST(PortOptions, BothSpellingsMeanTheSame) {
 }
 
 TEST(PortOptions, SeparatorsAreFlexiports) {
-  EXPECT_EQ(parsed("type=serial device=/dev/x\tbaud=1200\nhwflowctrl"), parsed("serial:/dev/x,baud=1200,hwflowctrl"));
+  EXPECT_EQ(parsed("type=serial device=/dev/x\tbaud=1200\nhwflowctrl"),
+            parsed("serial:/dev/x,baud=1200,hwflowctrl"));
   EXPECT_EQ(parsed(",,type=serial,,device=/dev/x,"), parsed("serial:/dev/x"));
 }
 
@@ -41,7 +42,9 @@ TEST(PortOptions, DefaultsAreFlexiports) {
   EXPECT_EQ(reader.text("timing"), "recorded");
 }
 
-TEST(PortOptions, TheLastOfEqualOptionsCounts) { EXPECT_EQ(parsed("serial:/dev/x,baud=1200,baud=2400").integer("baud"), 2400); }
+TEST(PortOptions, TheLastOfEqualOptionsCounts) {
+  EXPECT_EQ(parsed("serial:/dev/x,baud=1200,baud=2400").integer("baud"), 2400);
+}
 
 TEST(PortOptions, ABareWordTurnsABooleanOnAndOffTurnsItOff) {
   EXPECT_TRUE(parsed("serial:/dev/x,alwaysopen").flag("alwaysopen"));
@@ -58,8 +61,9 @@ TEST(PortOptions, ErrorsNameOptionValueAndWhatIsAccepted) {
 }
 
 TEST(PortOptions, NumbersAreCheckedToTheLastCharacter) {
-  for (const char* bad : {"baud=0", "baud=-1", "baud=9600x", "baud=", "baud=1.5", "baud=4294967296", "databits=9", "databits=4",
-                          "stopbits=3", "timeout=-2", "timeout=nan", "timeout=inf"}) {
+  for (const char* bad :
+       {"baud=0", "baud=-1", "baud=9600x", "baud=", "baud=1.5", "baud=4294967296", "databits=9", "databits=4",
+        "stopbits=3", "timeout=-2", "timeout=nan", "timeout=inf"}) {
     EXPECT_FALSE(parse_port(std::string("serial:/dev/x,") + bad).has_value()) << bad;
   }
   EXPECT_EQ(parsed("serial:/dev/x,baud=12000000").integer("baud"), 12'000'000);

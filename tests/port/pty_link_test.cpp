@@ -15,7 +15,9 @@ namespace fs = std::filesystem;
 
 class PtyLinkTest : public testing::Test {
  protected:
-  PtyLinkTest() : path((dir.path() / "port").string()), target((dir.path() / "target").string()) { std::ofstream(target) << ""; }
+  PtyLinkTest() : path((dir.path() / "port").string()), target((dir.path() / "target").string()) {
+    std::ofstream(target) << "";
+  }
 
   test::TempDir dir;
   std::string path;

@@ -1,11 +1,10 @@
 #include "libport/port/pty_port.hpp"
 
 #include <fcntl.h>
+#include <filesystem>
 #include <sys/ioctl.h>
 #include <termios.h>
 #include <unistd.h>
-
-#include <filesystem>
 
 #include <gtest/gtest.h>
 
@@ -19,15 +18,16 @@ namespace {
 
 // A driver that reads whatever comes.
 struct Reader {
-  Reader(Loop& loop, const UniqueFd& fd) : watch(loop, fd.get(), [this, raw = fd.get()] {
-    char buffer[4096];
-    const ssize_t size = ::read(raw, buffer, sizeof buffer);
-    if (size > 0) {
-      got.append(buffer, static_cast<std::size_t>(size));
-    } else {
-      watch.watch_readable(false);
-    }
-  }) {
+  Reader(Loop& loop, const UniqueFd& fd)
+      : watch(loop, fd.get(), [this, raw = fd.get()] {
+          char buffer[4096];
+          const ssize_t size = ::read(raw, buffer, sizeof buffer);
+          if (size > 0) {
+            got.append(buffer, static_cast<std::size_t>(size));
+          } else {
+            watch.watch_readable(false);
+          }
+        }) {
     watch.watch_readable(true);
   }
   std::string got;
@@ -36,7 +36,9 @@ struct Reader {
 
 class PtyPortTest : public testing::Test {
  protected:
-  PtyPortTest() : link((dir.path() / "port").string()), port(PortContext{&loop, book.log()}, options()) { port.listen(log); }
+  PtyPortTest() : link((dir.path() / "port").string()), port(PortContext{&loop, book.log()}, options()) {
+    port.listen(log);
+  }
 
   [[nodiscard]] PortOptions options() const { return {"pty", {{"link", link}}}; }
   void start() {
@@ -44,7 +46,9 @@ class PtyPortTest : public testing::Test {
     ASSERT_TRUE(prepared.has_value()) << prepared.error().message;
     port.open();
   }
-  [[nodiscard]] UniqueFd driver(int flags = O_RDWR | O_NOCTTY | O_NONBLOCK) const { return UniqueFd(::open(link.c_str(), flags)); }
+  [[nodiscard]] UniqueFd driver(int flags = O_RDWR | O_NOCTTY | O_NONBLOCK) const {
+    return UniqueFd(::open(link.c_str(), flags));
+  }
   void until(const std::string& events) {
     run_until(loop, [&] { return log.events == events; });
     EXPECT_EQ(log.events, events);
@@ -188,7 +192,9 @@ TEST_F(PtyPortTest, AskingForParityAgainInOneSessionIsNoErrorOnceWeHaveLooked) {
     tio.c_lflag &= ~static_cast<tcflag_t>(ECHONL);
     tio.c_cflag |= parity;
     EXPECT_EQ(::tcsetattr(fd.get(), TCSANOW, &tio), 0);
-    run_until(loop, [&] { return ::tcgetattr(fd.get(), &tio) == 0 && (tio.c_lflag & static_cast<tcflag_t>(ECHONL)) != 0; });
+    run_until(loop, [&] {
+      return ::tcgetattr(fd.get(), &tio) == 0 && (tio.c_lflag & static_cast<tcflag_t>(ECHONL)) != 0;
+    });
   }
 }
 
@@ -271,7 +277,8 @@ TEST(PtyPortOptions, ModeIsTheSlaves) {
 TEST(PtyPortOptions, BadModeOwnerAndGroupAreErrors) {
   Loop loop;
   LogBook book;
-  for (const auto& [option, value] : std::map<std::string, std::string>{{"mode", "rw"}, {"owner", "no-such-user"}, {"group", "no-such-group"}}) {
+  for (const auto& [option, value] : std::map<std::string, std::string>{
+           {"mode", "rw"}, {"owner", "no-such-user"}, {"group", "no-such-group"}}) {
     PtyPort port(PortContext{&loop, book.log()}, {"pty", {{option, value}}});
     const Result<void> prepared = port.prepare();
     ASSERT_FALSE(prepared.has_value()) << option;

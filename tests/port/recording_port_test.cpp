@@ -1,10 +1,10 @@
 #include "libport/port/recording_port.hpp"
 
 #include <filesystem>
+#include <fmt/format.h>
 #include <memory>
 #include <vector>
 
-#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "libport/tape/tape_reader.hpp"
@@ -29,12 +29,13 @@ class RecordingPortTest : public testing::Test {
   }
 
   void make_port(bool overwrite = false, bool fail_closed = false) {
-    port = std::make_unique<RecordingPort>(PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(device),
-                                           RecordingPort::Options{.tape = tape,
-                                                                  .header = {.device = "memory", .driver = "test"},
-                                                                  .overwrite = overwrite,
-                                                                  .fail_closed = fail_closed,
-                                                                  .now = &read_scripted_clock});
+    port = std::make_unique<RecordingPort>(
+        PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(device),
+        RecordingPort::Options{.tape = tape,
+                               .header = {.device = "memory", .driver = "test"},
+                               .overwrite = overwrite,
+                               .fail_closed = fail_closed,
+                               .now = &read_scripted_clock});
     port->listen(log);
   }
   static void pass(std::int64_t us) { scripted_now += Micros(us); }
@@ -113,9 +114,10 @@ TEST_F(RecordingPortTest, RotationGoesOnWithTheNextName) {
   port->rotate();
   pass(5);
   port->write(as_bytes("two"));
+  pass(5);
   port->finish();
   EXPECT_EQ(records(tape), "open@0 w:one@0 end@50 ");
-  EXPECT_EQ(records(literal_tape((dir.path() / "x.2.log").string())), "open@0 w:two@5 close@5 end@5 ");
+  EXPECT_EQ(records(literal_tape((dir.path() / "x.2.log").string())), "open@0 w:two@5 close@10 end@10 ");
 }
 
 TEST_F(RecordingPortTest, TheLineStaysUpWhenTheTapeCannotBeMade) {

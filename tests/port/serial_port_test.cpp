@@ -1,12 +1,11 @@
 #include "libport/port/serial_port.hpp"
 
 #include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
-
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <gtest/gtest.h>
 
@@ -29,7 +28,8 @@ class SerialPortTest : public testing::Test {
 
   void make_port(std::map<std::string, std::string> options = {}) {
     options.try_emplace("device", path);
-    port = std::make_unique<SerialPort>(PortContext{&loop, book.log()}, PortOptions{"serial", std::move(options)});
+    port = std::make_unique<SerialPort>(PortContext{&loop, book.log()},
+                                        PortOptions{"serial", std::move(options)});
     port->listen(log);
   }
   Error prepare_error(const std::string& device_path) {
@@ -65,7 +65,8 @@ TEST_F(SerialPortTest, WhatIsNotASerialDeviceIsNamed) {
   const test::TempDir dir;
   const std::string file = (dir.path() / "file").string();
   std::ofstream(file) << "x";
-  for (const std::string& wrong : {file, dir.path().string(), std::string("/dev/null"), std::string("/dev/no-such-tty")}) {
+  for (const std::string& wrong :
+       {file, dir.path().string(), std::string("/dev/null"), std::string("/dev/no-such-tty")}) {
     const Error error = prepare_error(wrong);
     EXPECT_EQ(error.code, Errc::device_missing);
     EXPECT_NE(error.message.find(wrong), std::string::npos) << error.message;
@@ -128,7 +129,8 @@ TEST_F(SerialPortTest, ASlowDeviceCongestsAndDrains) {
   const std::string block(4096, 'b');
   while (!port->congested()) port->write(as_bytes(block));
   char buffer[4096];
-  run_until(loop, [&] { return ::read(device.get(), buffer, sizeof buffer) > 0 && log.events == "up drained "; });
+  run_until(loop,
+            [&] { return ::read(device.get(), buffer, sizeof buffer) > 0 && log.events == "up drained "; });
   EXPECT_EQ(log.events, "up drained ");
 }
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <ostream>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -25,6 +26,10 @@ class Rig {
     std::string bytes;
     std::vector<std::size_t> block_ends;
     friend bool operator==(const Delivery&, const Delivery&) = default;
+    friend void PrintTo(const Delivery& delivery, std::ostream* out) {
+      *out << '"' << delivery.bytes << "\" at " << delivery.us << " us, ends";
+      for (const std::size_t end : delivery.block_ends) *out << ' ' << end;
+    }
   };
 
   explicit Rig(MemoryTape tape, const ReplayConfig& config = {}, bool stamped_at_arrival = true,
@@ -103,6 +108,7 @@ class Rig {
     }
     return verdict();
   }
+  Verdict finish_unless_ended() { return report ? report->verdict : finish(); }
   [[nodiscard]] Verdict verdict() const {
     EXPECT_TRUE(report.has_value()) << "no run has ended";
     return report ? report->verdict : Verdict::pass;

@@ -12,7 +12,9 @@ Result<ChannelPorts> ports_of(ChannelMode mode, std::map<std::string, std::strin
 }
 
 TEST(Channel, RecordingIsABridgeWhoseDevicePortLogs) {
-  const auto ports = ports_of(ChannelMode::record, {{"device", "/dev/ttyUSB0,baud=115200"}, {"driver", "pty:/tmp/x"}, {"tape", "laser"}});
+  const auto ports =
+      ports_of(ChannelMode::record,
+               {{"device", "/dev/ttyUSB0,baud=115200"}, {"driver", "pty:/tmp/x"}, {"tape", "laser"}});
   ASSERT_TRUE(ports.has_value()) << ports.error().message;
   EXPECT_EQ(ports->device.type, "seriallog");
   EXPECT_EQ(ports->device.text("file"), "laser.log");
@@ -28,7 +30,8 @@ TEST(Channel, AMissingOptionIsNamed) {
 }
 
 TEST(Channel, ABadPortNamesTheOptionAndWhatIsAccepted) {
-  const auto ports = ports_of(ChannelMode::bridge, {{"device", "serial:/dev/ttyUSB0,parity=mark"}, {"driver", "pty"}});
+  const auto ports =
+      ports_of(ChannelMode::bridge, {{"device", "serial:/dev/ttyUSB0,parity=mark"}, {"driver", "pty"}});
   ASSERT_FALSE(ports.has_value());
   for (const char* part : {"'device'", "'parity'", "'mark'", "even"}) {
     EXPECT_NE(ports.error().message.find(part), std::string::npos) << part;
@@ -43,7 +46,9 @@ TEST(Channel, ATapeThatIsNotThereIsAnError) {
 
 TEST(Channel, ReplayHasTheVerbsDefaultsNotFlexiports) {
   const auto options = channel_options(ChannelMode::replay);
-  const auto value = [&](std::string_view name) { return std::ranges::find(options, name, &OptionSpec::name)->default_value; };
+  const auto value = [&](std::string_view name) {
+    return std::ranges::find(options, name, &OptionSpec::name)->default_value;
+  };
   EXPECT_EQ(value("strictness"), "1");
   EXPECT_EQ(value("timing"), "reactive");
   EXPECT_EQ(find_port_type("logreader")->find("strictness")->default_value, "0");

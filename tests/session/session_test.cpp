@@ -19,7 +19,8 @@ class SessionTest : public testing::Test {
     driver.passive = true;
     driver.up_at_once = false;
     session = std::make_unique<Session>(PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(driver),
-                                        std::make_unique<MemoryPort>(device), [this](int status) { end_status = status; });
+                                        std::make_unique<MemoryPort>(device),
+                                        [this](int status) { end_status = status; });
   }
 
   void start() { ASSERT_TRUE(session->start().has_value()); }

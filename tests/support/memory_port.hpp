@@ -7,7 +7,8 @@
 
 namespace porttape {
 
-// A port that a test plays both ends of: what was written to it is in `written`, what its peer does is a call.
+// A port that a test plays both ends of: what was written to it is in `written`, what its peer does is a
+// call.
 class MemoryPort final : public Port {
  public:
   // What the test looks at and steers; outlives the port.
@@ -48,7 +49,9 @@ class MemoryPort final : public Port {
   void write(ByteView data) override { peer_->written += as_text(data); }
   [[nodiscard]] bool congested() const override { return peer_->congested; }
   void set_reading(bool on) override { peer_->reading = on; }
-  void hang_up(bool after_reading) override { peer_->calls += after_reading ? "hang_up_after_reading " : "hang_up "; }
+  void hang_up(bool after_reading) override {
+    peer_->calls += after_reading ? "hang_up_after_reading " : "hang_up ";
+  }
   void rotate() override { peer_->calls += "rotate "; }
   int finish() override {
     peer_->calls += "finish ";

@@ -18,7 +18,10 @@ class PortLog final : public PortListener {
   void on_data(ByteView bytes) override { data += as_text(bytes); }
   void on_drained() override { events += "drained "; }
   void on_down(const LineDown& down) override {
-    events += down.reason == LineDown::Reason::closed ? "closed " : down.reason == LineDown::Reason::failed ? "failed " : down.reason == LineDown::Reason::lost ? "lost " : "hung_up ";
+    events += down.reason == LineDown::Reason::closed   ? "closed "
+              : down.reason == LineDown::Reason::failed ? "failed "
+              : down.reason == LineDown::Reason::lost   ? "lost "
+                                                        : "hung_up ";
     error = down.error;
   }
   void on_finished(int exit_status) override { events += "finished" + std::to_string(exit_status) + " "; }

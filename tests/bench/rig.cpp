@@ -1,0 +1,99 @@
+#include "tests/bench/rig.hpp"
+
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+#include <utility>
+#include <vector>
+
+namespace porttape::bench {
+namespace {
+
+constexpr int kStartMs = 10'000;
+
+std::string filled(std::string text, const std::string& key, const std::string& value) {
+  for (std::size_t at = 0; (at = text.find(key, at)) != std::string::npos; at += value.size()) {
+    text.replace(at, key.size(), value);
+  }
+  return text;
+}
+
+std::filesystem::path private_dir() {
+  std::string path = (std::filesystem::temp_directory_path() / "linebench-XXXXXX").string();
+  if (::mkdtemp(path.data()) == nullptr) throw_errno(path);
+  return path;
+}
+
+}  // namespace
+
+RelaySpec parse_relay(const std::string& text) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos || equals == 0) {
+    throw UsageError("'" + text + "': expected NAME=COMMAND, or NAME= for the bare pty");
+  }
+  return {text.substr(0, equals), text.substr(equals + 1)};
+}
+
+Rig::Rig(RelaySpec spec) : spec_(std::move(spec)), dir_(private_dir()) {}
+
+Rig::~Rig() {
+  if (dir_.empty()) return;  // moved from
+  driver_.reset();
+  relay_.stop();
+  std::error_code ignored;
+  std::filesystem::remove_all(dir_, ignored);
+}
+
+std::string Rig::driver_path() const { return has_process() ? (dir_ / "driver").string() : device_.slave; }
+
+std::string Rig::output_tail() const {
+  std::ifstream in(dir_ / "output");
+  std::ostringstream text;
+  text << in.rdbuf();
+  const std::string all = text.str();
+  return all.size() > 600 ? all.substr(all.size() - 600) : all;
+}
+
+void Rig::start() {
+  device_ = make_pty();
+  if (!has_process()) return;
+  std::vector<std::string> argv;
+  std::istringstream words(spec_.command);
+  for (std::string word; words >> word;) {
+    word = filled(filled(word, "{driver}", driver_path()), "{device}", device_.slave);
+    argv.push_back(filled(word, "{dir}", dir_.string()));
+  }
+  relay_ = Child::run(argv, (dir_ / "output").string());
+  for (int waited = 0; !std::filesystem::exists(driver_path()); waited += 2) {
+    if (relay_.poll()) throw BenchError(name() + " ended at start: " + output_tail());
+    if (waited > kStartMs) throw BenchError(name() + " made no driver port: " + output_tail());
+    sleep_ms(2);
+  }
+}
+
+void Rig::open_driver() { driver_ = open_port(driver_path()); }
+
+void Rig::handshake() {
+  const Watchdog watchdog(10, name() + ": first bytes through the line");
+  Byte zeros[kHandshake]{};
+  write_all(driver(), zeros, kHandshake);
+  read_exact(device(), zeros, kHandshake);
+  write_all(device(), zeros, kHandshake);
+  read_exact(driver(), zeros, kHandshake);
+}
+
+int Rig::stop() {
+  driver_.reset();
+  const int status = relay_.stop();
+  std::error_code ignored;
+  std::filesystem::remove(dir_ / "driver", ignored);
+  return status;
+}
+
+int Rig::wait() {
+  driver_.reset();
+  const Watchdog watchdog(10, name() + ": the relay's end");
+  return relay_.wait();
+}
+
+}  // namespace porttape::bench

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "tests/bench/child.hpp"
+#include "tests/bench/line.hpp"
+
+namespace porttape::bench {
+
+// A line under test: NAME=COMMAND, where {driver} is the link the relay must make, {device} the device's path
+// and {dir} a folder of its own. An empty COMMAND is the bare pty: the driver opens the device itself.
+struct RelaySpec {
+  std::string name;
+  std::string command;
+};
+RelaySpec parse_relay(const std::string& text);
+
+// Device pty, relay process and the driver's open port. Owns them and a folder that it removes.
+//
+// start(), open_driver(), use driver() and device(), stop(); then start() again if wanted.
+class Rig {
+ public:
+  explicit Rig(RelaySpec spec);
+  Rig(Rig&&) noexcept = default;
+  Rig& operator=(Rig&&) = delete;
+  ~Rig();
+
+  void start();  // until the driver's port is there
+  void open_driver();
+  void close_driver() { driver_.reset(); }
+  void handshake();  // kHandshake zero bytes both ways: the relay has opened the device and moves bytes
+  int stop();        // the driver closes, the relay ends; its exit status
+  int wait();        // as stop(), for a relay that ends by itself
+
+  [[nodiscard]] const std::string& name() const { return spec_.name; }
+  [[nodiscard]] const std::filesystem::path& dir() const { return dir_; }
+  [[nodiscard]] std::string driver_path() const;
+  [[nodiscard]] int driver() const { return driver_.get(); }
+  [[nodiscard]] int device() const { return device_.master.get(); }
+  [[nodiscard]] bool has_process() const { return !spec_.command.empty(); }
+  [[nodiscard]] pid_t pid() const { return relay_.pid(); }
+  [[nodiscard]] bool alive() { return has_process() && !relay_.poll(); }
+  [[nodiscard]] std::int64_t relay_cpu_ns() const { return has_process() ? cpu_ns(pid()) : 0; }
+
+  static constexpr std::size_t kHandshake = 16;
+
+ private:
+  [[nodiscard]] std::string output_tail() const;
+
+  RelaySpec spec_;
+  std::filesystem::path dir_;
+  Pty device_;
+  UniqueFd driver_;
+  Child relay_;
+};
+
+}  // namespace porttape::bench

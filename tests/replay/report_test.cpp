@@ -1,0 +1,210 @@
+// What a report says.
+
+#include "libport/replay/report.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "libport/base/error.hpp"
+
+namespace porttape {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+Bytes bytes(std::string_view text) { return {as_bytes(text).begin(), as_bytes(text).end()}; }
+
+RunReport passed() {
+  RunReport report;
+  report.tape = "laser.log";
+  report.rate = 2.5;
+  report.duration = std::chrono::microseconds{1'250'000};
+  report.to_driver_bytes = report.to_driver_of = 3222;
+  report.from_driver_bytes = report.from_driver_matched = report.from_driver_of = 42;
+  report.timer_late_p50_us = 12.5;
+  report.timer_late_p99_us = 80;
+  report.timer_late_max_us = 131;
+  return report;
+}
+
+RunReport mismatched() {
+  RunReport report = passed();
+  report.verdict = Verdict::data_mismatch;
+  report.from_driver_matched = 12;
+  report.mismatches = 1;
+  Mismatch mismatch;
+  mismatch.offset = 12;
+  mismatch.tape = tape_time_us(1'234'567);
+  mismatch.real = Micros{2'000'001};
+  mismatch.expected = bytes("BM\n");
+  mismatch.got = bytes("\x01QT\n");
+  mismatch.before = bytes("VV\n");
+  mismatch.exchange = 3;
+  mismatch.tape_offset = 12;
+  mismatch.hint = "comes later at offset 40 (tape 0.900000 s)";
+  report.mismatch = mismatch;
+  return report;
+}
+
+TEST(ReportJson, HoldsTheKeysOfTheContractInOrder) {
+  EXPECT_EQ(to_json(passed()),
+            R"({"verdict":"pass","exit":0,"tape":"laser.log","strictness":1,"timing":"reactive","rate":2.5,)"
+            R"("duration_s":1.25,"to_driver":{"bytes":3222,"of":3222},)"
+            R"("from_driver":{"bytes":42,"matched":42,"of":42},"mismatch":null,)"
+            R"("timer_late_us":{"p50":12.5,"p99":80,"max":131},"command_exit":null,)"
+            R"("mismatches":0,"next_expected":null})"
+            "\n");
+}
+
+TEST(ReportJson, HoldsTheMismatch) {
+  EXPECT_THAT(to_json(mismatched()),
+              HasSubstr(R"("mismatch":{"kind":"data","offset":12,"tape_us":1234567,"real_us":2000001,)"
+                        R"("expected_hex":"424d0a","got_hex":"0151540a","error_us":0,)"
+                        R"j("hint":"comes later at offset 40 (tape 0.900000 s)","before_hex":"56560a",)j"
+                        R"("exchange":3,"tape_offset":12,"own_late_us":0})"));
+}
+
+TEST(ReportJson, OddNamesStayValidJson) {
+  RunReport report = passed();
+  report.tape = "a\"b\\c\n\x01\x7f\xff\xc3\xa9";
+  report.trouble = "block \xed\xa0\x80 \"x\"";
+  const std::string json = to_json(report);
+  EXPECT_THAT(json, HasSubstr("\"tape\":\"a\\\"b\\\\c\\n\\u0001"));
+  EXPECT_THAT(json, HasSubstr("\xc3\xa9\""));
+  EXPECT_THAT(json, Not(HasSubstr("\xff")));
+  EXPECT_THAT(json, Not(HasSubstr("\xed\xa0\x80")));
+  EXPECT_THAT(json, HasSubstr("\\\"x\\\"\"}\n"));
+}
+
+TEST(ReportJson, NumbersJsonHasNot) {
+  RunReport report = passed();
+  report.rate = std::numeric_limits<double>::infinity();
+  report.timer_late_max_us = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THAT(to_json(report), HasSubstr("\"rate\":0,"));
+  EXPECT_THAT(to_json(report), HasSubstr("\"max\":0}"));
+}
+
+TEST(ReportJson, CommandExitTroubleAndWhatIsMissing) {
+  RunReport report = passed();
+  report.verdict = Verdict::incomplete;
+  report.command_exit = -3;
+  report.next_expected = bytes("QT");
+  report.next_expected_offset = 40;
+  report.next_expected_tape = tape_time_us(7);
+  EXPECT_THAT(
+      to_json(report),
+      HasSubstr(
+          R"("command_exit":-3,"mismatches":0,"next_expected":{"offset":40,"tape_us":7,"hex":"5154"}})"));
+}
+
+TEST(ExitStatus, FollowsTheContract) {
+  RunReport report = passed();
+  EXPECT_EQ(exit_status_of(report), 0);
+  report.command_exit = 7;
+  EXPECT_EQ(exit_status_of(report), 1);
+  report.verdict = Verdict::data_mismatch;
+  EXPECT_EQ(exit_status_of(report), 3);
+  report.verdict = Verdict::extra;
+  EXPECT_EQ(exit_status_of(report), 3);
+  report.verdict = Verdict::timing_mismatch;
+  EXPECT_EQ(exit_status_of(report), 4);
+  report.verdict = Verdict::incomplete;
+  EXPECT_EQ(exit_status_of(report), 5);
+  report.trouble = "disk";
+  EXPECT_EQ(exit_status_of(report), 1);
+}
+
+TEST(ReportText, PassIsOneLine) {
+  EXPECT_EQ(to_text(passed()),
+            "pass  laser.log: from the driver 42 of 42 bytes as recorded, to the driver 3222 of 3222, "
+            "1.250000 s\n");
+}
+
+TEST(ReportText, MismatchIsMarkedUnderItsByte) {
+  EXPECT_EQ(to_text(mismatched()),
+            "data-mismatch  laser.log: from the driver 12 of 42 bytes as recorded, to the driver 3222 of "
+            "3222, 1.250000 s\n"
+            "  not what the tape has: byte 12 from the driver, 2.000001 s after its open\n"
+            "  on the tape: exchange 3, byte 12 of the writes, recorded at 1.234567 s\n"
+            "  expected  56 56 0a 42 4d 0a     \"VV\\nBM\\n\"\n"
+            "  got       56 56 0a 01 51 54 0a  \"VV\\n\\x01QT\\n\"\n"
+            "                     ^^\n"
+            "  hint      comes later at offset 40 (tape 0.900000 s)\n");
+}
+
+TEST(ReportText, LongBytesAreCut) {
+  RunReport report = mismatched();
+  report.mismatch->before = Bytes(16, 'b');
+  report.mismatch->expected = Bytes(32, 'e');
+  report.mismatch->got = Bytes(1, 'g');
+  EXPECT_THAT(
+      to_text(report),
+      HasSubstr("  expected  62 62 62 62 62 62 62 62 65 65 65 65 65 65 65 65 65 65 65 65 65 65 65 65 ..  "
+                "\"bbbbbbbbeeeeeeeeeeeeeeee\"..\n"));
+}
+
+TEST(ReportText, TimingTellsTheErrorAndOurOwnLateness) {
+  RunReport report = mismatched();
+  report.verdict = Verdict::timing_mismatch;
+  report.mismatch->kind = MismatchKind::timing;
+  report.mismatch->error = Micros{-153'200};
+  report.mismatch->own_late = Micros{70};
+  EXPECT_THAT(
+      to_text(report),
+      HasSubstr("  a write came 153.200 ms early: byte 12 from the driver, 2.000001 s after its open\n"
+                "  on the tape: exchange 3, byte 12 of the writes, recorded at 1.234567 s\n"
+                "  our own delivery before it was 0.070 ms late\n"
+                "  our own timers were late by 12.5 us (median), 80.0 us (99 %), 131.0 us (most)\n"));
+}
+
+TEST(ReportText, IncompleteTellsWhatIsMissing) {
+  RunReport report = passed();
+  report.verdict = Verdict::incomplete;
+  report.from_driver_matched = 41;
+  report.next_expected = bytes("\n");
+  report.next_expected_offset = 41;
+  report.next_expected_tape = tape_time_us(900'000);
+  EXPECT_THAT(to_text(report),
+              HasSubstr("  1 recorded byte never came from the driver; the first, byte 41 of the "
+                        "tape's writes, recorded at 0.900000 s:\n  expected  0a  \"\\n\"\n"));
+}
+
+TEST(ReportText, TroubleCommandAndMoreMismatchesAreTold) {
+  RunReport report = mismatched();
+  report.mismatches = 5;
+  report.trouble = "laser.logr: block at byte 12 is damaged";
+  report.command_exit = 9;
+  const std::string text = to_text(report);
+  EXPECT_THAT(text, HasSubstr("  the tape could not be read on: laser.logr: block at byte 12 is damaged\n"));
+  EXPECT_THAT(text, HasSubstr("  mismatches in all: 5\n"));
+  EXPECT_THAT(text, HasSubstr("  the command ended with status 9\n"));
+}
+
+TEST(ReportText, ExtraSaysThatTheTapeHasNoMore) {
+  Mismatch mismatch;
+  mismatch.kind = MismatchKind::extra;
+  mismatch.got = bytes("x");
+  EXPECT_EQ(to_text(mismatch),
+            "extra bytes\n"
+            "  more than the tape has: byte 0 from the driver, 0.000000 s after its open\n"
+            "  on the tape: exchange 0, byte 0 of the writes, recorded at 0.000000 s\n"
+            "  expected      \"\"  (the tape has no more)\n"
+            "  got       78  \"x\"\n"
+            "            ^^\n");
+}
+
+TEST(ReportText, ColourOnlyWhenAsked) {
+  EXPECT_THAT(to_text(mismatched()), Not(HasSubstr("\033")));
+  EXPECT_THAT(to_text(mismatched(), true), HasSubstr("\033[31mdata-mismatch\033[0m"));
+  EXPECT_THAT(to_text(passed(), true), HasSubstr("\033[32mpass\033[0m"));
+}
+
+TEST(ReportText, ATapeNameCannotSpoilTheTerminal) {
+  RunReport report = passed();
+  report.tape = "a\033[2Jb";
+  EXPECT_THAT(to_text(report), HasSubstr("a\\x1b[2Jb"));
+}
+
+}  // namespace
+}  // namespace porttape

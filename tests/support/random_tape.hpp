@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "tests/support/memory_tape.hpp"
+
+namespace porttape::test {
+
+// What kind of tape random_tape() makes.
+struct RandomTapeShape {
+  bool sessions = false;     // several opens and closes
+  bool empty_blocks = true;  // zero-length reads and writes among the others
+  std::uint32_t max_records = 60;
+};
+
+// A tape made by `choose(n)`, which gives a number in [0, n): a random generator in tests, the input in fuzz
+// targets. Times never go back; gaps range from none through bursts to 30 ms; bytes come from a small
+// alphabet, so that repeats and near misses are common.
+template <class Choose>
+MemoryTape random_tape(Choose&& choose, const RandomTapeShape& shape = {}) {
+  MemoryTape tape;
+  std::int64_t now = 0;
+  bool line_open = true;
+  if (shape.sessions) tape.open(0);
+  const auto bytes = [&] {
+    std::string text;
+    const std::uint32_t size = choose(shape.empty_blocks ? 8U : 7U) + (shape.empty_blocks ? 0U : 1U);
+    for (std::uint32_t i = 0; i < size; ++i) text += static_cast<char>('a' + choose(3));
+    return text;
+  };
+  const std::uint32_t records = choose(shape.max_records);
+  for (std::uint32_t i = 0; i < records; ++i) {
+    const std::uint32_t pace = choose(4);
+    now += pace == 0 ? 0 : pace == 1 ? choose(600) : choose(30'000);
+    const std::uint32_t kind = choose(12);
+    if (shape.sessions && kind == 0) {
+      line_open ? tape.close(now) : tape.open(now);
+      line_open = !line_open;
+    } else if (kind == 1) {
+      tape.event(now, "settings");
+    } else if (line_open && kind < 6) {
+      tape.write(now, bytes());
+    } else if (line_open) {
+      tape.read(now, bytes());
+    }
+  }
+  return tape;
+}
+
+}  // namespace porttape::test

@@ -1,0 +1,86 @@
+#include "libport/tape/tape_name.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+using test::TempDir;
+using testing::HasSubstr;
+
+std::string found(const std::string& argument) {
+  const auto paths = find_tape(argument);
+  return paths ? paths->name() : "error: " + paths.error().message;
+}
+
+TEST(TapeName, ALiteralNameGetsItsLetters) {
+  const TapePaths paths = literal_tape("a/laser");
+  EXPECT_EQ(paths, (TapePaths{"a/laserr", "a/laserw", "a/lasere"}));
+  EXPECT_EQ(paths.name(), "a/laser");
+}
+
+TEST(TapeName, ANewTapeEndsInLog) {
+  for (const auto* argument : {"laser", "laser.log", "laser.logr", "laser.logw", "laser.loge"}) {
+    EXPECT_EQ(new_tape(argument).name(), "laser.log") << argument;
+  }
+  EXPECT_EQ(new_tape("solar").name(), "solar.log");
+  EXPECT_EQ(new_tape("a.b").name(), "a.b.log");
+  EXPECT_EQ(new_tape("dir.log/x").name(), "dir.log/x.log");
+}
+
+TEST(TapeName, EverySpellingFindsTheTape) {
+  const TempDir dir;
+  test::write_file(dir / "laser.logr", {});
+  for (const auto* argument : {"laser", "laser.log", "laser.logr", "laser.logw", "laser.loge"}) {
+    EXPECT_EQ(found(dir / argument), dir / "laser.log") << argument;
+  }
+}
+
+TEST(TapeName, AWriteFileAloneIsATape) {
+  const TempDir dir;
+  test::write_file(dir / "laser.logw", {});
+  EXPECT_EQ(found(dir / "laser"), dir / "laser.log");
+  EXPECT_EQ(found(dir / "laser.logr"), dir / "laser.log");
+}
+
+TEST(TapeName, TheLiteralNameComesFirst) {
+  const TempDir dir;
+  test::write_file(dir / "laserr", {});
+  test::write_file(dir / "laser.logr", {});
+  EXPECT_EQ(found(dir / "laser"), dir / "laser");
+  EXPECT_EQ(found(dir / "laser.log"), dir / "laser.log");
+  EXPECT_EQ(found(dir / "laserr"), dir / "laser");
+}
+
+TEST(TapeName, AFolderDoesNotHideATape) {
+  const TempDir dir;
+  std::filesystem::create_directory(dir / "laserr");
+  EXPECT_EQ(found(dir / "laser"), dir / "laser");  // opening it tells what is wrong
+  test::write_file(dir / "laser.logr", {});
+  EXPECT_EQ(found(dir / "laser"), dir / "laser.log");
+}
+
+TEST(TapeName, OddCharactersAreJustCharacters) {
+  const TempDir dir;
+  for (const std::string name :
+       {" two words", "-dash", "new\nline", "caf\xc3\xa9", "\xff\xfe", "a,b=c", "%s", "*"}) {
+    test::write_file(dir / (name + ".logr"), {});
+    EXPECT_EQ(found(dir / name), dir / (name + ".log"));
+  }
+}
+
+TEST(TapeName, ErrorsSayWhatWasLookedFor) {
+  const TempDir dir;
+  const auto paths = find_tape(dir / "x");
+  ASSERT_FALSE(paths);
+  EXPECT_EQ(paths.error().code, Errc::usage);
+  EXPECT_THAT(paths.error().message, HasSubstr(dir / "xr"));
+  EXPECT_THAT(paths.error().message, HasSubstr(dir / "x.logr"));
+  EXPECT_EQ(find_tape("").error().code, Errc::usage);
+}
+
+}  // namespace
+}  // namespace porttape
