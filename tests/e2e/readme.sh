@@ -12,7 +12,7 @@ ln -s "$PORTTAPE" "$bin/porttape"
   printf 'set -eu\ncd %q\nsrc=%q\n' "$work/empty" "$src"
   # The programs may lie elsewhere than in build/release; and a person types slower than a script runs.
   # shellcheck disable=SC2016
-  sed -n '/^```sh$/,/^```$/{/^```/d;p}' "$src/README.md" | sed "s#^PATH=.*#PATH=$bin:\$PATH#; s/ &\$/ \&\nsleep 0.5/"
+  sed -n '/^```sh$/,/^```$/{/^```/d;p}' "$src/README.md" | sed "s#^PATH=.*#PATH=$bin:\$PATH#; s/ &\$/ \&\nsleep 0.5/; s/^kill .*/&\nsleep 0.5/"
 } >"$work/commands"
 start bash "$work/commands" >"$work/out" 2>&1
 status_of "$started"

@@ -24,11 +24,20 @@ scenario() {
   if [[ $result != 0 && $result != 77 && -f $daemon_log ]]; then tail -20 "$daemon_log" >&2; fi
 }
 
-daemon_ends_well() {
+daemon_ends() { # sets $status
   kill -TERM "$1"
   ended "$1" 10 || die "porttaped does not end on SIGTERM"
   status_of "$1"
-  [[ $status == 0 || $result != 0 ]] || die "porttaped exit $status: $(tail -5 "$daemon_log")"
+}
+
+# lrzsz's sz flushes its own last two bytes, "OO". Whether the proxy read them before differs from run to run.
+only_oo_differs() {
+  [[ $name == zmodem ]] && "$PYTHON" -c 'import json, sys
+report = json.load(open(sys.argv[1]))
+sent, mismatch = report["from_driver"], report["mismatch"]
+missing = mismatch is None and sent["of"] - sent["matched"] == 2
+surplus = mismatch is not None and mismatch["got_hex"].startswith("4f4f") and sent["of"] == sent["matched"]
+sys.exit(not missing and not surplus)' "$1"
 }
 
 case $mode in
@@ -42,16 +51,22 @@ case $mode in
       --tape "$tape" --overwrite "${record_opts[@]}" 2>"$daemon_log"
     wait_for "$work/driver" "$daemon_log"
     scenario "$work/driver" "$work/line.far"
-    daemon_ends_well "$started"
-    if [[ $result == 0 ]]; then "$e2e/compare_tap.sh" "$tape" "$work/line" "$name"; fi
+    daemon_ends "$started"
+    if [[ $result == 0 ]]; then
+      [[ $status == 0 ]] || die "porttaped exit $status: $(tail -5 "$daemon_log")"
+      "$e2e/compare_tap.sh" "$tape" "$work/line" "$name"
+    fi
     ;;
   replay)
     start "$PORTTAPED" replay --tape "$tape" --driver "pty:$work/driver" --report "$work/report.json" \
       "${replay_opts[@]}" 2>"$daemon_log"
     wait_for "$work/driver" "$daemon_log"
     scenario "$work/driver" -
-    daemon_ends_well "$started"
-    if [[ $result == 0 ]]; then verdict_is pass "$work/report.json"; fi
+    daemon_ends "$started"
+    if [[ $result == 0 ]] && ! only_oo_differs "$work/report.json"; then
+      verdict_is pass "$work/report.json"
+      [[ $status == 0 ]] || die "porttaped exit $status: $(tail -5 "$daemon_log")"
+    fi
     ;;
   *) usage ;;
 esac

@@ -17,10 +17,11 @@ random_file 8 "$work/down.bin"
 # The driver opens the line first; what the device says before that would be lost.
 send_up() { cd "$work/near" && exec timeout 120 sz -b -q ../up.bin <"$driver" >"$driver" 2>"$work/sz.err"; }
 get_down() { cd "$work/near" && exec timeout 120 rz -b -y -q <"$driver" >"$driver" 2>"$work/rz.err"; }
+opened_or_over() { ! alive "$1" || has_open "$1" "$driver"; }
 
 start send_up
 upload=$started
-until_true 20 has_open "$upload" "$driver" || die "sz does not open $driver"
+until_true 20 opened_or_over "$upload" || die "sz does not open $driver"
 cd "$work/far"
 device socat -t 0.05 "FILE:$device,raw,echo=0" EXEC:"rz -b -y -q" 2>/dev/null
 receiver=$started
@@ -33,7 +34,7 @@ fi
 
 start get_down
 download=$started
-until_true 20 has_open "$download" "$driver" || die "rz does not open $driver"
+until_true 20 opened_or_over "$download" || die "rz does not open $driver"
 cd "$work"
 device socat -t 0.05 "FILE:$device,raw,echo=0" EXEC:"sz -b -q down.bin" 2>/dev/null
 status_of "$download"
