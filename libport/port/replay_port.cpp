@@ -163,8 +163,7 @@ void ReplayPort::set_timer() {
     timer_.cancel();
     return;
   }
-  const Instant now = Loop::now();
-  const bool may_spin = now - last_spin_ >= kSpin * kSpinShare;
+  const bool may_spin = *due - last_spin_ >= kSpin * kSpinShare;
   timer_.set(may_spin ? *due - kSpin : *due);
 }
 
