@@ -172,12 +172,12 @@ TEST(Level0, OtherBytesWrittenAheadOpenOneGateEach) {
 
 TEST(Level0, TooFewBytesWrittenAheadDoNotOpenTheNextGate) {
   Rig rig(three_questions(), level0());
-  rig.open().write("aaaa").wait(1'000).write("b").until(10'000);
-  EXPECT_EQ(rig.read(), "A1");
-  rig.until(1'000 + kQuiet - 1);
+  rig.open().write("aaaa").wait(1'000).write("bbbb").wait(1'000).write("c").until(20'000);
+  EXPECT_EQ(rig.read(), "A1A2");
+  rig.until(2'000 + kQuiet - 1);
   EXPECT_EQ(rig.read(), "");
-  rig.until(1'000 + kQuiet);
-  EXPECT_EQ(rig.read(), "A2");
+  rig.until(2'000 + kQuiet);
+  EXPECT_EQ(rig.read(), "A3");
 }
 
 TEST(Level0, ExtraBytesAreIgnored) {
