@@ -69,7 +69,8 @@ void TextCatPrinter::end() {
 void TextCatPrinter::event(const Record& record) {
   print_time(out_, record.at);
   if (color_) out_ << kYellow;
-  out_ << "-  " << to_printable(as_bytes(record.event)) << "  " << safe(details(record));
+  const std::string more = safe(details(record));
+  out_ << "-  " << to_printable(as_bytes(record.event)) << (more.empty() ? "" : "  ") << more;
   if (color_) out_ << kPlain;
   out_ << '\n';
 }

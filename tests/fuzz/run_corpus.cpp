@@ -5,21 +5,20 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
-#include <string>
+#include <vector>
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 
 namespace {
 
 bool run_file(const std::filesystem::path& path) {
+  std::vector<std::uint8_t> input(static_cast<std::size_t>(std::filesystem::file_size(path)));
   std::ifstream file(path, std::ios::binary);
-  const std::string input{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  if (!file.is_open() || file.bad()) {
+  if (!file.read(reinterpret_cast<char*>(input.data()), static_cast<std::streamsize>(input.size()))) {
     std::fprintf(stderr, "cannot read %s\n", path.c_str());
     return false;
   }
-  LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(input.data()), input.size());
+  LLVMFuzzerTestOneInput(input.data(), input.size());
   return true;
 }
 

@@ -1,0 +1,102 @@
+// Any bytes as a tape: two little-endian 16-bit numbers, the sizes of the r and the w file, and then the r, w
+// and e file. What is checked: no crash, an end, pieces that add up, a second pass that gives the same, and
+// that the summary agrees.
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdlib>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "libport/tape/tape_reader.hpp"
+#include "libport/tape/tape_summary.hpp"
+
+namespace {
+
+using namespace porttape;
+
+void require(bool holds) {
+  if (!holds) std::abort();
+}
+
+struct Files {
+  Bytes read;
+  Bytes write;
+  Bytes events;
+};
+
+Files split(ByteView input) {
+  if (input.size() < 4) return {};
+  const std::size_t read = input[0] + input[1] * std::size_t{256};
+  const std::size_t write = input[2] + input[3] * std::size_t{256};
+  input = input.subspan(4);
+  const auto part = [&](std::size_t size) {
+    const ByteView bytes = input.first(std::min(size, input.size()));
+    input = input.subspan(bytes.size());
+    return Bytes(bytes.begin(), bytes.end());
+  };
+  Files files;
+  files.read = part(read);
+  files.write = part(write);
+  files.events = part(input.size());
+  return files;
+}
+
+TapeSources sources_of(const Files& files) {
+  TapeSources sources{std::make_unique<MemorySource>("r", files.read),
+                      std::make_unique<MemorySource>("w", files.write), nullptr};
+  if (!files.events.empty()) sources.events = std::make_unique<MemorySource>("e", files.events);
+  return sources;
+}
+
+struct Pass {
+  std::uint64_t records = 0;
+  std::uint64_t bytes = 0;
+  std::uint64_t blocks = 0;
+  std::optional<Error> error;
+
+  friend bool operator==(const Pass&, const Pass&) = default;
+};
+
+Pass read_through(TapeReader& reader) {
+  Pass pass;
+  TapeTime last{};
+  for (;;) {
+    const auto record = reader.next();
+    if (!record) {
+      pass.error = record.error();
+      require(!reader.next());
+      return pass;
+    }
+    if (!*record) return pass;
+    require((**record).at >= last);
+    last = (**record).at;
+    ++pass.records;
+    if ((**record).kind == RecordKind::read || (**record).kind == RecordKind::write) {
+      require((**record).piece_offset + (**record).data.size() <= (**record).block_length);
+      pass.bytes += (**record).data.size();
+      pass.blocks += (**record).last_piece() ? 1U : 0U;
+    }
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const Files files = split({data, size});
+  const auto summary = summarize("t", sources_of(files));
+  auto reader = TapeReader::from_sources(sources_of(files));
+  require(summary.has_value() == reader.has_value());
+  if (!reader) return 0;
+  const Pass first = read_through(*reader);
+  require(reader->rewind().has_value());
+  require(read_through(*reader) == first);
+  require(summary->damages().empty() == !first.error);
+  if (!first.error) {
+    require(summary->read.bytes + summary->write.bytes == first.bytes);
+    require(summary->read.blocks + summary->write.blocks == first.blocks);
+    require(summary->torn_tails().empty() == !reader->torn_tail());
+  }
+  return 0;
+}

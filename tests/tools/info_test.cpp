@@ -1,0 +1,79 @@
+#include <boost/json/parse.hpp>
+#include <boost/json/value.hpp>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/tools/run.hpp"
+
+namespace porttape {
+namespace {
+
+using test::make_tape;
+using test::run;
+using test::TempDir;
+using testing::HasSubstr;
+
+std::string sample(const TempDir& dir) {
+  return make_tape(dir, "t", {{1'100'000, "answer"}, {2'000'000, "more"}},
+                   {{1'000'000, "ask"}, {3'000'000, "again"}},
+                   "{\"t_us\":0,\"event\":\"open\"}\n{\"t_us\":10,\"event\":\"gap\",\"bytes\":5}\n"
+                   "{\"t_us\":4000000,\"event\":\"close\"}\n");
+}
+
+TEST(Info, TellsWhatTheTapeHolds) {
+  const TempDir dir;
+  const auto ran = run({"info", sample(dir)});
+  EXPECT_EQ(ran.status, 0);
+  EXPECT_EQ(ran.err, "");
+  EXPECT_THAT(ran.out, HasSubstr("duration   4.000000 s"));
+  EXPECT_THAT(ran.out,
+              HasSubstr("read       2 blocks, 10 bytes, 1.100000 to 2.000000 s, 2.50 B/s, largest block 6"));
+  EXPECT_THAT(ran.out, HasSubstr("exchanges  2, 1 answered"));
+  EXPECT_THAT(ran.out, HasSubstr("answers    after 100.0 ms to 100.0 ms, median 100.0 ms, p99 100.0 ms"));
+  EXPECT_THAT(ran.out, HasSubstr("recorded   2024-05-06T07:08:09Z by porttape 0.1.0 on bench"));
+  EXPECT_THAT(ran.out, HasSubstr("events     1 close, 1 gap, 1 open"));
+  EXPECT_THAT(ran.out, HasSubstr("gaps       1, 5 bytes missing"));
+}
+
+TEST(Info, JsonSaysTheSame) {
+  const TempDir dir;
+  const std::string tape = sample(dir);
+  const auto ran = run({"info", "--json", tape});
+  const auto json = boost::json::parse(ran.out).as_object();
+  EXPECT_EQ(json.at("tape").as_string(), tape);
+  EXPECT_EQ(json.at("duration_us").as_int64(), 4'000'000);
+  EXPECT_EQ(json.at("read").at("bytes").as_int64(), 10);
+  EXPECT_EQ(json.at("read").at("bytes_per_s").as_double(), 2.5);
+  EXPECT_TRUE(json.at("read").at("damage").is_null());
+  EXPECT_EQ(json.at("write").at("first_us").as_int64(), 1'000'000);
+  EXPECT_EQ(json.at("latency_us").at("median").as_int64(), 100'000);
+  EXPECT_EQ(json.at("events").at("device").as_string(), "serial:/dev/ttyUSB0");
+  EXPECT_EQ(json.at("events").at("kinds").at("gap").as_int64(), 1);
+  EXPECT_TRUE(json.at("sound").as_bool());
+}
+
+TEST(Info, JsonOfAnEmptyTapeIsWellFormed) {
+  const TempDir dir;
+  test::write_file(dir / "odd \"name\xff.logr", {});
+  const auto ran = run({"info", "--json", dir / "odd \"name\xff.log"});
+  EXPECT_EQ(ran.status, 0);
+  const auto json = boost::json::parse(ran.out).as_object();
+  EXPECT_TRUE(json.at("write").is_null());
+  EXPECT_TRUE(json.at("events").is_null());
+  EXPECT_TRUE(json.at("latency_us").is_null());
+  EXPECT_TRUE(json.at("read").at("first_us").is_null());
+}
+
+TEST(Info, OfSeveralTapesGivesTheWorstStatus) {
+  const TempDir dir;
+  const std::string good = make_tape(dir, "good", {{1, "a"}}, {});
+  const std::string bad = make_tape(dir, "bad", {{2, "a"}, {1, "b"}}, {});
+  const auto ran = run({"info", bad, good});
+  EXPECT_EQ(ran.status, 1);
+  EXPECT_THAT(ran.out, HasSubstr("damage     "));
+  EXPECT_THAT(ran.out, HasSubstr(good));
+  EXPECT_EQ(run({"info", dir / "none", good}).status, 2);
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,74 @@
+#include <sys/stat.h>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/tools/run.hpp"
+
+namespace porttape {
+namespace {
+
+using test::make_tape;
+using test::run;
+using test::TempDir;
+using testing::HasSubstr;
+
+TEST(Verify, ASoundTapeIs0) {
+  const TempDir dir;
+  const std::string tape = make_tape(dir, "t", {{1, "a"}}, {{2, "b"}}, "{\"t_us\":3,\"event\":\"end\"}\n");
+  const auto ran = run({"verify", tape});
+  EXPECT_EQ(ran.status, 0);
+  EXPECT_EQ(ran.out, tape + ": sound: 1 read and 1 write blocks, 0.000003 s\n");
+}
+
+TEST(Verify, ATornTailIsANoteAnd0) {
+  const TempDir dir;
+  const std::string tape = make_tape(dir, "t", {}, {{2, "b"}});
+  Bytes torn = test::block_bytes({{1, "abc"}});
+  torn.pop_back();
+  test::write_file(tape + "r", torn);
+  const auto ran = run({"verify", tape});
+  EXPECT_EQ(ran.status, 0);
+  EXPECT_THAT(ran.out, HasSubstr(": sound: 0 read and 1 write"));
+  EXPECT_THAT(ran.out, HasSubstr(tape + ": note: " + tape + "r: torn tail at offset 0"));
+}
+
+TEST(Verify, DamageIs1WithFileOffsetAndReason) {
+  const TempDir dir;
+  const std::string tape = make_tape(dir, "t", {{2, "a"}, {1, "b"}}, {{2, "b"}}, "junk\n");
+  const auto ran = run({"verify", tape});
+  EXPECT_EQ(ran.status, 1);
+  EXPECT_THAT(ran.out, HasSubstr(tape + ": damaged: " + tape + "r is damaged at offset 13: time goes back"));
+  EXPECT_THAT(ran.out, HasSubstr(tape + "e is damaged in line 2: not a JSON object"));
+}
+
+TEST(Verify, WhatIsNotATapeIs2) {
+  const TempDir dir;
+  test::write_file(dir / "text.logr", as_bytes("some other log\n"));
+  ASSERT_EQ(::mkfifo((dir / "fifo.logr").c_str(), 0600), 0);
+  std::filesystem::create_directory(dir / "folder.logr");
+  EXPECT_EQ(run({"verify", dir / "text"}).status, 2);
+  EXPECT_THAT(run({"verify", dir / "text"}).out, HasSubstr("text.log: not a tape: "));
+  EXPECT_EQ(run({"verify", dir / "fifo"}).status, 2);
+  EXPECT_EQ(run({"verify", dir / "folder"}).status, 2);
+  EXPECT_EQ(run({"verify", dir / "nothing"}).status, 2);
+  EXPECT_EQ(run({"verify"}).status, 2);
+}
+
+TEST(Verify, SeveralTapesGiveTheWorst) {
+  const TempDir dir;
+  const std::string good = make_tape(dir, "good", {{1, "a"}}, {});
+  const std::string bad = make_tape(dir, "bad", {{2, "a"}, {1, "b"}}, {});
+  test::write_file(dir / "text.logr", as_bytes("some other log\n"));
+  EXPECT_EQ(run({"verify", good, good}).status, 0);
+  EXPECT_EQ(run({"verify", bad, good}).status, 1);
+  EXPECT_EQ(run({"verify", dir / "text", bad, good}).status, 2);
+}
+
+TEST(Verify, TakesNamesWithADashBehindTwoDashes) {
+  EXPECT_THAT(run({"verify", "--", "-x"}).err, HasSubstr("no tape '-x'"));
+  EXPECT_THAT(run({"verify", "-x"}).err, HasSubstr("see porttape verify --help"));
+}
+
+}  // namespace
+}  // namespace porttape
