@@ -31,7 +31,6 @@ void Player::begin(Instant now) {
   arrival_known_ = false;
   arrival_started_ = false;
   lenient_ = config_.strictness == 0;
-  lenient_since_ = now;
   used_up_ = false;
   while (!schedule_.at_end() && schedule_.head()->kind == RecordKind::event) pass();
   const bool recorded_open = !schedule_.at_end() && schedule_.head()->kind == RecordKind::open;
