@@ -24,7 +24,7 @@ constexpr VerbHelp kHelp{
     "  porttape cat laser.log --json --dir r | jq -r .hex | xxd -r -p\n"};
 
 constexpr Micros kBurstGap{500};
-constexpr std::size_t kMaxBurst = 64 * 1024;
+constexpr std::size_t kMaxBurst = std::size_t{64} * 1024;
 
 struct CatOptions {
   TapeTime from{};

@@ -1,5 +1,6 @@
 #include "libport/port/pty_port.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <chrono>
@@ -8,6 +9,7 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 #include <utility>
+#include <vector>
 
 #include <spdlog/spdlog.h>
 
@@ -41,7 +43,7 @@ PtyPort::Line::Line(PtyPort& port, Pty made)
     : pty(std::move(made)),
       master_watch(
           *port.context_.loop, pty.master(), [&port] { port.on_readable(); }, [this] { outbox.flush(); }),
-      inotify_watch(*port.context_.loop, pty.inotify(), [&port] { port.on_inotify(); }),
+      wake_watch(*port.context_.loop, pty.wake_fd(), [&port] { port.on_wake(); }),
       // A write fails only when the driver is gone, which the read side notices.
       outbox(
           pty.master(), master_watch,
@@ -49,7 +51,7 @@ PtyPort::Line::Line(PtyPort& port, Pty made)
             if (port.up_) port.listener().on_drained();
           },
           [](int) {}) {
-  inotify_watch.watch_readable(true);
+  wake_watch.watch_readable(true);
 }
 
 PtyPort::PtyPort(const PortContext& context, const PortOptions& options)
@@ -174,32 +176,44 @@ void PtyPort::peer_left() {
   look();  // opened again meanwhile
 }
 
-void PtyPort::peer_reopened() {
+// `tail`: bytes of the last session may still be unread.
+void PtyPort::peer_reopened(bool tail) {
   context_.log->debug("{}: closed and opened again", name());
-  read_pending();
+  if (tail) read_pending();
   line_->outbox.discard();
   openers_ = 1;
   set_up(false);
   set_up(true);
 }
 
-void PtyPort::on_inotify() {
-  for (const Pty::Event event : line_->pty.take_events()) {
-    if (event == Pty::Event::closed) {
+void PtyPort::on_wake() {
+  line_->pty.clear_wake();
+  order_events();
+  look();
+}
+
+// Makes sessions of what programs did since the last look.
+void PtyPort::order_events() {
+  const std::vector<Pty::Event> events = line_->pty.take_events();
+  for (auto event = events.begin(); event != events.end(); ++event) {
+    if (*event == Pty::Event::written) continue;
+    if (*event == Pty::Event::closed) {
       if (openers_ > 0) --openers_;
     } else if (!peer_) {
       peer_arrived();
     } else if (openers_ == 0) {
-      peer_reopened();
+      const bool before = std::find(events.begin(), event, Pty::Event::written) != event;
+      const bool after = std::find(event, events.end(), Pty::Event::written) != events.end();
+      peer_reopened(before || !after);
     } else {
       ++openers_;
       context_.log->info("{}: a second program has opened it", name());
     }
   }
-  look();
 }
 
 void PtyPort::on_readable() {
+  order_events();
   // More than one read only when the first was full: an extra read for EAGAIN would cost each short exchange.
   while (peer_ && reading_ && read_once()) {
   }

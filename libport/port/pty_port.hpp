@@ -45,7 +45,7 @@ class PtyPort final : public Port {
     Line(PtyPort& port, Pty made);
     Pty pty;
     FdWatch master_watch;
-    FdWatch inotify_watch;
+    FdWatch wake_watch;
     Outbox outbox;
   };
 
@@ -53,13 +53,14 @@ class PtyPort final : public Port {
   void announce_path() const;
   void replace_line();
   void look();  // whether a peer is there that no event told of
-  void on_inotify();
+  void on_wake();
+  void order_events();
   void on_readable();
   bool read_once();  // true when there may be more
   void handle_packet(ByteView packet);
   void peer_arrived();
   void peer_left();
-  void peer_reopened();
+  void peer_reopened(bool tail);
   void set_up(bool up, LineDown::Reason reason = LineDown::Reason::closed);
   void on_hang_up_timer();
   void on_look_timer();

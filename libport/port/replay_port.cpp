@@ -27,6 +27,19 @@ Enum choice(const std::string& value, const std::pair<std::string_view, Enum> (&
   return choices[0].second;
 }
 
+// Opens on the tape: the events file is small, so that it may be read through.
+Result<std::uint64_t> count_opens(const TapePaths& tape) {
+  Result<TapeReader> events = TapeReader::open(tape, TapeReader::Select::events_only);
+  if (!events) return events.error();
+  std::uint64_t opens = 0;
+  for (;;) {
+    const auto record = events->next();
+    if (!record) return record.error();
+    if (!*record) return opens;
+    if ((*record)->kind == RecordKind::open) ++opens;
+  }
+}
+
 }  // namespace
 
 Result<ReplayConfig> replay_config(const PortOptions& options) {
@@ -71,12 +84,14 @@ Result<void> ReplayPort::prepare() {
   if (!schedule) return schedule.error();
   Result<TapeReader> writes = TapeReader::open(options_.tape, TapeReader::Select::writes_only);
   if (!writes) return writes.error();
+  const Result<std::uint64_t> opens = count_opens(options_.tape);
+  if (!opens) return opens.error();
   if (!options_.report_file.empty()) {
     if (Result<void> place = check_report_place(options_.report_file); !place) return place;
   }
   schedule_ = std::move(*schedule);
   writes_ = std::move(*writes);
-  const Engine::TapeFacts facts{.stamped_at_arrival = schedule_->has_events()};
+  const Engine::TapeFacts facts{.stamped_at_arrival = schedule_->has_events(), .opens = *opens};
   engine_ = std::make_unique<Engine>(options_.config, facts, *schedule_, *writes_);
   return {};
 }
@@ -148,8 +163,7 @@ void ReplayPort::set_timer() {
     timer_.cancel();
     return;
   }
-  const Instant now = Loop::now();
-  const bool may_spin = now - last_spin_ >= kSpin * kSpinShare;
+  const bool may_spin = *due - last_spin_ >= kSpin * kSpinShare;
   timer_.set(may_spin ? *due - kSpin : *due);
 }
 

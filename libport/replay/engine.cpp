@@ -2,13 +2,10 @@
 
 #include <algorithm>
 #include <chrono>
-#include <iterator>
 #include <utility>
 
+#include "libport/replay/engine_impl.hpp"
 #include "libport/replay/hint.hpp"
-#include "libport/replay/matcher.hpp"
-#include "libport/replay/player.hpp"
-#include "libport/replay/run_ledger.hpp"
 
 namespace porttape {
 namespace {
@@ -23,56 +20,12 @@ ReplayConfig effective(ReplayConfig config) {
 
 }  // namespace
 
-// The life of runs and sessions: begins and ends them, turns what matcher and player find into mismatches and
-// a verdict.
-struct Engine::Impl {
-  // What the driver's next open means while a run goes on.
-  enum class Reopen : std::uint8_t { next_open, restart_session, resume };
-
-  Impl(const ReplayConfig& replay_config, const TapeFacts& facts, RecordSource& schedule,
-       RecordSource& write_source)
-      : config(effective(replay_config)),
-        writes(write_source),
-        matcher(write_source, config.burst_gap),
-        player(config, facts, schedule, matcher) {}
-
-  void open(Instant at);
-  void write(Instant at, ByteView data);
-  void close(Instant at);
-  ReplayActions advance(Instant at, std::size_t max_bytes);
-  std::optional<RunReport> finish(Instant at);
-
-  void begin_run();
-  void reopen();
-  void end_run();
-  std::optional<Reopen> meaning_of_close();
-  void settle(Player::Lost lost);
-  void play(std::size_t max_bytes, ReplayActions& out);
-  void at_tape_end();
-  void tell(Mismatch mismatch);
-  void tell_difference(ByteView got);
-  void tell_fault(const Player::TimingFault& fault);
-  void stop_if_damaged();
-  [[nodiscard]] bool fails() const { return config.on_mismatch == OnMismatch::fail; }
-  [[nodiscard]] bool can_realign() const { return config.strictness == 0 || !fails(); }
-
-  ReplayConfig config;
-  RecordSource& writes;
-  Matcher matcher;
-  Player player;
-
-  std::optional<RunLedger> run;
-  bool any_run = false;
-  bool driver_open = false;
-  bool exchanged = false;  // bytes went either way in this session
-  bool tape_end_told = false;
-  Reopen on_open = Reopen::resume;
-  bool blocked = false;
-  bool was_blocked = false;  // since deliveries last caught up
-  bool dirty = false;        // something happened that advance() has not seen
-  Instant now{};
-  ReplayActions pending;
-};
+Engine::Impl::Impl(const ReplayConfig& replay_config, const TapeFacts& facts, RecordSource& schedule,
+                   RecordSource& write_source)
+    : config(effective(replay_config)),
+      writes(write_source),
+      matcher(write_source, config.burst_gap),
+      player(config, facts, schedule, matcher) {}
 
 void Engine::Impl::open(Instant at) {
   now = at;
@@ -111,7 +64,7 @@ void Engine::Impl::reopen() {
     case Reopen::next_open: {
       player.continue_at_next_open(now);
       const std::uint64_t there = player.schedule().passed().writes;
-      if (can_realign() && matcher.position() < there) matcher.realign(there);
+      if (can_realign() && (!matcher.comparing() || matcher.position() < there)) matcher.realign(there);
       break;
     }
   }

@@ -16,31 +16,45 @@ namespace porttape {
 
 // What the engine wants done, in this order. Values only; the engine performs nothing itself.
 struct ReplayActions {
-  Bytes deliver;  // hand to the driver, in one write unless the line keeps datagrams
-  std::vector<std::size_t>
-      block_ends;  // where each (piece of an) arrival ends in `deliver`; the last is its size
-  std::vector<Mismatch> mismatches;    // new ones, to tell
-  bool hang_up = false;                // make the driver see the line break (on-mismatch fail, at-end hangup)
-  std::optional<RunReport> run_ended;  // a run is over; after it the next on_open begins another
-  bool exit = false;  // at-end exit: the program should end, once the driver has read what was delivered
+  // Hand it to the driver, in one write unless the line keeps datagrams.
+  Bytes deliver;
+  // Where each (piece of an) arrival ends in `deliver`; the last is its size.
+  std::vector<std::size_t> block_ends;
+  // New ones, to tell. At most 16 between two calls; the report counts all.
+  std::vector<Mismatch> mismatches;
+  // Make the driver see the line break (on-mismatch fail, at-end hangup), once it has read what was
+  // delivered.
+  bool hang_up = false;
+  // A run is over; the next on_open begins another. Comes with hang_up and exit, and with no delivery of the
+  // next run.
+  std::optional<RunReport> run_ended;
+  // At-end exit: the program should end, once the driver has read what was delivered.
+  bool exit = false;
 
   [[nodiscard]] bool empty() const {
     return deliver.empty() && mismatches.empty() && !hang_up && !run_ended && !exit;
   }
 };
 
-// The device a tape plays. Pure: no I/O of its own (the tape comes through the two sources), reads no clock,
-// starts no thread, logs nothing; time is an argument and never goes back.
+// The device a tape plays; README.md beside this file has the rules. Pure: no I/O of its own (the tape comes
+// through the two sources), reads no clock, starts no thread, logs nothing; time is an argument and never
+// goes back. Memory is bounded whatever the tape's size. Not thread-safe.
 //
-// Drive it: on_open when the driver opens, on_write for what it writes, on_close when it closes, finish at
-// the end of the program; after each of these, and when next_deadline() has come, call advance(now) until it
-// gives nothing that is due. `schedule` is the whole tape in merged order, `writes` the w file alone; both
-// must outlive the engine and be its own.
+// Drive it: on_open when the driver opens (the first opener only), on_write for what it writes, on_close when
+// the last one closes, finish at the end of the program; after each of these and of set_blocked, and when
+// next_deadline() has come, call advance(now) until next_deadline() is not due. `schedule` is the whole tape
+// in merged order, `writes` the w file alone; both must outlive the engine and be its own. An error of a
+// source ends the run with RunReport::trouble; the next on_open tries again from the start.
+//
+// The end of a run reads the rest of the tape to count it.
 class Engine {
  public:
   struct TapeFacts {
-    bool stamped_at_arrival = false;  // has an events file: chunks=auto means `recorded`, else `burst`
-    std::uint64_t opens = 0;  // `open` events on the whole tape: a close with one ahead does not end the run
+    // Has an events file: chunks=auto means `recorded`, else `burst`.
+    bool stamped_at_arrival = false;
+    // `open` events on the whole tape: a close with one ahead does not end the run. With 0, only an open that
+    // the walk already stands at is seen to be ahead.
+    std::uint64_t opens = 0;
   };
 
   Engine(const ReplayConfig& config, const TapeFacts& facts, RecordSource& schedule, RecordSource& writes);

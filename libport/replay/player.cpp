@@ -203,6 +203,9 @@ Player::Progress Player::at_write(const Turn& turn) {
     gate_.end = end;
     gate_.at = head.at;
   }
+  // By the recorded clock a write holds nothing up; the walk only keeps to its time.
+  const Instant when = timeline_.real(head.at);
+  if (!gated() && turn.mode == Mode::deliver && turn.now < when) return wait(when);
   pass();
   return Progress::passed;
 }
@@ -250,8 +253,9 @@ Player::Progress Player::at_open(const Turn& turn) {
     return Progress::passed;
   }
   if (!gate_opens(turn.now, at)) return Progress::waits;
-  // A driver that writes what the tape has after the reopen has gone on without one.
-  const bool went_on = matcher_.touched(schedule_.passed().writes);
+  // A driver that writes what the tape has after the reopen has gone on without one. Bytes that the tape has not (a trailing
+  // one, written just before the close) do not tell.
+  const bool went_on = matcher_.comparing() && matcher_.touched(schedule_.passed().writes);
   const bool gave_up = lenient_ && turn.now >= patience_end(at);
   if (!went_on && !gave_up) return wait(lenient_ ? std::optional(patience_end(at)) : std::nullopt);
   const Instant since = went_on ? matcher_.last_write() : patience_end(at);

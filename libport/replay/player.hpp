@@ -68,8 +68,9 @@ class Player {
   [[nodiscard]] bool open_ahead();
   // Whether the walk stands at a recorded close or open with all writes before it complete.
   [[nodiscard]] bool at_recorded_reopen();
-  // Whether an open was passed by time so recently that a close now must be the one before it, late.
-  [[nodiscard]] bool just_passed_open(Instant now) const;
+  // Whether an open was passed by time so recently (`patience`), with nothing written since and something of
+  // the tape left, that a close now is taken for the one before it, late.
+  [[nodiscard]] bool just_passed_open(Instant now);
 
   // When the first of what the last play() delivered had been due.
   [[nodiscard]] std::optional<Instant> delivered_due() const { return delivered_due_; }

@@ -94,9 +94,9 @@ bool Player::at_recorded_reopen() {
   return !gate_.pending || matcher_.position() >= gate_.end;
 }
 
-bool Player::just_passed_open(Instant now) const {
-  return passed_open_ && now <= saturating_add(passed_open_->when, config_.patience) &&
-         matcher_.comparing() && matcher_.position() <= passed_open_->writes_end;
+bool Player::just_passed_open(Instant now) {
+  if (!passed_open_ || now > saturating_add(passed_open_->when, config_.patience)) return false;
+  return !matcher_.touched(passed_open_->writes_end) && !nothing_left();
 }
 
 std::optional<Player::TimingFault> Player::check_recorded(const Matcher::Step& step, Instant now) const {

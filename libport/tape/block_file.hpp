@@ -17,7 +17,7 @@ namespace porttape {
 // where it ended when reached.
 class BlockFile {
  public:
-  static constexpr std::size_t kBufferSize = 256 * 1024;
+  static constexpr std::size_t kBufferSize = std::size_t{256} * 1024;
 
   enum class Step : std::uint8_t { piece, end, failed };
   enum class Blocks : std::uint8_t {

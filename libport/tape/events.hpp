@@ -30,7 +30,7 @@ struct TapeEvent {
 // is valid until the next call. header() is there from the start: create() has read it.
 class EventFile {
  public:
-  static constexpr std::size_t kMaxLine = 64 * 1024;  // a longer line is damage
+  static constexpr std::size_t kMaxLine = std::size_t{64} * 1024;  // a longer line is damage
 
   enum class Step : std::uint8_t { event, end, failed };
 

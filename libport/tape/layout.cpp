@@ -10,7 +10,7 @@
 namespace porttape {
 namespace {
 
-constexpr std::size_t kWindow = 64 * 1024;
+constexpr std::size_t kWindow = std::size_t{64} * 1024;
 // What the only block of a file, itself unfinished, may claim and still be taken for a block.
 constexpr std::uint64_t kMaxTornLength = 64U << 20U;
 constexpr std::uint64_t kMaxTornSeconds = (1ULL << 31U) - 1;

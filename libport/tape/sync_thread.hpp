@@ -12,14 +12,14 @@
 
 namespace porttape {
 
-// Syncs sinks once a second where something was written, on a thread of its own. Keeps references to the
+// Syncs sinks once an interval if something was written, on a thread of its own. Keeps references to the
 // sinks: they must outlive it. note_write() and error() may be called from any thread.
 class SyncThread {
  public:
   using Sinks = std::array<TapeSink*, 3>;
 
-  explicit SyncThread(const Sinks& sinks)
-      : sinks_(sinks), thread_([this](const std::stop_token& stop) { run(stop); }) {}
+  explicit SyncThread(const Sinks& sinks, std::chrono::milliseconds interval = std::chrono::seconds(1))
+      : sinks_(sinks), interval_(interval), thread_([this](const std::stop_token& stop) { run(stop); }) {}
 
   void note_write() { written_.store(true, std::memory_order_relaxed); }
   // The errno of the first sync that failed, 0 if none has.
@@ -35,7 +35,7 @@ class SyncThread {
   void run(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
     while (!stop.stop_requested()) {
-      wake_.wait_for(lock, stop, std::chrono::seconds(1), [] { return false; });
+      wake_.wait_for(lock, stop, interval_, [] { return false; });
       if (stop.stop_requested() || !written_.exchange(false, std::memory_order_relaxed)) continue;
       for (TapeSink* sink : sinks_) {
         int none = 0;
@@ -45,6 +45,7 @@ class SyncThread {
   }
 
   Sinks sinks_;
+  std::chrono::milliseconds interval_;
   std::atomic<bool> written_ = false;
   std::atomic<int> error_ = 0;
   std::mutex mutex_;

@@ -121,13 +121,13 @@ Result<TapeReader> TapeReader::from_sources(TapeSources sources, Select select) 
   if (!layout) return layout.error();
   auto impl = std::make_unique<Impl>();
   impl->has_events = sources.events != nullptr;
-  if (sources.read && select != Select::writes_only) {
+  if (sources.read && (select == Select::merged || select == Select::reads_only)) {
     impl->read.set(BlockFile(std::move(sources.read), *layout, BlockFile::Blocks::whole));
   }
-  if (sources.write && select != Select::reads_only) {
+  if (sources.write && (select == Select::merged || select == Select::writes_only)) {
     impl->write.set(BlockFile(std::move(sources.write), *layout, BlockFile::Blocks::whole));
   }
-  if (sources.events && select == Select::merged) {
+  if (sources.events && (select == Select::merged || select == Select::events_only)) {
     auto events = EventFile::create(std::move(sources.events));
     if (!events) return events.error();
     impl->events.set(std::move(*events));

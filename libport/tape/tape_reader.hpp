@@ -34,7 +34,8 @@ class TapeReader final : public RecordSource {
   enum class Select {
     merged,      // reads, writes and events
     reads_only,  // only RecordKind::read
-    writes_only  // only RecordKind::write
+    writes_only,  // only RecordKind::write
+    events_only   // only open, close and event
   };
 
   // Errors: Errc::usage (unreadable, a folder, …), Errc::not_a_tape. Damage further on is found by next().

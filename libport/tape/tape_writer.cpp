@@ -18,7 +18,7 @@
 namespace porttape {
 namespace {
 
-constexpr std::size_t kMaxBlock = 64 * 1024;
+constexpr std::size_t kMaxBlock = std::size_t{64} * 1024;
 
 std::string utc_now() {
   const auto now = std::chrono::floor<std::chrono::microseconds>(std::chrono::system_clock::now());

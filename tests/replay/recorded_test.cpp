@@ -107,6 +107,25 @@ TEST(Recorded, ADriverThatReopensABitLateIsStillInTheRun) {
   EXPECT_EQ(rig.verdict(), Verdict::pass);
 }
 
+TEST(Recorded, ACloseAtTheTapesEndIsNoLateReopen) {
+  const auto tape =
+      MemoryTape().open(0).read(10'000, "a").close(20'000).open(21'000).read(22'000, "b").close(23'000);
+  Rig rig(tape, recorded());
+  rig.open().until(22'500).close();
+  EXPECT_EQ(rig.read(), "ab");
+  EXPECT_EQ(rig.runs, 1);
+}
+
+TEST(Recorded, TheTapeIsNotUsedUpBeforeItsLastWriteWasDue) {
+  ReplayConfig config = recorded(0);
+  config.at_end = AtEnd::exit;
+  Rig rig(MemoryTape().read(0, "a").write(500'000, "q"), config);
+  rig.open().until(499'999);
+  EXPECT_FALSE(rig.exits);
+  rig.until(500'000);
+  EXPECT_TRUE(rig.exits);
+}
+
 TEST(Recorded, ContinueDropsWhatCameWhileClosed) {
   ReplayConfig config = recorded();
   config.on_reopen = OnReopen::continue_;

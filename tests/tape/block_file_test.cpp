@@ -131,7 +131,7 @@ TEST(BlockFile, AWrongLengthInMidFileIsDamage) {
 TEST(BlockFile, AWrongLengthInMidFileIsDamageEvenWhereTheTailIsTornToo) {
   Bytes bytes = test::block_bytes(many_blocks(20));
   bytes[8] = 0x10;
-  bytes.resize(bytes.size() - 7);
+  bytes.erase(bytes.end() - 7, bytes.end());
   EXPECT_THAT(read_through(bytes).damage, HasSubstr("damaged at offset 0: a length of"));
 }
 
@@ -154,7 +154,7 @@ TEST(BlockFile, ATornBlockFullOfPatternsIsStillATornTail) {
     std::string payload;
     while (payload.size() < 60'000) payload += pattern;
     Bytes bytes = test::block_bytes({{1'500'000'000, "whole"}, {1'500'000'100, payload}});
-    bytes.resize(bytes.size() - 100);
+    bytes.erase(bytes.end() - 100, bytes.end());
     const Outcome outcome = read_through(bytes);
     EXPECT_EQ(outcome.damage, "") << to_hex(as_bytes(pattern));
     EXPECT_EQ(outcome.blocks.size(), 1U);

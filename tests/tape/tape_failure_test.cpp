@@ -3,16 +3,22 @@
 
 #include <array>
 #include <cerrno>
+#include <csignal>
+#include <future>
 #include <memory>
+#include <sys/resource.h>
+#include <thread>
+#include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "libport/tape/events.hpp"
+#include "libport/tape/sync_thread.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "libport/tape/tape_summary.hpp"
 #include "libport/tape/tape_writer.hpp"
 #include "tests/support/tape_bytes.hpp"
+#include "tests/support/temp_dir.hpp"
 
 namespace porttape {
 namespace {
@@ -192,18 +198,33 @@ TEST(FailingDisk, AHeaderThatCannotBeWrittenIsAnError) {
   EXPECT_EQ(writer.error().code, Errc::io);
 }
 
-// Counts syncs and can fail them.
 class SyncedSink final : public TapeSink {
  public:
-  explicit SyncedSink(int error) : error_(error) {}
+  explicit SyncedSink(int error, std::promise<std::thread::id>* synced = nullptr)
+      : error_(error), synced_(synced) {}
   Appended append(ByteView head, ByteView body) override { return {head.size() + body.size(), 0}; }
   int truncate(std::uint64_t) override { return 0; }
-  int sync() override { return error_; }
+  int sync() override {
+    if (synced_ != nullptr) std::exchange(synced_, nullptr)->set_value(std::this_thread::get_id());
+    return error_;
+  }
   int close() override { return 0; }
 
  private:
   int error_;
+  std::promise<std::thread::id>* synced_;
 };
+
+TEST(SyncThread, SyncsWhatWasWrittenFromItsOwnThread) {
+  std::promise<std::thread::id> synced;
+  SyncedSink first(EIO, &synced);
+  SyncedSink other(0);
+  SyncThread thread(SyncThread::Sinks{&first, &other, &other}, std::chrono::milliseconds(1));
+  thread.note_write();
+  EXPECT_NE(synced.get_future().get(), std::this_thread::get_id());
+  thread.stop();
+  EXPECT_EQ(thread.error(), EIO);
+}
 
 TEST(FailingDisk, AFailedSyncIsToldAtTheEnd) {
   for (const bool sync : {false, true}) {
@@ -213,6 +234,49 @@ TEST(FailingDisk, AFailedSyncIsToldAtTheEnd) {
     ASSERT_TRUE(writer);
     EXPECT_EQ(writer->finish(tape_time_us(1)).has_value(), !sync);
   }
+}
+
+// Files may not grow over a size while this lives.
+class FileSizeLimit {
+ public:
+  explicit FileSizeLimit(rlim_t bytes) {
+    ::getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit limit{bytes, before_.rlim_max};
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+    signal_ = std::signal(SIGXFSZ, SIG_IGN);
+  }
+  ~FileSizeLimit() {
+    ::setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, signal_);
+  }
+  FileSizeLimit(const FileSizeLimit&) = delete;
+  FileSizeLimit& operator=(const FileSizeLimit&) = delete;
+
+ private:
+  rlimit before_{};
+  void (*signal_)(int) = nullptr;
+};
+
+TEST(FailingDisk, RealFilesThatCannotGrowStaySoundAndGoOnLater) {
+  const test::TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  auto writer = TapeWriter::create(paths, {"device", "driver"}, {});
+  ASSERT_TRUE(writer);
+  const std::string data(1000, 'x');
+  {
+    const FileSizeLimit limit(3500);
+    for (int i = 0; i < 5; ++i) writer->read_block(tape_time_us(i * 10), as_bytes(data));
+    EXPECT_EQ(writer->failure(), "File too large");
+    EXPECT_EQ(test::read_file(paths.read).size(), 3U * 1012);
+  }
+  writer->read_block(tape_time_us(100), as_bytes(data));
+  EXPECT_FALSE(writer->failing());
+  EXPECT_FALSE(writer->finish(tape_time_us(200)));
+  const auto summary = summarize(paths);
+  ASSERT_TRUE(summary);
+  EXPECT_TRUE(summary->damages().empty());
+  EXPECT_EQ(summary->read.blocks, 4U);
+  EXPECT_EQ(summary->events.gap_bytes, 2000U);
 }
 
 }  // namespace

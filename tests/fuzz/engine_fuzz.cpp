@@ -1,0 +1,227 @@
+// Any tape, any driver, any pace: the input makes a tape and a script for the driver; what must always hold
+// is checked.
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "libport/replay/engine.hpp"
+#include "tests/support/memory_tape.hpp"
+#include "tests/support/random_tape.hpp"
+
+namespace {
+
+using namespace porttape;
+using namespace porttape::test;
+
+void require(bool holds, const char* what) {
+  if (holds) return;
+  std::fprintf(stderr, "does not hold: %s\n", what);
+  std::abort();
+}
+
+// Numbers out of the input; zeros when it is used up.
+class Input {
+ public:
+  Input(const std::uint8_t* data, std::size_t size) : data_(data, size) {}
+  std::uint32_t operator()(std::uint32_t n) {
+    if (n == 0 || used_ >= data_.size()) return 0;
+    std::uint32_t value = data_[used_++];
+    if (n > 256 && used_ < data_.size()) value = value << 8U | data_[used_++];
+    return value % n;
+  }
+  [[nodiscard]] bool done() const { return used_ >= data_.size(); }
+
+ private:
+  ByteView data_;
+  std::size_t used_ = 0;
+};
+
+ReplayConfig make_config(Input& input) {
+  ReplayConfig config;
+  config.strictness = static_cast<int>(input(3));
+  config.timing = static_cast<Timing>(input(3));
+  config.on_mismatch = static_cast<OnMismatch>(input(2));
+  config.at_end = static_cast<AtEnd>(input(3));
+  config.on_reopen = static_cast<OnReopen>(input(3));
+  config.chunks = static_cast<Chunks>(input(3));
+  constexpr double kRates[] = {1, 0.5, 3, 1000};
+  config.rate = kRates[input(4)];
+  return config;
+}
+
+class Play {
+ public:
+  Play(const MemoryTape& tape, const ReplayConfig& config, bool sessions, std::size_t piece)
+      : tape_(tape),
+        config_(config),
+        sessions_(sessions),
+        reads_(tape.all(RecordKind::read)),
+        writes_(tape.all(RecordKind::write)),
+        schedule_(tape, MemorySource::Select::merged, piece),
+        write_source_(tape, MemorySource::Select::writes_only, piece),
+        engine_(config, {sessions, tape.opens()}, schedule_, write_source_) {}
+
+  void run(Input& input) {
+    while (!input.done()) {
+      act(input);
+      if (input(4) != 0) settle();
+    }
+    settle();
+    if (auto report = engine_.finish(now_)) check(*report);
+    require(!engine_.finish(now_), "a run is reported once");
+  }
+
+ private:
+  void act(Input& input) {
+    switch (input(8)) {
+      case 0: {
+        settle();
+        if (!open_) session_.clear();
+        open_ = true;
+        running_ = true;
+        engine_.on_open(now_);
+        settle();
+        break;
+      }
+      case 1:
+        settle();
+        if (!open_) break;
+        open_ = false;
+        engine_.on_close(now_);
+        settle();
+        break;
+      case 2:
+        write(std::string(1 + input(6), static_cast<char>('a' + input(3))));
+        break;
+      case 3:
+      case 4:
+        write(writes_.substr(std::min(written_.size(), writes_.size()), 1 + input(9)));
+        break;
+      case 5:
+        engine_.set_blocked(blocked_ = !blocked_);
+        break;
+      case 6:
+        now_ += Micros{input(65536)};
+        break;
+      default:
+        until(now_ + Micros{input(65536) * 30});
+        break;
+    }
+  }
+
+  void write(const std::string& text) {
+    if (!open_) return;
+    if (running_) written_ += text;
+    engine_.on_write(now_, as_bytes(text));
+  }
+
+  // Serves every deadline at its moment.
+  void until(Instant end) {
+    for (int i = 0;; ++i) {
+      require(i < 100'000, "time goes on");
+      const auto deadline = engine_.next_deadline();
+      if (!deadline || *deadline > end) break;
+      now_ = std::max(now_, *deadline);
+      take(engine_.advance(now_, 7));
+    }
+    now_ = end;
+  }
+
+  void settle() {
+    for (int i = 0; engine_.next_deadline().value_or(Instant::max()) <= now_; ++i) {
+      require(i < 100'000, "what is due gets done");
+      take(engine_.advance(now_, 7));
+    }
+    require(engine_.advance(now_).empty(), "nothing is due before the deadline");
+  }
+
+  void take(const ReplayActions& actions) {
+    require(actions.deliver.size() <= 7, "no more than asked for");
+    require(actions.deliver.empty() == actions.block_ends.empty(), "block ends go with bytes");
+    require(std::is_sorted(actions.block_ends.begin(), actions.block_ends.end(), std::less_equal<>()),
+            "block ends rise");
+    if (!actions.deliver.empty()) {
+      require(actions.block_ends.back() == actions.deliver.size(), "the last block end is the size");
+      require(open_ && !blocked_, "bytes go to an open, unblocked line");
+      session_ += as_text(actions.deliver);
+      delivered_ += actions.deliver.size();
+      require(reads_.find(session_) != std::string::npos, "a session gets a stretch of the tape");
+      if (!sessions_ && config_.on_reopen != OnReopen::continue_) check_gates();
+    }
+    for (const Mismatch& mismatch : actions.mismatches) {
+      require(config_.strictness > 0, "strictness 0 has no mismatches");
+      require(!to_text(mismatch).empty(), "a mismatch has a text");
+    }
+    if (actions.run_ended) check(*actions.run_ended);
+  }
+
+  // A tape of one session: what was delivered is the beginning of the tape; nothing comes before its
+  // question.
+  void check_gates() {
+    require(reads_.starts_with(session_), "a session starts at the tape's start");
+    if (config_.timing == Timing::recorded || config_.strictness == 0 ||
+        config_.on_mismatch == OnMismatch::warn)
+      return;
+    std::size_t reads = 0;
+    std::size_t asked = 0;
+    for (const auto& entry : tape_.entries()) {
+      if (reads >= session_.size()) break;
+      if (entry.kind == RecordKind::write) asked += entry.data.size();
+      if (entry.kind != RecordKind::read || entry.data.empty()) continue;
+      reads += entry.data.size();
+      require(written_.size() >= asked && written_.compare(0, asked, writes_, 0, asked) == 0,
+              "no answer before its question");
+    }
+  }
+
+  void check(const RunReport& report) {
+    require(report.from_driver_matched <= report.from_driver_bytes, "what matched was written");
+    require(report.from_driver_matched <= report.from_driver_of, "what matched is on the tape");
+    require(report.to_driver_of == reads_.size() && report.from_driver_of == writes_.size(),
+            "totals are the tape's");
+    require(report.to_driver_bytes == delivered_, "every delivery is counted");
+    require(config_.strictness > 0 || report.verdict == Verdict::pass, "strictness 0 passes");
+    require(report.verdict != Verdict::pass || config_.strictness == 0 ||
+                report.from_driver_matched == writes_.size(),
+            "a pass has all writes");
+    require((report.mismatches > 0) == report.mismatch.has_value(), "the first mismatch is there");
+    require(!to_text(report).empty() && !to_json(report).empty(), "a report has a text");
+    running_ = false;
+    written_.clear();
+    delivered_ = 0;
+    session_.clear();
+  }
+
+  const MemoryTape& tape_;
+  ReplayConfig config_;
+  bool sessions_;
+  std::string reads_;
+  std::string writes_;
+  MemorySource schedule_;
+  MemorySource write_source_;
+  Engine engine_;
+  Instant now_{Micros{1'000'000}};
+  bool open_ = false;
+  bool blocked_ = false;
+  bool running_ = false;  // a run may be going on
+  std::string session_;   // delivered since the open
+  std::string written_;   // in this run
+  std::size_t delivered_ = 0;
+};
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  Input input(data, size);
+  const ReplayConfig config = make_config(input);
+  const bool sessions = input(2) == 1;
+  const std::size_t piece = 1 + input(9);
+  const MemoryTape tape = random_tape(input, {.sessions = sessions, .max_records = 40});
+  Play(tape, config, sessions, piece).run(input);
+  return 0;
+}
