@@ -179,7 +179,7 @@ void PtyPort::peer_left() {
 // `tail`: bytes of the last session may still be unread.
 void PtyPort::peer_reopened(bool tail) {
   context_.log->debug("{}: closed and opened again", name());
-  if (tail) read_pending();
+  if (tail) read_packets(Until::output_flushed);
   line_->outbox.discard();
   openers_ = 1;
   set_up(false);
@@ -244,13 +244,17 @@ void PtyPort::handle_packet(ByteView packet) {
   }
 }
 
-void PtyPort::read_pending() {
+void PtyPort::read_pending() { read_packets(Until::empty); }
+
+void PtyPort::read_packets(Until until) {
   const bool reading = std::exchange(reading_, true);
-  for (;;) {
-    if (!peer_ || !line_) break;
+  while (peer_ && line_) {
     const ssize_t size = ::read(line_->pty.master(), buffer_.data(), buffer_.size());
     if (size <= 0) break;
-    handle_packet(ByteView(buffer_).first(static_cast<std::size_t>(size)));
+    const ByteView packet = ByteView(buffer_).first(static_cast<std::size_t>(size));
+    const bool flushed = (packet.front() & TIOCPKT_FLUSHWRITE) != 0;
+    handle_packet(packet);
+    if (flushed && until == Until::output_flushed) break;  // what came before is gone, what follows came later
   }
   reading_ = reading;
 }

@@ -56,6 +56,8 @@ class PtyPort final : public Port {
   void on_wake();
   void order_events();
   void on_readable();
+  enum class Until { empty, output_flushed };
+  void read_packets(Until until);
   bool read_once();  // true when there may be more
   void handle_packet(ByteView packet);
   void peer_arrived();
