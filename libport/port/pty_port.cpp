@@ -107,7 +107,7 @@ void PtyPort::replace_line() {
     if (Result<void> moved = link_->retarget(line_->pty.slave_path()); !moved)
       context_.log->error("{}", moved.error().message);
   }
-  announce_path();
+  if (!link_) announce_path();
 }
 
 void PtyPort::open() {
