@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
@@ -33,12 +34,14 @@ class RecordingPort final : public Port, private PortListener {
   void close() override;
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return inner_->congested(); }
+  void end_writing() override { inner_->end_writing(); }
   void set_reading(bool on) override { inner_->set_reading(on); }
   void hang_up(bool after_reading) override { inner_->hang_up(after_reading); }
   void read_pending() override { inner_->read_pending(); }
   void rotate() override;
   int finish() override;
   [[nodiscard]] bool passive() const override { return inner_->passive(); }
+  [[nodiscard]] bool keeps_datagrams() const override { return inner_->keeps_datagrams(); }
   [[nodiscard]] std::string name() const override { return inner_->name(); }
 
  private:
@@ -47,6 +50,10 @@ class RecordingPort final : public Port, private PortListener {
   void on_drained() override { listener().on_drained(); }
   void on_down(const LineDown& down) override;
   void on_finished(int exit_status) override { listener().on_finished(exit_status); }
+  bool on_ended() override { return listener().on_ended(); }
+  void on_interrupted(const LineDown& down) override;
+  void on_resumed() override;
+  void on_dropped(std::uint64_t bytes, std::string_view why) override;
 
   [[nodiscard]] TapeTime tape_time() const;
   void start_tape();

@@ -130,7 +130,7 @@ void ReplayPort::pump() {
 }
 
 void ReplayPort::perform(ReplayActions& actions) {
-  if (!actions.deliver.empty()) listener().on_data(actions.deliver);
+  if (!actions.deliver.empty()) listener().on_arrivals(actions.deliver, actions.block_ends);
   for (const Mismatch& mismatch : actions.mismatches) {
     context_.log->warn("{}: {}", options_.tape.name(), to_text(mismatch));
   }
