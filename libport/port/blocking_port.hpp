@@ -75,6 +75,8 @@ class BlockingPort final : private PortListener {
   Result<void> open();
   void close();  // drops what was not read; nothing to do when not open
   [[nodiscard]] bool is_open() const { return open_; }
+  // Also true when the line is down and something that came before it is left.
+  [[nodiscard]] bool readable() const { return open_ || !input_.empty(); }
 
   // What is there, at least one byte, at most `into`.
   Result<Transfer> read(std::span<Byte> into);
