@@ -67,6 +67,21 @@ void RecordingPort::write(ByteView data) {
   tell_of_failure();
 }
 
+std::size_t RecordingPort::write_some(ByteView data) {
+  const TapeTime at = tape_time();
+  const std::size_t sent = inner_->write_some(data);
+  if (!tape_) return sent;
+  tape_->write_block(at, data.first(sent));
+  tell_of_failure();
+  return sent;
+}
+
+bool RecordingPort::discard() {
+  const bool dropped = inner_->discard();
+  if (dropped && tape_) tape_->flush_event(tape_time(), "both");
+  return dropped;
+}
+
 void RecordingPort::on_data(ByteView data) {
   const TapeTime at = tape_time();
   listener().on_data(data);
