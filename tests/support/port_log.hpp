@@ -1,8 +1,10 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <string>
 #include <unistd.h>
+#include <string_view>
 
 #include <gtest/gtest.h>
 
@@ -26,11 +28,23 @@ class PortLog final : public PortListener {
                                                         : "hung_up ";
     error = down.error;
   }
+  bool on_ended() override {
+    events += "ended ";
+    return keep_ended;
+  }
+  void on_interrupted(const LineDown& down) override {
+    events += "interrupted ";
+    error = down.error;
+  }
+  void on_resumed() override { events += "resumed "; }
+  void on_dropped(std::uint64_t bytes, std::string_view) override { dropped += bytes; }
   void on_finished(int exit_status) override { events += "finished" + std::to_string(exit_status) + " "; }
 
   std::string events;
   std::string data;
   Error error;
+  std::uint64_t dropped = 0;
+  bool keep_ended = true;  // the answer to on_ended
 };
 
 // A peer that reads whatever comes.
