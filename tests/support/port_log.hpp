@@ -3,8 +3,8 @@
 #include <cstdint>
 #include <functional>
 #include <string>
-#include <unistd.h>
 #include <string_view>
+#include <unistd.h>
 
 #include <gtest/gtest.h>
 
