@@ -12,6 +12,7 @@ namespace porttape {
 struct PortContext {
   Loop* loop = nullptr;  // outlives the ports
   std::shared_ptr<spdlog::logger> log;
+  bool pulled = false;  // the loop only runs while its program waits in a call
 };
 
 }  // namespace porttape

@@ -114,6 +114,8 @@ PortType logreader_type() {
           {"file", Kind::text, "port.log", "the tape: FILEr, FILEw, FILEe"},
           {"strictness", Kind::integer, "0", "0 writes not checked, 1 data, 2 data and timing", 0, 2},
           {"jitter", Kind::number, "100", "ms, margin of strictness 2, early and late", 0, kMaxSeconds},
+          {"early-only", Kind::flag, "",
+           "strictness 2 accepts late writes, as flexiport's documentation does"},
           {"ignoretimes", Kind::flag, "", "the same as timing=none"},
           {"timing",
            Kind::choice,

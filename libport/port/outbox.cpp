@@ -22,6 +22,12 @@ void Outbox::write(ByteView data) {
   watch_->watch_writable(true);
 }
 
+std::size_t Outbox::write_some(ByteView data) {
+  const std::size_t sent = congested() ? 0 : send(data);
+  if (sent < data.size()) watch_->watch_writable(true);
+  return sent;
+}
+
 void Outbox::flush() {
   sent_ += send(ByteView(pending_).subspan(sent_));
   if (congested()) return;

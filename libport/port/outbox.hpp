@@ -20,6 +20,8 @@ class Outbox {
          std::function<void(int error_number, std::size_t lost)> on_error);
 
   void write(ByteView data);
+  // Sends what the kernel takes and keeps nothing; on_drained comes when it takes more.
+  std::size_t write_some(ByteView data);
   void flush();  // from the watch
   void discard();
   [[nodiscard]] bool congested() const { return sent_ < pending_.size(); }

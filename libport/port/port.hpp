@@ -95,6 +95,24 @@ class Port {
   // Nothing to do for lines that have no half-close.
   virtual void end_writing() {}
 
+  // For callers that wait: takes only what can be sent at once and gives how much that was. After less than
+  // all, on_drained() comes when more can go.
+  virtual std::size_t write_some(ByteView data) {
+    write(data);
+    return data.size();
+  }
+  // Bytes that were taken but have not left this machine.
+  [[nodiscard]] virtual std::size_t unsent() const { return 0; }
+  // Drops what came in and was not read, and what was taken and is not sent. False: nothing that came in is
+  // to be dropped, what was passed on included.
+  virtual bool discard() { return true; }
+
+  // Changes the speed of the line, also while it is up. Errc::usage where there is none to change.
+  virtual Result<void> set_baud(unsigned) { return make_error(Errc::usage, name() + " has no baud rate"); }
+  // What is to happen first, where nothing can come until the caller does something; for one who would wait
+  // for ever.
+  [[nodiscard]] virtual std::string awaits() { return {}; }
+
   // Whether on_data may come: false is backpressure to the peer.
   virtual void set_reading(bool on) = 0;
 

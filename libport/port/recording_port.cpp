@@ -67,6 +67,21 @@ void RecordingPort::write(ByteView data) {
   tell_of_failure();
 }
 
+std::size_t RecordingPort::write_some(ByteView data) {
+  const TapeTime at = tape_time();
+  const std::size_t sent = inner_->write_some(data);
+  if (!tape_) return sent;
+  tape_->write_block(at, data.first(sent));
+  tell_of_failure();
+  return sent;
+}
+
+bool RecordingPort::discard() {
+  const bool dropped = inner_->discard();
+  if (dropped && tape_) tape_->flush_event(tape_time(), "both");
+  return dropped;
+}
+
 void RecordingPort::on_data(ByteView data) {
   const TapeTime at = tape_time();
   listener().on_data(data);
@@ -132,7 +147,7 @@ void RecordingPort::tell_of_failure() {
     return;
   }
   context_.log->error(
-      "{}; {}", tape_->failure(),
+      "tape {}: {}; {}", options_.tape.name(), tape_->failure(),
       options_.fail_closed ? "ending, as --fail-closed asks" : "the line stays up, the loss is counted");
   if (options_.fail_closed) listener().on_finished(exit_status::kRuntime);
 }

@@ -45,6 +45,7 @@ Result<std::uint64_t> count_opens(const TapePaths& tape) {
 Result<ReplayConfig> replay_config(const PortOptions& options) {
   ReplayConfig config;
   config.strictness = static_cast<int>(options.integer("strictness"));
+  config.late_allowed = options.flag("early-only");
   config.jitter = milliseconds(options.number("jitter"));
   config.timing = choice<Timing>(
       options.text("timing"),
@@ -111,6 +112,7 @@ void ReplayPort::close() {
 }
 
 void ReplayPort::write(ByteView data) {
+  if (context_.pulled) pump();
   engine_->on_write(Loop::now(), data);
   pump();
 }
@@ -120,24 +122,52 @@ void ReplayPort::set_reading(bool on) {
   if (on) pump();
 }
 
+bool ReplayPort::discard() {
+  if (options_.config.timing == Timing::recorded || !schedule_ || !schedule_->has_events()) return false;
+  dropping_ = true;
+  pump();
+  dropping_ = false;
+  return true;
+}
+
+std::string ReplayPort::awaits() {
+  const auto unsent = engine_ ? engine_->first_unsent() : std::nullopt;
+  if (!unsent) return {};
+  return fmt::format("the tape goes on after a write of \"{}\" (offset {}, recorded at {:.6f} s)",
+                     to_printable(unsent->bytes), unsent->offset,
+                     static_cast<double>(to_us(unsent->at)) / 1e6);
+}
+
+// A program that was busy elsewhere finds what fell due meanwhile as if it had come in time.
+Instant ReplayPort::pump_time(Instant now) const {
+  const std::optional<Instant> due = engine_->next_deadline();
+  return context_.pulled && due && *due < now ? *due : now;
+}
+
 void ReplayPort::pump() {
-  for (;;) {
-    ReplayActions actions = engine_->advance(Loop::now());
-    if (actions.empty()) break;
+  const Instant now = Loop::now();
+  for (bool due = true; due;) {
+    ReplayActions actions = engine_->advance(context_.pulled ? pump_time(now) : Loop::now());
+    const bool empty = actions.empty();
     perform(actions);
+    const std::optional<Instant> next = engine_->next_deadline();
+    due = !empty || (context_.pulled && next && *next <= now);
   }
   set_timer();
 }
 
 void ReplayPort::perform(ReplayActions& actions) {
-  if (!actions.deliver.empty()) listener().on_arrivals(actions.deliver, actions.block_ends);
+  if (!actions.deliver.empty() && !dropping_) listener().on_arrivals(actions.deliver, actions.block_ends);
   for (const Mismatch& mismatch : actions.mismatches) {
     context_.log->warn("{}: {}", options_.tape.name(), to_text(mismatch));
   }
   if (actions.hang_up) {
     // At the tape's end the driver reads what is left first; at a mismatch the line breaks where it stands.
     const bool mismatch = !actions.mismatches.empty() || (actions.run_ended && actions.run_ended->mismatch);
-    listener().on_down({.reason = LineDown::Reason::hung_up, .error = {}, .after_reading = !mismatch});
+    Error error;
+    if (!actions.mismatches.empty()) error.message = to_text(actions.mismatches.front());
+    listener().on_down(
+        {.reason = LineDown::Reason::hung_up, .error = std::move(error), .after_reading = !mismatch});
   }
   const bool exit = actions.exit;
   if (actions.run_ended) take_report(std::move(*actions.run_ended));

@@ -38,6 +38,11 @@ class ReplayPort final : public Port {
   void close() override;
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return false; }
+  // What is due counts as read, where the tape is stamped at arrival and answers follow their questions. Else
+  // nothing is dropped: the tape holds what its driver read, or plays by a clock that a slow reader lags
+  // behind.
+  bool discard() override;
+  [[nodiscard]] std::string awaits() override;
   void set_reading(bool on) override;
   void hang_up(bool) override {}
   // Ends the run; the status is its verdict's.
@@ -49,6 +54,7 @@ class ReplayPort final : public Port {
 
  private:
   void pump();
+  [[nodiscard]] Instant pump_time(Instant now) const;
   void perform(ReplayActions& actions);
   void set_timer();
   void on_timer();
@@ -63,6 +69,7 @@ class ReplayPort final : public Port {
   std::optional<RunReport> report_;
   Instant last_spin_{};
   bool open_ = false;
+  bool dropping_ = false;
 };
 
 }  // namespace porttape

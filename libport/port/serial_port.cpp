@@ -199,6 +199,40 @@ void SerialPort::write(ByteView data) {
   }
 }
 
+std::size_t SerialPort::write_some(ByteView data) {
+  if (!line_) return 0;
+  return options_.flag("readonly") ? data.size() : line_->outbox.write_some(data);
+}
+
+std::size_t SerialPort::unsent() const {
+  if (!line_) return 0;
+  int queued = 0;
+  const bool known = ::ioctl(line_->fd.get(), TIOCOUTQ, &queued) == 0 && queued > 0;
+  return line_->outbox.pending() + (known ? static_cast<std::size_t>(queued) : 0);
+}
+
+bool SerialPort::discard() {
+  if (!line_) return true;
+  line_->outbox.discard();
+  (void)::tcflush(line_->fd.get(), TCIOFLUSH);
+  return true;
+}
+
+Result<void> SerialPort::set_baud(unsigned baud) {
+  PortOptions changed = options_;
+  changed.values["baud"] = std::to_string(baud);
+  if (line_) {
+    if (Result<std::string> set = apply_settings(line_->fd.get(), settings_of(changed)); !set) {
+      const Error error =
+          make_error(set.error().code, fmt::format("device '{}': {}", device_, set.error().message));
+      (void)apply_settings(line_->fd.get(), settings_of(options_));
+      return error;
+    }
+  }
+  options_ = std::move(changed);
+  return {};
+}
+
 void SerialPort::set_reading(bool on) {
   reading_ = on;
   if (line_) line_->watch.watch_readable(on);

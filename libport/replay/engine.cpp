@@ -263,6 +263,12 @@ ReplayActions Engine::advance(Instant now, std::size_t max_bytes) { return impl_
 
 std::optional<RunReport> Engine::finish(Instant now) { return impl_->finish(now); }
 
+std::optional<Engine::Unsent> Engine::first_unsent() const {
+  const auto unsent = impl_->run ? impl_->matcher.first_unsent() : std::nullopt;
+  if (!unsent) return std::nullopt;
+  return Unsent{unsent->offset, unsent->at, unsent->bytes};
+}
+
 void Engine::set_blocked(bool blocked) {
   impl_->blocked = blocked;
   impl_->was_blocked = impl_->was_blocked || blocked;

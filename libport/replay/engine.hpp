@@ -76,6 +76,15 @@ class Engine {
   // The program or the command ends: ends the run (if one has begun) and gives its report.
   [[nodiscard]] std::optional<RunReport> finish(Instant now);
 
+  // The first recorded bytes that the driver has not written in this run; nothing when it wrote all, or while
+  // no run goes on.
+  struct Unsent {
+    std::uint64_t offset = 0;  // in the tape's stream
+    TapeTime at{};
+    Bytes bytes;  // a few of them
+  };
+  [[nodiscard]] std::optional<Unsent> first_unsent() const;
+
   // The line could not take bytes at `now` / can again: lateness is not measured in between, deliveries wait.
   void set_blocked(bool blocked);
 

@@ -108,7 +108,7 @@ std::optional<Player::TimingFault> Player::compare_time(const Matcher::Completio
                                                         Instant expected) const {
   const Nanos error = done.real - expected;
   const Nanos margin = config_.jitter;
-  if (error <= margin && error >= -margin) return std::nullopt;
+  if ((error <= margin || config_.late_allowed) && error >= -margin) return std::nullopt;
   TimingFault fault;
   fault.driver_offset = done.driver_end - std::min<std::uint64_t>(done.driver_end, 1);
   fault.tape_offset = done.tape_end - std::min<std::uint64_t>(done.tape_end, 1);

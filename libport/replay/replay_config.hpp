@@ -14,8 +14,9 @@ enum class Chunks : std::uint8_t { automatic, recorded, burst };
 
 // The replay options of contract section 4, with the defaults of the verb `replay`.
 struct ReplayConfig {
-  int strictness = 1;      // 0 writes not checked, 1 data, 2 data and timing
-  Micros jitter{100'000};  // strictness 2: margin early and late, in real time
+  int strictness = 1;         // 0 writes not checked, 1 data, 2 data and timing
+  Micros jitter{100'000};     // strictness 2: margin early and late, in real time
+  bool late_allowed = false;  // strictness 2: only early writes are timing mismatches
   Timing timing = Timing::reactive;
   double rate = 1.0;  // > 0; time runs this many times as fast
   OnMismatch on_mismatch = OnMismatch::warn;

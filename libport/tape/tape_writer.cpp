@@ -241,6 +241,11 @@ void TapeWriter::device_back_event(TapeTime at) {
   impl_->event(us, event_line(tape_time_us(us), "device-back"));
 }
 
+void TapeWriter::flush_event(TapeTime at, std::string_view queue) {
+  const std::int64_t us = impl_->stamp(at, false);
+  impl_->event(us, flush_line(tape_time_us(us), queue));
+}
+
 void TapeWriter::gap_event(TapeTime at, std::uint64_t bytes, std::string_view why) {
   const std::int64_t us = impl_->stamp(at, false);
   impl_->event(us, gap_line(tape_time_us(us), bytes, tape_time_us(us), why));

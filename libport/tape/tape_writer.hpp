@@ -67,6 +67,7 @@ class TapeWriter {
   void mark_event(TapeTime at, std::string_view text);
   void device_lost_event(TapeTime at, std::string_view why);
   void device_back_event(TapeTime at);
+  void flush_event(TapeTime at, std::string_view queue);  // in, out or both
   void gap_event(TapeTime at, std::uint64_t bytes, std::string_view why);
 
   // Writes the `end` event, syncs and closes. Errc::io if anything is missing from the tape. Later calls give

@@ -4,9 +4,11 @@
 #include <functional>
 #include <string>
 #include <string_view>
+#include <unistd.h>
 
 #include <gtest/gtest.h>
 
+#include "libport/port/fd_watch.hpp"
 #include "libport/port/loop.hpp"
 #include "libport/port/port.hpp"
 #include "libport/port/timer.hpp"
@@ -43,6 +45,24 @@ class PortLog final : public PortListener {
   Error error;
   std::uint64_t dropped = 0;
   bool keep_ended = true;  // the answer to on_ended
+};
+
+// A peer that reads whatever comes.
+struct Reader {
+  Reader(Loop& loop, int fd)
+      : watch(loop, fd, [this, fd] {
+          char buffer[4096];
+          const ssize_t size = ::read(fd, buffer, sizeof buffer);
+          if (size > 0) {
+            got.append(buffer, static_cast<std::size_t>(size));
+          } else {
+            watch.watch_readable(false);
+          }
+        }) {
+    watch.watch_readable(true);
+  }
+  std::string got;
+  FdWatch watch;
 };
 
 // Runs the loop until `done`, and fails the test when that takes absurdly long.

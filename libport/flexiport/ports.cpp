@@ -1,0 +1,76 @@
+// The ports by name: what sets each apart is its options.
+
+#include <flexiport/logreaderport.h>
+#include <flexiport/logwriterport.h>
+#include <flexiport/serialport.h>
+#include <flexiport/tcpport.h>
+#include <flexiport/udpport.h>
+
+#include "libport/flexiport/backing.hpp"
+#include "libport/port/port_options.hpp"
+
+namespace flexiport {
+namespace {
+
+using Options = std::map<std::string, std::string>;
+
+std::string recorded_type(const Options& options) {
+  const auto type = options.find("type");
+  if (type == options.end()) throw PortException("No port type specified.");
+  return type->second;
+}
+
+Options replacing(Options options) {
+  options.try_emplace("overwrite", "1");
+  return options;
+}
+
+// flexiport's rules where they differ from porttape's: times that are ignored make everything readable
+// whatever is written, and a late write is never wrong.
+Options documented(Options options) {
+  options.try_emplace("early-only", "1");
+  const auto ignored = options.find("ignoretimes");
+  if (ignored == options.end() || options.contains("timing")) return options;
+  const auto value = ignored->second;
+  if (value == "0" || value == "off" || value == "no" || value == "false") return options;
+  options.erase(ignored);
+  options["timing"] = "recorded";
+  options["rate"] = "1000000";
+  if (const auto strictness = options.find("strictness");
+      strictness != options.end() && strictness->second == "2") {
+    strictness->second = "1";
+  }
+  return options;
+}
+
+}  // namespace
+
+SerialPort::SerialPort(std::map<std::string, std::string> options) : BackedPort("serial", "serial", options) {
+  porttape::PortOptions known;
+  known.type = "serial";
+  known.values = options;
+  _baud = static_cast<unsigned>(known.integer("baud"));
+}
+
+SerialPort::~SerialPort() = default;
+
+void SerialPort::SetBaudRate(unsigned int baud) {
+  if (const porttape::Result<void> set = _backing->port->set_baud(baud); !set) raise(set.error());
+  _baud = baud;
+}
+
+TCPPort::TCPPort(std::map<std::string, std::string> options) : BackedPort("tcp", "tcp", options) {}
+TCPPort::~TCPPort() = default;
+
+UDPPort::UDPPort(std::map<std::string, std::string> options) : BackedPort("udp", "udp", options) {}
+UDPPort::~UDPPort() = default;
+
+LogReaderPort::LogReaderPort(std::map<std::string, std::string> options)
+    : BackedPort("logreader", "logreader", documented(options)) {}
+LogReaderPort::~LogReaderPort() = default;
+
+LogWriterPort::LogWriterPort(std::map<std::string, std::string> options)
+    : BackedPort("logwriter", recorded_type(options), replacing(options)) {}
+LogWriterPort::~LogWriterPort() = default;
+
+}  // namespace flexiport
