@@ -107,12 +107,18 @@ line_pair() {
   wait_for "$work/$1.far"
 }
 
-# free_ports NAME…: sets each variable to a TCP port of 127.0.0.1 that nobody listens on.
+# free_ports NAME…: sets each variable to a TCP port of 127.0.0.1 that nobody listens on, outside the range that the
+# system takes for outgoing connections.
 free_ports() {
   local numbers
-  read -ra numbers < <("$PYTHON" -c 'import socket, sys
-sockets = [socket.create_server(("127.0.0.1", 0)) for _ in sys.argv[1:]]
-print(*(s.getsockname()[1] for s in sockets))' "$@")
+  read -ra numbers < <("$PYTHON" -c 'import random, socket, sys
+sockets = []
+while len(sockets) < len(sys.argv) - 1:
+    try: sockets.append(socket.create_server(("127.0.0.1", random.randrange(10000, 32000))))
+    except OSError: pass
+numbers = [s.getsockname()[1] for s in sockets]
+for s in sockets: s.close()
+print(*numbers)' "$@")
   for ((n = 0; n < $#; n++)); do printf -v "${@:n+1:1}" %s "${numbers[n]}"; done
 }
 listens_on() { grep -q "$(printf ':%04X 00000000:0000 0A' "$1")" /proc/net/tcp; } # without connecting to it

@@ -27,9 +27,8 @@ class StreamPortRig : public testing::Test {
     port->listen(log);
   }
   void make_listening(const std::string& more = {}) {
-    number = test::free_port();
-    make("tcp-listen:" + std::to_string(number) + more);
-    ASSERT_TRUE(port->prepare().has_value());
+    make("tcp-listen:0" + more);
+    number = test::prepare_any(*port);
     port->open();
   }
   void make_connecting(const std::string& more = {}) {

@@ -35,7 +35,8 @@ TEST_F(ConnectingPort, ConnectsAgainAfterClose) {
 }
 
 TEST_F(ConnectingPort, ARefusedConnectionFailsAndSaysWhere) {
-  number = test::free_port();
+  const Socket nobody = Socket::bound();
+  number = nobody.port();
   make("tcp:127.0.0.1:" + std::to_string(number));
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
@@ -141,17 +142,13 @@ TEST_F(ConnectingPort, AlwaysOpenKeepsTheConnectionThroughClose) {
 }
 
 TEST_F(ConnectingPort, WaitsForADeviceThatIsMissing) {
-  number = test::free_port();
-  make("tcp:127.0.0.1:" + std::to_string(number) + ",wait");
+  const Socket late = Socket::bound();
+  make("tcp:127.0.0.1:" + std::to_string(late.port()) + ",wait");
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
   run_until(loop, [&] { return book.text().find("trying again") != std::string::npos; });
-  const SocketAddress address = *numeric_address("127.0.0.1", number);
-  const int on = 1;
-  const Socket late(UniqueFd(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)));
-  (void)::setsockopt(late.fd(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
-  ASSERT_EQ(::bind(late.fd(), address.get(), address.size), 0);
-  ASSERT_EQ(::listen(late.fd(), 1), 0);
+  EXPECT_EQ(log.events, "");
+  late.listen();
   until("up ");
 }
 

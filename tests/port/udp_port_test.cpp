@@ -22,17 +22,14 @@ class UdpPortTest : public testing::Test {
     ASSERT_TRUE(options.has_value()) << options.error().message;
     port = std::make_unique<UdpPort>(PortContext{&loop, book.log()}, *options);
     port->listen(log);
-    ASSERT_TRUE(port->prepare().has_value());
+    number = test::prepare_any(*port);
   }
   void make_sending() {
-    number = Socket::datagrams().port();
-    make("udp:127.0.0.1:" + std::to_string(peer.port()) +
-         ",recv_ip=127.0.0.1,recv_port=" + std::to_string(number));
+    make("udp:127.0.0.1:" + std::to_string(peer.port()) + ",recv_ip=127.0.0.1,recv_port=0");
     port->open();
   }
   void make_listening() {
-    number = Socket::datagrams().port();
-    make("udp-listen:" + std::to_string(number));
+    make("udp-listen:0");
     port->open();
   }
   // One datagram that is there.

@@ -11,7 +11,10 @@
 #include <sys/socket.h>
 #include <utility>
 
+#include <gtest/gtest.h>
+
 #include "libport/base/unique_fd.hpp"
+#include "libport/port/port.hpp"
 #include "libport/port/socket_address.hpp"
 
 namespace porttape::test {
@@ -28,13 +31,20 @@ class Socket {
     return socket;
   }
   static Socket connect_to(std::uint16_t port) { return connect_to(*numeric_address("127.0.0.1", port)); }
-  // Listening on a free port.
-  static Socket listening(int backlog = 16) {
+  // Has a free port and does not listen: connections are refused.
+  static Socket bound() {
     const SocketAddress any = *numeric_address("127.0.0.1", 0);
     Socket socket(UniqueFd(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)));
-    if (::bind(socket.fd(), any.get(), any.size) != 0 || ::listen(socket.fd(), backlog) != 0)
-      throw std::runtime_error("listen failed");
+    if (::bind(socket.fd(), any.get(), any.size) != 0) throw std::runtime_error("bind failed");
     return socket;
+  }
+  static Socket listening(int backlog = 16) {
+    Socket socket = bound();
+    socket.listen(backlog);
+    return socket;
+  }
+  void listen(int backlog = 16) const {
+    if (::listen(fd(), backlog) != 0) throw std::runtime_error("listen failed");
   }
   static Socket datagrams() {
     const SocketAddress any = *numeric_address("127.0.0.1", 0);
@@ -88,7 +98,17 @@ class Socket {
   UniqueFd fd_;
 };
 
-// A port that nobody listens on.
-inline std::uint16_t free_port() { return Socket::listening().port(); }
+// Prepares a port that has 0 for its number, and gives the number from the line that it prints, 0 on an
+// error.
+inline std::uint16_t prepare_any(Port& port) {
+  testing::internal::CaptureStdout();
+  const Result<void> prepared = port.prepare();
+  const std::string printed = testing::internal::GetCapturedStdout();
+  EXPECT_TRUE(prepared.has_value()) << (prepared ? "" : prepared.error().message);
+  const std::size_t colon = printed.rfind(':');
+  return prepared && colon != std::string::npos
+             ? static_cast<std::uint16_t>(std::stoi(printed.substr(colon + 1)))
+             : 0;
+}
 
 }  // namespace porttape::test
