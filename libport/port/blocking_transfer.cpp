@@ -193,14 +193,15 @@ Result<Transfer> BlockingPort::write(ByteView data) {
     if (up_ && !down_ && !port_->congested()) {
       drained_ = false;
       const ByteView rest = data.subspan(sent);
-      sent += port_->write_some(port_->keeps_datagrams() ? rest
-                                                          : rest.first(std::min(rest.size(), kWriteChunk)));
+      sent +=
+          port_->write_some(port_->keeps_datagrams() ? rest : rest.first(std::min(rest.size(), kWriteChunk)));
     }
     if (down_) break;
     if (sent == data.size() && !port_->congested()) break;
     if (up_ && drained_) continue;
     if (wait([&] { return (up_ && drained_) || down_; }, left()) != Wake::ready) break;
   }
+  poll();  // a line that broke while it took the bytes
   written_bytes_ += sent;
   if (!down_) return sent > 0 || data.empty() ? Transfer{sent} : Transfer{0, Transfer::End::timed_out};
   const Error error = broken();

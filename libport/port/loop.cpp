@@ -17,6 +17,12 @@ bool Loop::run_one() { return io_->run_one() != 0; }
 bool Loop::poll_one() { return io_->poll_one() != 0; }
 void Loop::stop() { io_->stop(); }
 void Loop::restart() { io_->restart(); }
+
+std::span<Byte> Loop::read_buffer() {
+  if (!read_buffer_) read_buffer_ = std::make_unique<Byte[]>(kReadBuffer);
+  return {read_buffer_.get(), kReadBuffer};
+}
+
 void Loop::post(std::function<void()> task) { boost::asio::post(*io_, std::move(task)); }
 
 }  // namespace porttape

@@ -1,8 +1,11 @@
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <memory>
+#include <span>
 
+#include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
 
 namespace boost::asio {
@@ -32,11 +35,17 @@ class Loop {
   // Calls `task` from run(), never from within post().
   void post(std::function<void()> task);
 
+  // Room for one read, shared by all ports of the loop. What is in it counts until the next port reads.
+  std::span<Byte> read_buffer();
+
   boost::asio::io_context& io() { return *io_; }
   [[nodiscard]] static Instant now() { return std::chrono::steady_clock::now(); }
 
  private:
+  static constexpr std::size_t kReadBuffer = 65536;  // the largest datagram fits, and the largest tape block
+
   std::unique_ptr<boost::asio::io_context> io_;
+  std::unique_ptr<Byte[]> read_buffer_;  // made when first asked for
 };
 
 }  // namespace porttape

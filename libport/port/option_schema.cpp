@@ -15,6 +15,9 @@ using Kind = OptionSpec::Kind;
 
 constexpr double kMaxBaud = 4'294'967'295.0;  // termios2 keeps speeds in 32 bits
 constexpr double kMaxSeconds = 1e9;
+constexpr double kMaxPort = 65535;  // 0 is for the listening ones: check_port() sees to that
+
+const OptionSpec kWait{"wait", Kind::flag, "", "a device that is missing is waited for"};
 
 std::vector<OptionSpec> with_common(std::vector<OptionSpec> options) {
   const std::vector<OptionSpec> common = {
@@ -31,7 +34,8 @@ std::vector<OptionSpec> with_common(std::vector<OptionSpec> options) {
 }
 
 PortType serial_type() {
-  return {"serial", "device",
+  return {"serial",
+          {"device"},
           with_common({
               {"device", Kind::text, "/dev/ttyS0", "the tty"},
               {"baud", Kind::integer, "9600", "bit/s, any rate the kernel takes", 1, kMaxBaud},
@@ -42,13 +46,14 @@ PortType serial_type() {
               {"swflowctrl", Kind::flag, "", "XON/XOFF flow control"},
               {"dtr", Kind::choice, "", "sets DTR after opening", 0, 0, {"on", "off"}},
               {"rts", Kind::choice, "", "sets RTS after opening", 0, 0, {"on", "off"}},
-              {"wait", Kind::flag, "", "a device that is missing is waited for"},
+              kWait,
           }),
           "a serial device"};
 }
 
 PortType pty_type() {
-  return {"pty", "link",
+  return {"pty",
+          {"link"},
           with_common({
               {"link", Kind::text, "", "symbolic link to the slave; without it the slave's path is printed"},
               {"mode", Kind::text, "0600", "permissions of the slave, octal"},
@@ -58,9 +63,53 @@ PortType pty_type() {
           "a pseudo-terminal that the peer opens"};
 }
 
+PortType tcp_type() {
+  return {"tcp",
+          {"ip", "port"},
+          with_common({
+              {"ip", Kind::text, "127.0.0.1",
+               "address or name of the peer; with listen the own address, * for all"},
+              {"port", Kind::integer, "20000", "1 to 65535; with listen 0 takes a free one and prints it", 0,
+               kMaxPort},
+              {"listen", Kind::flag, "", "the peer connects (tcp-listen:)"},
+              kWait,
+          }),
+          "a TCP connection",
+          {"ip", "port"}};
+}
+
+PortType udp_type() {
+  return {
+      "udp",
+      {"dest_ip", "dest_port"},
+      with_common({
+          {"dest_ip", Kind::text, "127.0.0.1", "address or name that datagrams go to"},
+          {"dest_port", Kind::integer, "20000", "1 to 65535", 1, kMaxPort},
+          {"recv_ip", Kind::text, "*", "own address, * for all (with listen 127.0.0.1 unless given)"},
+          {"recv_port", Kind::integer, "20000", "1 to 65535, 0 takes a free one and prints it", 0, kMaxPort},
+          {"listen", Kind::flag, "", "datagrams go to who sent the latest one (udp-listen:)"},
+      }),
+      "UDP datagrams",
+      {"recv_ip", "recv_port"}};
+}
+
+PortType unix_type() {
+  return {"unix",
+          {"path"},
+          with_common({
+              {"path", Kind::text, "", "the socket file"},
+              {"listen", Kind::flag, "", "the peer connects (unix-listen:)"},
+              {"mode", Kind::text, "0600", "permissions of the socket file, octal; with listen"},
+              kWait,
+          }),
+          "a Unix stream socket",
+          {"path"}};
+}
+
 PortType logreader_type() {
   return {
-      "logreader", "file",
+      "logreader",
+      {"file"},
       with_common({
           {"file", Kind::text, "port.log", "the tape: FILEr, FILEw, FILEe"},
           {"strictness", Kind::integer, "0", "0 writes not checked, 1 data, 2 data and timing", 0, 2},
@@ -102,14 +151,13 @@ PortType logreader_type() {
 
 // The type that records `inner`: its options and those of the tape.
 PortType recording_type(const PortType& inner, std::string_view name) {
-  PortType type{name, "file", inner.options, "a port with a tape of it"};
+  PortType type{name, inner.form, inner.options, "a port with a tape of it", inner.listening};
   const std::vector<OptionSpec> tape = {
       {"file", Kind::text, "port.log", "the tape: FILEr, FILEw, FILEe"},
       {"overwrite", Kind::flag, "", "replaces an existing tape"},
       {"failclosed", Kind::flag, "", "ends when the tape cannot be written; else the line stays up"},
   };
   type.options.insert(type.options.begin(), tape.begin(), tape.end());
-  type.main = inner.main;
   return type;
 }
 
@@ -118,8 +166,14 @@ const std::vector<PortType>& types() {
       serial_type(),
       pty_type(),
       logreader_type(),
+      tcp_type(),
+      udp_type(),
+      unix_type(),
       recording_type(serial_type(), "seriallog"),
       recording_type(pty_type(), "ptylog"),
+      recording_type(tcp_type(), "tcplog"),
+      recording_type(udp_type(), "udplog"),
+      recording_type(unix_type(), "unixlog"),
   };
   return all;
 }

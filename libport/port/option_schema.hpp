@@ -22,12 +22,20 @@ struct OptionSpec {
   std::vector<std::string_view> choices = {};
 };
 
-// A port type. `main` is the option that the short spelling's main part sets.
+// The options that the main part of a short spelling sets: `MAIN`, or `MAIN:PORT` where there is a port.
+struct ShortForm {
+  std::string_view main;
+  std::string_view port = {};
+};
+
+// A port type. `listening` is the short form behind `NAME-listen:`, which also sets the option `listen`; its
+// `main` is empty where the type has none.
 struct PortType {
   std::string_view name;
-  std::string_view main;
+  ShortForm form;
   std::vector<OptionSpec> options;
   std::string_view help;
+  ShortForm listening = {};
 
   [[nodiscard]] const OptionSpec* find(std::string_view option) const;
 };

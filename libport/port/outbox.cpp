@@ -1,13 +1,19 @@
 #include "libport/port/outbox.hpp"
 
 #include <cerrno>
+#include <sys/socket.h>
 #include <unistd.h>
 #include <utility>
 
 namespace porttape {
 
-Outbox::Outbox(int fd, FdWatch& watch, std::function<void()> on_drained, std::function<void(int)> on_error)
-    : fd_(fd), watch_(&watch), on_drained_(std::move(on_drained)), on_error_(std::move(on_error)) {}
+Outbox::Outbox(int fd, Kind kind, FdWatch& watch, std::function<void()> on_drained,
+               std::function<void(int, std::size_t)> on_error)
+    : fd_(fd),
+      kind_(kind),
+      watch_(&watch),
+      on_drained_(std::move(on_drained)),
+      on_error_(std::move(on_error)) {}
 
 void Outbox::write(ByteView data) {
   const std::size_t sent = congested() ? 0 : send(data);
@@ -38,13 +44,15 @@ void Outbox::discard() {
 std::size_t Outbox::send(ByteView data) {
   std::size_t sent = 0;
   while (sent < data.size()) {
-    const ssize_t n = ::write(fd_, data.data() + sent, data.size() - sent);
+    const ByteView rest = data.subspan(sent);
+    const ssize_t n = kind_ == Kind::socket ? ::send(fd_, rest.data(), rest.size(), MSG_NOSIGNAL)
+                                            : ::write(fd_, rest.data(), rest.size());
     if (n > 0) {
       sent += static_cast<std::size_t>(n);
     } else if (n < 0 && errno == EINTR) {
       continue;
     } else if (n < 0 && errno != EAGAIN) {
-      on_error_(errno);
+      on_error_(errno, data.size() - sent);
       return data.size();  // a broken line takes everything and keeps nothing
     } else {
       break;

@@ -9,12 +9,15 @@
 namespace porttape {
 
 // The sending half of a stream descriptor: writes at once what the kernel takes and keeps the rest. Bounded
-// by its users, who stop while congested(). Reports a write error once. Loop thread only.
+// by its users, who stop while congested(). A write error is reported with the number of bytes that it cost.
+// Loop thread only.
 class Outbox {
  public:
+  enum class Kind { file, socket };  // of the descriptor; a socket whose peer is gone must not raise SIGPIPE
+
   // `watch` must call flush() when writable; it and `fd` must outlive the outbox.
-  Outbox(int fd, FdWatch& watch, std::function<void()> on_drained,
-         std::function<void(int error_number)> on_error);
+  Outbox(int fd, Kind kind, FdWatch& watch, std::function<void()> on_drained,
+         std::function<void(int error_number, std::size_t lost)> on_error);
 
   void write(ByteView data);
   // Sends what the kernel takes and keeps nothing; on_drained comes when it takes more.
@@ -29,9 +32,10 @@ class Outbox {
   std::size_t send(ByteView data);
 
   int fd_;
+  Kind kind_;
   FdWatch* watch_;
   std::function<void()> on_drained_;
-  std::function<void(int)> on_error_;
+  std::function<void(int, std::size_t)> on_error_;
   Bytes pending_;
   std::size_t sent_ = 0;
 };

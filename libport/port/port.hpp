@@ -1,7 +1,10 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <span>
 #include <string>
+#include <string_view>
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/result.hpp"
@@ -18,7 +21,7 @@ struct LineDown {
   };
   Reason reason = Reason::closed;
   Error error;                 // what, where and what to do, for failed and lost
-  bool after_reading = false;  // hung_up: the peer of the other end should read what was delivered first
+  bool after_reading = false;  // the peer of the other end should read what was delivered before it sees this
 };
 
 // What a port tells the one who drives it. All calls come on the loop's thread.
@@ -36,6 +39,25 @@ class PortListener {
   // The port asks for the end of the session with this exit status (a replay that is to run once, a tape that
   // must not fail).
   virtual void on_finished(int exit_status) = 0;
+
+  // As on_data; `ends` says where each arrival ends in `data` (the last is its size), for lines that keep
+  // datagrams.
+  virtual void on_arrivals(ByteView data, std::span<const std::size_t> ends) {
+    (void)ends;
+    on_data(data);
+  }
+  // The peer sends no more but still reads (half-close). True: answers may come, the line stays up until they
+  // have; the port decides when that is. False: it goes down at once.
+  virtual bool on_ended() { return false; }
+  // The line is interrupted, and the port brings it up again by itself (`alwaysopen`): the session goes on,
+  // nothing should be written until on_resumed(). Also between close() and open().
+  virtual void on_interrupted(const LineDown&) {}
+  virtual void on_resumed() {}
+  // So many bytes, taken by write() or come from the peer, reached nobody.
+  virtual void on_dropped(std::uint64_t bytes, std::string_view why) {
+    (void)bytes;
+    (void)why;
+  }
 
  protected:
   ~PortListener() = default;
@@ -81,13 +103,14 @@ class Port {
   // to be dropped, what was passed on included.
   virtual bool discard() { return true; }
 
-  // Whether each write() reaches the peer as one datagram and each on_data() is one.
-  [[nodiscard]] virtual bool keeps_datagrams() const { return false; }
   // Changes the speed of the line, also while it is up. Errc::usage where there is none to change.
   virtual Result<void> set_baud(unsigned) { return make_error(Errc::usage, name() + " has no baud rate"); }
   // What is to happen first, where nothing can come until the caller does something; for one who would wait
   // for ever.
   [[nodiscard]] virtual std::string awaits() { return {}; }
+  // No more bytes will be written until close(): the peer sees the end of what was sent, and may still send.
+  // Nothing to do for lines that have no half-close.
+  virtual void end_writing() {}
 
   // Whether on_data may come: false is backpressure to the peer.
   virtual void set_reading(bool on) = 0;
@@ -108,6 +131,9 @@ class Port {
 
   // Whether it waits for the next peer by itself when one has closed.
   [[nodiscard]] virtual bool passive() const { return false; }
+
+  // Whether each write() reaches the peer as one datagram and each on_data() is one.
+  [[nodiscard]] virtual bool keeps_datagrams() const { return false; }
 
   // For messages: `serial:/dev/ttyUSB0`.
   [[nodiscard]] virtual std::string name() const = 0;

@@ -6,11 +6,19 @@
 #include "libport/port/recording_port.hpp"
 #include "libport/port/replay_port.hpp"
 #include "libport/port/serial_port.hpp"
+#include "libport/port/tcp_port.hpp"
+#include "libport/port/udp_port.hpp"
+#include "libport/port/unix_port.hpp"
 
 namespace porttape {
 namespace {
 
 constexpr std::string_view kLogSuffix = "log";
+
+template <class T>
+std::unique_ptr<Port> made(const PortContext& context, const PortOptions& options) {
+  return std::make_unique<T>(context, options);
+}
 
 Result<std::unique_ptr<Port>> make_replay_port(const PortContext& context, const PortOptions& options) {
   const Result<ReplayConfig> config = replay_config(options);
@@ -39,8 +47,11 @@ Result<std::unique_ptr<Port>> make_recording_port(const PortContext& context, co
 
 Result<std::unique_ptr<Port>> make_port(const PortContext& context, const PortOptions& options,
                                         const std::string& peer) {
-  if (options.type == "serial") return std::unique_ptr<Port>(std::make_unique<SerialPort>(context, options));
-  if (options.type == "pty") return std::unique_ptr<Port>(std::make_unique<PtyPort>(context, options));
+  if (options.type == "serial") return made<SerialPort>(context, options);
+  if (options.type == "pty") return made<PtyPort>(context, options);
+  if (options.type == "tcp") return made<TcpPort>(context, options);
+  if (options.type == "udp") return made<UdpPort>(context, options);
+  if (options.type == "unix") return made<UnixPort>(context, options);
   if (options.type == "logreader") return make_replay_port(context, options);
   if (options.type.ends_with(kLogSuffix)) return make_recording_port(context, options, peer);
   return make_error(Errc::usage, "unknown port type '" + options.type + "'");

@@ -3,9 +3,10 @@
 #include <charconv>
 #include <fmt/format.h>
 #include <utility>
-#include <vector>
 
 #include "libport/port/option_schema.hpp"
+#include "libport/port/short_spelling.hpp"
+#include "libport/port/socket_address.hpp"
 
 namespace porttape {
 namespace {
@@ -32,26 +33,8 @@ std::string option_names(const PortType& type) {
   return names;
 }
 
-std::vector<std::string_view> split(std::string_view text, std::string_view separators) {
-  std::vector<std::string_view> tokens;
-  while (!text.empty()) {
-    const std::size_t end = text.find_first_of(separators);
-    if (end != 0) tokens.push_back(text.substr(0, end));
-    if (end == std::string_view::npos) break;
-    text.remove_prefix(end + 1);
-  }
-  return tokens;
-}
-
-// `key=value` or a bare key, which turns a boolean option on.
-std::pair<std::string, std::string> split_option(std::string_view token) {
-  const std::size_t equals = token.find('=');
-  if (equals == std::string_view::npos) return {std::string(token), "1"};
-  return {std::string(token.substr(0, equals)), std::string(token.substr(equals + 1))};
-}
-
 bool is_option_string(std::string_view spec) {
-  for (const std::string_view token : split(spec, kSeparators)) {
+  for (const std::string_view token : split_tokens(spec, kSeparators)) {
     if (token.starts_with("type=")) return true;
   }
   return false;
@@ -59,37 +42,13 @@ bool is_option_string(std::string_view spec) {
 
 Result<PortOptions> parse_option_string(std::string_view spec) {
   PortOptions options;
-  for (const std::string_view token : split(spec, kSeparators)) {
+  for (const std::string_view token : split_tokens(spec, kSeparators)) {
     auto [key, value] = split_option(token);
     if (key == "type") {
       options.type = std::move(value);
     } else {
       options.values[std::move(key)] = std::move(value);
     }
-  }
-  return options;
-}
-
-Result<PortOptions> parse_short(std::string_view spec) {
-  PortOptions options;
-  std::string_view rest = spec;
-  if (spec.starts_with("/dev/")) {
-    options.type = "serial";
-  } else {
-    const std::size_t end = spec.find_first_of(":,");
-    options.type = std::string(spec.substr(0, end));
-    rest = end == std::string_view::npos ? std::string_view{} : spec.substr(spec[end] == ':' ? end + 1 : end);
-  }
-  const PortType* type = find_port_type(options.type);
-  if (type == nullptr) return options;  // check_port() says so
-  const std::size_t main_end = rest.find(',');
-  if (const std::string_view main = rest.substr(0, main_end); !main.empty()) {
-    options.values[std::string(type->main)] = std::string(main);
-  }
-  if (main_end == std::string_view::npos) return options;
-  for (const std::string_view token : split(rest.substr(main_end), ",")) {
-    auto [key, value] = split_option(token);
-    options.values[std::move(key)] = std::move(value);
   }
   return options;
 }
@@ -114,23 +73,36 @@ bool PortOptions::flag(const std::string& option) const { return has(option); }
 long PortOptions::integer(const std::string& option) const { return static_cast<long>(number(option)); }
 double PortOptions::number(const std::string& option) const { return parsed<double>(text(option)); }
 
-std::string PortOptions::name() const {
-  const PortType* known = find_port_type(type);
-  const std::string main = known == nullptr ? std::string() : text(std::string(known->main));
-  return main.empty() ? type : type + ":" + main;
-}
-
 Result<PortOptions> parse_port(std::string_view spec) {
-  if (split(spec, kSeparators).empty()) {
+  if (split_tokens(spec, kSeparators).empty()) {
     return usage(fmt::format("a port is missing; name one as TYPE:MAIN[,option=value…] with a type of {}",
                              type_names()));
   }
-  Result<PortOptions> options = is_option_string(spec) ? parse_option_string(spec) : parse_short(spec);
+  Result<PortOptions> options =
+      is_option_string(spec) ? parse_option_string(spec) : parse_short_spelling(spec);
   if (!options) return options;
   Result<PortOptions> checked = check_port(std::move(*options));
   if (!checked) return usage(fmt::format("port '{}': {}", spec, checked.error().message));
   return checked;
 }
+
+namespace {
+
+// What a value alone does not tell.
+Result<void> check_together(const PortOptions& options) {
+  const bool tcp = options.type == "tcp" || options.type == "tcplog";
+  const bool path = options.type == "unix" || options.type == "unixlog";
+  if (tcp && options.integer("port") == 0 && !options.flag("listen")) {
+    return usage("option 'port': '0' is not valid; accepted: a whole number from 1 to 65535");
+  }
+  if (!path) return {};
+  if (options.text("path").empty()) return usage("option 'path' is missing; accepted: the path of a socket");
+  if (const Result<SocketAddress> address = unix_address(options.text("path")); !address)
+    return address.error();
+  return {};
+}
+
+}  // namespace
 
 Result<PortOptions> check_port(PortOptions options) {
   if (options.type.empty()) return usage("option 'type' is missing; accepted: " + type_names());
@@ -151,14 +123,22 @@ Result<PortOptions> check_port(PortOptions options) {
       (it++)->second = std::move(*value);
     }
   }
+  if (Result<void> together = check_together(options); !together) return together.error();
+  const bool udp = options.type == "udp" || options.type == "udplog";
+  if (udp && options.flag("listen")) options.values.try_emplace("recv_ip", "127.0.0.1");
   return options;
 }
 
 std::string port_help() {
+  const auto spelling = [](std::string_view name, const ShortForm& form) {
+    return fmt::format("{}:{}{}{}", name, form.main, form.port.empty() ? "" : ":", form.port);
+  };
   std::string out =
       "A PORT is TYPE:MAIN[,option=value…] or type=TYPE,option=value…; a bare /dev/… is serial:.\n";
   for (const PortType& type : port_types()) {
-    out += fmt::format("\n{}:{}  {}\n", type.name, type.main, type.help);
+    out += fmt::format("\n{}  {}\n", spelling(type.name, type.form), type.help);
+    if (!type.listening.main.empty())
+      out += spelling(std::string(type.name) + std::string(kListenSuffix), type.listening) + "\n";
     for (const OptionSpec& option : type.options) {
       const std::string fallback =
           option.default_value.empty() ? "" : fmt::format(" [{}]", option.default_value);

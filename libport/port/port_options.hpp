@@ -22,14 +22,15 @@ struct PortOptions {
   [[nodiscard]] long integer(const std::string& option) const;
   [[nodiscard]] double number(const std::string& option) const;
 
-  // The short spelling of its main part, for messages: `serial:/dev/ttyUSB0`, `tcp:127.0.0.1:20000`.
+  // The short spelling of its main part, for messages: `serial:/dev/ttyUSB0`, `tcp-listen:127.0.0.1:20000`.
   [[nodiscard]] std::string name() const;
 
   friend bool operator==(const PortOptions&, const PortOptions&) = default;
 };
 
 // Reads either spelling: `type=serial,device=/dev/ttyUSB0,baud=115200` or `serial:/dev/ttyUSB0,baud=115200`;
-// a bare `/dev/…` is `serial:`. Errc::usage names the option, its value and what would be accepted.
+// a bare `/dev/…` is `serial:`, `tcp-listen:127.0.0.1:2112` sets `listen`. Errc::usage names the option, its
+// value and what would be accepted.
 Result<PortOptions> parse_port(std::string_view spec);
 
 // The same checks for options that came as a map.

@@ -38,8 +38,8 @@ class Pty {
   // Whether a program has the slave open now.
   [[nodiscard]] bool open_now() const;
 
-  // What programs did with the slave since the last call, in order. Equal things in a row may be merged by the kernel. Taken
-  // before a read of the master it tells which session the bytes belong to.
+  // What programs did with the slave since the last call, in order. Equal things in a row may be merged by
+  // the kernel. Taken before a read of the master it tells which session the bytes belong to.
   std::vector<Event> take_events();
 
   // Empties wake_fd().

@@ -46,11 +46,11 @@ PtyPort::Line::Line(PtyPort& port, Pty made)
       wake_watch(*port.context_.loop, pty.wake_fd(), [&port] { port.on_wake(); }),
       // A write fails only when the driver is gone, which the read side notices.
       outbox(
-          pty.master(), master_watch,
+          pty.master(), Outbox::Kind::file, master_watch,
           [&port] {
             if (port.up_) port.listener().on_drained();
           },
-          [](int) {}) {
+          [](int, std::size_t) {}) {
   wake_watch.watch_readable(true);
 }
 
@@ -254,7 +254,8 @@ void PtyPort::read_packets(Until until) {
     const ByteView packet = ByteView(buffer_).first(static_cast<std::size_t>(size));
     const bool flushed = (packet.front() & TIOCPKT_FLUSHWRITE) != 0;
     handle_packet(packet);
-    if (flushed && until == Until::output_flushed) break;  // what came before is gone, what follows came later
+    if (flushed && until == Until::output_flushed)
+      break;  // what came before is gone, what follows came later
   }
   reading_ = reading;
 }

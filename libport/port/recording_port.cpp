@@ -91,8 +91,24 @@ void RecordingPort::on_data(ByteView data) {
 }
 
 void RecordingPort::on_down(const LineDown& down) {
-  if (tape_ && down.reason == LineDown::Reason::lost) tape_->mark_event(tape_time(), down.error.message);
+  if (tape_ && down.reason == LineDown::Reason::lost)
+    tape_->device_lost_event(tape_time(), down.error.message);
   listener().on_down(down);
+}
+
+void RecordingPort::on_interrupted(const LineDown& down) {
+  if (tape_) tape_->device_lost_event(tape_time(), down.error.message);
+  listener().on_interrupted(down);
+}
+
+void RecordingPort::on_resumed() {
+  if (tape_) tape_->device_back_event(tape_time());
+  listener().on_resumed();
+}
+
+void RecordingPort::on_dropped(std::uint64_t bytes, std::string_view why) {
+  if (tape_) tape_->gap_event(tape_time(), bytes, why);
+  listener().on_dropped(bytes, why);
 }
 
 void RecordingPort::start_tape() {

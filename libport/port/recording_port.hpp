@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
@@ -36,14 +37,15 @@ class RecordingPort final : public Port, private PortListener {
   std::size_t write_some(ByteView data) override;
   [[nodiscard]] std::size_t unsent() const override { return inner_->unsent(); }
   bool discard() override;
-  [[nodiscard]] bool keeps_datagrams() const override { return inner_->keeps_datagrams(); }
   Result<void> set_baud(unsigned baud) override { return inner_->set_baud(baud); }
+  void end_writing() override { inner_->end_writing(); }
   void set_reading(bool on) override { inner_->set_reading(on); }
   void hang_up(bool after_reading) override { inner_->hang_up(after_reading); }
   void read_pending() override { inner_->read_pending(); }
   void rotate() override;
   int finish() override;
   [[nodiscard]] bool passive() const override { return inner_->passive(); }
+  [[nodiscard]] bool keeps_datagrams() const override { return inner_->keeps_datagrams(); }
   [[nodiscard]] std::string name() const override { return inner_->name(); }
 
  private:
@@ -52,6 +54,10 @@ class RecordingPort final : public Port, private PortListener {
   void on_drained() override { listener().on_drained(); }
   void on_down(const LineDown& down) override;
   void on_finished(int exit_status) override { listener().on_finished(exit_status); }
+  bool on_ended() override { return listener().on_ended(); }
+  void on_interrupted(const LineDown& down) override;
+  void on_resumed() override;
+  void on_dropped(std::uint64_t bytes, std::string_view why) override;
 
   [[nodiscard]] TapeTime tape_time() const;
   void start_tape();

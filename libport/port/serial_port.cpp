@@ -55,11 +55,12 @@ SerialPort::Line::Line(SerialPort& port, UniqueFd opened)
       watch(
           *port.context_.loop, fd.get(), [&port] { port.on_readable(); }, [this] { outbox.flush(); }),
       outbox(
-          fd.get(), watch,
+          fd.get(), Outbox::Kind::file, watch,
           [&port] {
             if (port.up_) port.listener().on_drained();
           },
-          [&port](int error_number) {
+          [&port](int error_number, std::size_t lost) {
+            port.listener().on_dropped(lost, "they could not be sent");
             // From within a write of the caller's, who must not see the line vanish under it.
             port.context_.loop->post([&port, error_number, alive = std::weak_ptr<int>(port.alive_)] {
               if (!alive.expired()) port.lost(error_number);
@@ -107,21 +108,22 @@ void SerialPort::begin_line(UniqueFd fd) {
 }
 
 void SerialPort::open() {
+  opened_ = true;
   if (line_) {  // always open
     up_ = true;
     listener().on_up();
     return;
   }
-  try_open();
+  if (!interrupted_) try_open();
 }
 
 void SerialPort::try_open() {
   Result<UniqueFd> fd = open_device();
   if (!fd) {
-    if (!options_.flag("wait")) {
+    if (!options_.flag("wait") && !interrupted_) {
       listener().on_down({.reason = LineDown::Reason::failed, .error = fd.error()});
     } else if (!waiting_) {
-      context_.log->warn("{}; waiting for it", fd.error().message);
+      if (!interrupted_) context_.log->warn("{}; waiting for it", fd.error().message);
       waiting_ = std::make_unique<PathWatch>(*context_.loop, device_, [this] { try_open(); });
     }
     return;
@@ -129,6 +131,11 @@ void SerialPort::try_open() {
   // The watch may be what called us.
   if (waiting_) context_.loop->post([old = std::shared_ptr<PathWatch>(std::move(waiting_))] {});
   begin_line(std::move(*fd));
+  if (std::exchange(interrupted_, false)) {
+    context_.log->info("device '{}' is there again", device_);
+    listener().on_resumed();
+  }
+  if (!opened_ || up_) return;
   up_ = true;
   listener().on_up();
 }
@@ -162,14 +169,21 @@ Result<void> SerialPort::set_line(int fd) const {
 }
 
 void SerialPort::close() {
-  up_ = false;
-  waiting_.reset();
+  opened_ = up_ = false;
+  if (!interrupted_) waiting_.reset();
   if (!line_) return;
-  line_->outbox.discard();
+  discard_unsent();
   if (!options_.flag("alwaysopen")) drop_line();
 }
 
+void SerialPort::discard_unsent() {
+  if (const std::size_t bytes = line_->outbox.pending(); bytes > 0)
+    listener().on_dropped(bytes, "they were not sent");
+  line_->outbox.discard();
+}
+
 void SerialPort::drop_line() {
+  discard_unsent();
   // Closed at once, so that the device gets its old name back when it is plugged in again. The rest goes on
   // the next turn of the loop, since one of its callbacks may be running.
   line_->watch.stop();
@@ -178,7 +192,11 @@ void SerialPort::drop_line() {
 }
 
 void SerialPort::write(ByteView data) {
-  if (line_ && !options_.flag("readonly")) line_->outbox.write(data);
+  if (line_ && !options_.flag("readonly")) {
+    line_->outbox.write(data);
+  } else {
+    listener().on_dropped(data.size(), line_ ? "the device is open for reading only" : "the line is not up");
+  }
 }
 
 std::size_t SerialPort::write_some(ByteView data) {
@@ -247,13 +265,15 @@ void SerialPort::read_pending() {
 void SerialPort::lost(int error_number) {
   if (!line_) return;
   drop_line();
-  const bool was_up = std::exchange(up_, false);
   const Error error = make_error(Errc::device_lost, fmt::format("device '{}' is lost ({}); plug it in again",
                                                                 device_, errno_text(error_number)));
-  if (was_up) {
-    listener().on_down({.reason = LineDown::Reason::lost, .error = error});
-  } else {
-    context_.log->warn("{}", error.message);
+  const LineDown down{.reason = LineDown::Reason::lost, .error = error};
+  if (options_.flag("alwaysopen")) {
+    interrupted_ = true;
+    listener().on_interrupted(down);
+    if (!waiting_) waiting_ = std::make_unique<PathWatch>(*context_.loop, device_, [this] { try_open(); });
+  } else if (std::exchange(up_, false)) {
+    listener().on_down(down);
   }
 }
 

@@ -16,8 +16,9 @@
 namespace porttape {
 
 // A serial device, opened raw, exclusive (TIOCEXCL and flock), with any baud rate, read back. `alwaysopen`
-// opens it in prepare() and keeps it open; `wait` waits for a device that is missing instead of failing. A
-// device that goes away is closed at once, so that it comes back under its own name.
+// opens it in prepare(), keeps it open and opens it again when it was unplugged and comes back; `wait` waits
+// for a device that is missing instead of failing. A device that goes away is closed at once, so that it
+// comes back under its own name.
 class SerialPort final : public Port {
  public:
   SerialPort(const PortContext& context, const PortOptions& options);
@@ -56,6 +57,7 @@ class SerialPort final : public Port {
   void on_readable();
   bool read_once();
   void lost(int error_number);
+  void discard_unsent();
   void drop_line();
 
   PortContext context_;
@@ -64,7 +66,9 @@ class SerialPort final : public Port {
   std::unique_ptr<Line> line_;
   std::unique_ptr<PathWatch> waiting_;
   std::array<Byte, kReadSize> buffer_{};
+  bool opened_ = false;
   bool up_ = false;
+  bool interrupted_ = false;  // lost though `alwaysopen`, and not back yet
   bool reading_ = true;
   std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
 };

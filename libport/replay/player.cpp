@@ -170,7 +170,9 @@ Player::Progress Player::at_read(Turn& turn) {
   }
   if (turn.now < when && !turn.blocked) return wait(when);
   if (turn.blocked) return wait(std::nullopt);
-  if (turn.room == 0) return wait(turn.now);
+  // A block is cut only where it does not fit a delivery of its own: it may be a datagram.
+  const bool cut = turn.room < schedule_.rest().size() && !turn.out->deliver.empty();
+  if (turn.room == 0 || cut) return wait(turn.now);
   deliver(turn, when);
   return Progress::passed;
 }

@@ -29,6 +29,10 @@ struct Session::DriverSide final : PortListener {
   }
   void on_down(const LineDown& down) override { session.driver_down(down); }
   void on_finished(int exit_status) override { session.finished(exit_status); }
+  bool on_ended() override { return session.driver_ended(); }
+  void on_interrupted(const LineDown& down) override { session.driver_interrupted(down); }
+  void on_resumed() override { session.device_->set_reading(true); }
+  void on_dropped(std::uint64_t bytes, std::string_view why) override { session.dropped(bytes, why); }
   Session& session;
 };
 
@@ -39,6 +43,12 @@ struct Session::DeviceSide final : PortListener {
   void on_drained() override { session.device_drained(); }
   void on_down(const LineDown& down) override { session.device_down(down); }
   void on_finished(int exit_status) override { session.finished(exit_status); }
+  void on_arrivals(ByteView data, std::span<const std::size_t> ends) override {
+    session.device_arrivals(data, ends);
+  }
+  void on_interrupted(const LineDown& down) override { session.device_interrupted(down); }
+  void on_resumed() override { session.device_resumed(); }
+  void on_dropped(std::uint64_t bytes, std::string_view why) override { session.dropped(bytes, why); }
   Session& session;
 };
 
@@ -90,7 +100,59 @@ void Session::open_device() {
 void Session::device_up() {
   device_up_ = true;
   context_.log->debug("{}: up", device_->name());
+  interrupted_ = false;
   driver_->set_reading(true);
+}
+
+// True: its answers are still wanted.
+bool Session::driver_ended() {
+  if (!device_up_ || interrupted_) return false;
+  context_.log->debug("{}: the driver sends no more", driver_->name());
+  device_->end_writing();
+  return true;
+}
+
+void Session::dropped(std::uint64_t bytes, std::string_view why) {
+  counters_.dropped_bytes += bytes;
+  dropped_ += bytes;
+  dropped_why_ = why;
+}
+
+void Session::tell_dropped() {
+  if (dropped_ == 0) return;
+  context_.log->warn("{} bytes reached nobody (the last because {})", std::exchange(dropped_, 0),
+                     dropped_why_);
+}
+
+void Session::driver_interrupted(const LineDown& down) {
+  context_.log->warn("{}; waiting for it", down.error.message);
+  device_->set_reading(false);
+}
+
+void Session::device_interrupted(const LineDown& down) {
+  context_.log->warn("{}; waiting for it", down.error.message);
+  interrupted_ = true;
+  if (closing_device_) {
+    close_device();
+  } else if (driver_up_ && device_open_) {
+    driver_->set_reading(false);
+  }
+  continue_end();
+}
+
+void Session::device_resumed() {
+  context_.log->info("{}: is back", device_->name());
+  interrupted_ = false;
+  if (driver_up_ && device_up_ && !device_->congested()) driver_->set_reading(true);
+}
+
+void Session::device_arrivals(ByteView data, std::span<const std::size_t> ends) {
+  if (!driver_->keeps_datagrams()) return device_data(data);
+  std::size_t begin = 0;
+  for (const std::size_t end : ends) {
+    device_data(data.subspan(begin, end - begin));
+    begin = end;
+  }
 }
 
 void Session::driver_data(ByteView data) {
@@ -101,7 +163,7 @@ void Session::driver_data(ByteView data) {
 
 void Session::device_data(ByteView data) {
   if (!driver_up_) {
-    counters_.dropped_bytes += data.size();
+    dropped(data.size(), "no driver was there");
     return;
   }
   counters_.to_driver_bytes += data.size();
@@ -116,6 +178,8 @@ void Session::driver_down(const LineDown& down) {
   device_->set_reading(true);
   if (ending_ == Ending::leaving) {
     end();
+  } else if (!driver_->passive()) {
+    driver_gone(down);
   } else if (device_open_ && device_up_ && device_->congested()) {
     closing_device_ = true;
     drain_timer_.set_after(kDrainLimit);
@@ -124,19 +188,27 @@ void Session::driver_down(const LineDown& down) {
   }
 }
 
+// A driver's port that does not wait for the next peer has done its part.
+void Session::driver_gone(const LineDown& down) {
+  const bool failed = down.reason == LineDown::Reason::failed || down.reason == LineDown::Reason::lost;
+  if (failed) context_.log->error("{}", down.error.message);
+  finished(failed ? exit_status_of(down.error.code) : exit_status_);
+}
+
 void Session::close_device() {
   closing_device_ = false;
   drain_timer_.cancel();
   device_open_ = false;
   device_up_ = false;
   device_->close();
+  tell_dropped();
   if (driver_up_ && ending_ == Ending::no) open_device();
 }
 
 void Session::device_drained() {
   if (closing_device_) {
     close_device();
-  } else if (device_up_) {
+  } else if (device_up_ && !interrupted_) {
     driver_->set_reading(true);
   }
   continue_end();
@@ -215,6 +287,7 @@ void Session::end() {
   if (exit_status_ == 0) exit_status_ = device_status;
   driver_->close();
   driver_->finish();
+  tell_dropped();
   context_.loop->post([this] { on_end_(exit_status_); });
 }
 

@@ -3,6 +3,9 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
+#include <string>
+#include <string_view>
 
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
@@ -21,7 +24,7 @@ class Session {
   struct Counters {
     std::uint64_t to_driver_bytes = 0;
     std::uint64_t from_driver_bytes = 0;
-    std::uint64_t dropped_bytes = 0;  // came from the device while no driver was there
+    std::uint64_t dropped_bytes = 0;  // reached nobody: the other side was not there or did not take them
     std::uint64_t opens = 0;
   };
 
@@ -53,11 +56,19 @@ class Session {
 
   void driver_up();
   void driver_data(ByteView data);
+  bool driver_ended();
+  void driver_interrupted(const LineDown& down);
   void driver_down(const LineDown& down);
+  void driver_gone(const LineDown& down);
   void device_up();
   void device_data(ByteView data);
+  void device_arrivals(ByteView data, std::span<const std::size_t> ends);
+  void device_interrupted(const LineDown& down);
+  void device_resumed();
   void device_drained();
   void device_down(const LineDown& down);
+  void dropped(std::uint64_t bytes, std::string_view why);
+  void tell_dropped();
   void finished(int exit_status);
 
   void open_device();
@@ -75,12 +86,15 @@ class Session {
   Timer end_timer_;
   Timer drain_timer_;
   Counters counters_;
+  std::uint64_t dropped_ = 0;  // not told in the log yet
+  std::string dropped_why_;
   int exit_status_ = 0;
   Ending ending_ = Ending::no;
   bool limited_ = false;  // the end waits for slow peers only so long
   bool driver_up_ = false;
   bool device_open_ = false;  // between device_->open() and device_->close()
   bool device_up_ = false;
+  bool interrupted_ = false;     // the device brings its line up again by itself
   bool closing_device_ = false;  // the driver has gone, its last bytes are still on their way to the device
 };
 

@@ -40,6 +40,10 @@ std::string flush_line(TapeTime at, std::string_view queue) {
   return beginning(at, "flush") + member("queue", queue) + "}\n";
 }
 
+std::string device_lost_line(TapeTime at, std::string_view why) {
+  return beginning(at, "device-lost") + member("why", why) + "}\n";
+}
+
 std::string gap_line(TapeTime at, std::uint64_t bytes, TapeTime from, std::string_view why) {
   return beginning(at, "gap") + ",\"bytes\":" + std::to_string(bytes) +
          ",\"from_us\":" + std::to_string(to_us(from)) + member("why", why) + "}\n";

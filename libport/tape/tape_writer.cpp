@@ -236,6 +236,16 @@ void TapeWriter::flush_event(TapeTime at, std::string_view queue) {
   impl_->event(us, flush_line(tape_time_us(us), queue));
 }
 
+void TapeWriter::device_lost_event(TapeTime at, std::string_view why) {
+  const std::int64_t us = impl_->stamp(at, false);
+  impl_->event(us, device_lost_line(tape_time_us(us), why));
+}
+
+void TapeWriter::device_back_event(TapeTime at) {
+  const std::int64_t us = impl_->stamp(at, false);
+  impl_->event(us, event_line(tape_time_us(us), "device-back"));
+}
+
 void TapeWriter::gap_event(TapeTime at, std::uint64_t bytes, std::string_view why) {
   const std::int64_t us = impl_->stamp(at, false);
   impl_->event(us, gap_line(tape_time_us(us), bytes, tape_time_us(us), why));

@@ -140,13 +140,13 @@ TEST_F(RecordingPortTest, FailClosedAsksForTheEndWhenTheTapeCannotBeMade) {
   EXPECT_NE(log.events.find("finished1"), std::string::npos);
 }
 
-TEST_F(RecordingPortTest, ALostDeviceIsMarkedOnTheTape) {
+TEST_F(RecordingPortTest, ALostDeviceIsOnTheTape) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
   pass(10);
   device.down(LineDown::Reason::lost, "unplugged");
   port->finish();
-  EXPECT_EQ(records(tape), "open@0 mark@10 close@10 end@10 ");
+  EXPECT_EQ(records(tape), "open@0 device-lost@10 close@10 end@10 ");
 }
 
 }  // namespace

@@ -1,0 +1,122 @@
+#include "libport/port/short_spelling.hpp"
+
+#include <algorithm>
+#include <fmt/format.h>
+
+#include "libport/port/option_schema.hpp"
+#include "libport/port/socket_address.hpp"
+
+namespace porttape {
+namespace {
+
+bool all_digits(std::string_view text) {
+  return !text.empty() && std::ranges::all_of(text, [](char c) { return c >= '0' && c <= '9'; });
+}
+
+Error bad_place(std::string_view text) {
+  return make_error(Errc::usage,
+                    fmt::format("'{}' is not valid; accepted: HOST, HOST:PORT, [IPv6]:PORT", text));
+}
+
+struct Place {
+  std::string_view host;
+  std::string_view port;
+};
+
+// `host`, `host:port`, `[::1]`, `[::1]:port`; where one listens also `port` alone.
+Result<Place> split_place(std::string_view text, bool listen) {
+  if (listen && all_digits(text)) return Place{{}, text};
+  std::size_t host_end = text.find(':');
+  std::string_view host = text.substr(0, host_end);
+  if (text.starts_with('[')) {
+    const std::size_t bracket = text.find(']');
+    if (bracket == std::string_view::npos) return bad_place(text);
+    host = text.substr(1, bracket - 1);
+    host_end = bracket + 1 < text.size() ? bracket + 1 : std::string_view::npos;
+    if (host_end != std::string_view::npos && text[host_end] != ':') return bad_place(text);
+  }
+  if (host_end == std::string_view::npos) return Place{host, {}};
+  const std::string_view port = text.substr(host_end + 1);
+  if (port.find(':') != std::string_view::npos) return bad_place(text);  // an IPv6 address without brackets
+  return Place{host, port};
+}
+
+Result<void> set_main(PortOptions& options, std::string_view main, const ShortForm& form, bool listen) {
+  if (form.port.empty()) {
+    options.values[std::string(form.main)] = std::string(main);
+    return {};
+  }
+  const Result<Place> place = split_place(main, listen);
+  if (!place) return place.error();
+  if (!place->host.empty()) options.values[std::string(form.main)] = std::string(place->host);
+  if (!place->port.empty()) options.values[std::string(form.port)] = std::string(place->port);
+  return {};
+}
+
+// The type's name without the suffix, and whether it was there and means something.
+const PortType* find_spelled_type(std::string_view spelled, bool& listen) {
+  if (const PortType* type = find_port_type(spelled)) return type;
+  if (!spelled.ends_with(kListenSuffix)) return nullptr;
+  const PortType* type = find_port_type(spelled.substr(0, spelled.size() - kListenSuffix.size()));
+  listen = type != nullptr && !type->listening.main.empty();
+  return listen ? type : nullptr;
+}
+
+}  // namespace
+
+std::vector<std::string_view> split_tokens(std::string_view text, std::string_view separators) {
+  std::vector<std::string_view> tokens;
+  while (!text.empty()) {
+    const std::size_t end = text.find_first_of(separators);
+    if (end != 0) tokens.push_back(text.substr(0, end));
+    if (end == std::string_view::npos) break;
+    text.remove_prefix(end + 1);
+  }
+  return tokens;
+}
+
+std::pair<std::string, std::string> split_option(std::string_view token) {
+  const std::size_t equals = token.find('=');
+  if (equals == std::string_view::npos) return {std::string(token), "1"};
+  return {std::string(token.substr(0, equals)), std::string(token.substr(equals + 1))};
+}
+
+Result<PortOptions> parse_short_spelling(std::string_view spec) {
+  PortOptions options;
+  std::string_view rest = spec;
+  std::string_view spelled = "serial";
+  if (!spec.starts_with("/dev/")) {
+    const std::size_t end = spec.find_first_of(":,");
+    spelled = spec.substr(0, end);
+    rest = end == std::string_view::npos ? std::string_view{} : spec.substr(spec[end] == ':' ? end + 1 : end);
+  }
+  bool listen = false;
+  const PortType* type = find_spelled_type(spelled, listen);
+  options.type = std::string(type == nullptr ? spelled : type->name);
+  if (type == nullptr) return options;
+  if (listen) options.values["listen"] = "1";
+  const std::size_t main_end = rest.find(',');
+  if (const std::string_view main = rest.substr(0, main_end); !main.empty()) {
+    Result<void> set = set_main(options, main, listen ? type->listening : type->form, listen);
+    if (!set) return set.error();
+  }
+  if (main_end == std::string_view::npos) return options;
+  for (const std::string_view token : split_tokens(rest.substr(main_end), ",")) {
+    auto [key, value] = split_option(token);
+    options.values[std::move(key)] = std::move(value);
+  }
+  return options;
+}
+
+std::string PortOptions::name() const {
+  const PortType* known = find_port_type(type);
+  if (known == nullptr) return type;
+  const bool listens = flag("listen") && !known->listening.main.empty();
+  const ShortForm& form = listens ? known->listening : known->form;
+  const std::string spelled = listens ? type + std::string(kListenSuffix) : type;
+  const std::string main = text(std::string(form.main));
+  if (main.empty()) return spelled;
+  return spelled + ":" + (form.port.empty() ? main : host_and_port(main, integer(std::string(form.port))));
+}
+
+}  // namespace porttape

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "libport/base/result.hpp"
+#include "libport/port/port_options.hpp"
+
+namespace porttape {
+
+inline constexpr std::string_view kListenSuffix = "-listen";
+
+// The parts of a text between any of the separators, empty ones left out.
+std::vector<std::string_view> split_tokens(std::string_view text, std::string_view separators);
+
+// `key=value` or a bare key, which turns a boolean option on.
+std::pair<std::string, std::string> split_option(std::string_view token);
+
+// `TYPE:MAIN[,option=value…]` as options; unchecked, an unknown type is left for check_port(). Main parts:
+// `tcp:HOST`, `tcp:HOST:PORT`, `tcp:[::1]:PORT`, `tcp-listen:PORT`, `unix:/path`, `/dev/…`. Errc::usage for a
+// main part that cannot be taken apart.
+Result<PortOptions> parse_short_spelling(std::string_view spec);
+
+}  // namespace porttape

@@ -1,0 +1,355 @@
+#include "libport/port/stream_port.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <fmt/format.h>
+#include <linux/sockios.h>
+#include <poll.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <utility>
+
+#include <spdlog/spdlog.h>
+
+namespace porttape {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr Nanos kConnectLimit = seconds(10);
+constexpr Nanos kFirstRetry = milliseconds(100);
+constexpr Nanos kLongestRetry = seconds(5);
+constexpr Nanos kAcceptRetry = milliseconds(100);
+// A peer that has half-closed: how long after the last answer it counts as gone, and how often it is looked
+// at.
+constexpr Nanos kQuiet = seconds(2);
+constexpr Nanos kQuietWithNext = milliseconds(100);
+constexpr Nanos kFirstLook = milliseconds(1);
+constexpr Nanos kLook = milliseconds(20);
+// How long a peer that was hung up may take to close its end.
+constexpr Nanos kLeaveLimit = seconds(2);
+constexpr std::size_t kMostDiscarded = std::size_t{4} << 20;
+
+Nanos connect_limit(const PortOptions& options) {
+  const double timeout = options.number("timeout");
+  return timeout > 0 ? std::chrono::duration_cast<Nanos>(std::chrono::duration<double>(timeout))
+                     : kConnectLimit;
+}
+
+bool has_event(int fd, short events) {
+  pollfd poll{fd, events, 0};
+  return ::poll(&poll, 1, 0) > 0;
+}
+
+}  // namespace
+
+StreamPort::Line::Line(StreamPort& port, UniqueFd connected)
+    : fd(std::move(connected)),
+      watch(
+          *port.context_.loop, fd.get(), [&port] { port.on_readable(); }, [this] { outbox.flush(); }),
+      outbox(
+          fd.get(), Outbox::Kind::socket, watch, [&port] { port.on_drained(); },
+          [&port, this](int error_number, std::size_t lost) {
+            port.drop(lost, "they could not be sent");
+            // From within a write of the caller's, who must not see the line vanish under it.
+            port.context_.loop->post([&port, this, error_number, alive = std::weak_ptr<int>(port.alive_)] {
+              if (!alive.expired() && port.line_.get() == this) port.line_broken(error_number);
+            });
+          }) {}
+
+StreamPort::StreamPort(const PortContext& context, const PortOptions& options)
+    : context_(context),
+      options_(options),
+      retry_timer_(*context.loop,
+                   [this] {
+                     if (passive()) {
+                       listener_watch_->watch_readable(opened_ && !line_);
+                     } else {
+                       connect();
+                     }
+                   }),
+      line_timer_(*context.loop, [this] { on_line_timer(); }),
+      retry_delay_(kFirstRetry) {}
+
+StreamPort::~StreamPort() = default;
+
+Result<void> StreamPort::prepare() {
+  if (!passive()) {
+    if (Result<void> there = check_peer(); !there && !keeps_trying()) return there;
+    if (always_open()) connect();
+    return {};
+  }
+  Result<UniqueFd> listener = make_listener();
+  if (!listener) return listener.error();
+  listener_fd_ = std::move(*listener);
+  listener_watch_.emplace(*context_.loop, listener_fd_.get(), [this] { on_acceptable(); });
+  return {};
+}
+
+void StreamPort::open() {
+  opened_ = true;
+  if (passive()) {
+    listener_watch_->watch_readable(!line_);
+  } else if (line_) {
+    up_ = true;
+    listener().on_up();
+  } else if (!connector_ && !retry_timer_.due()) {
+    connect();
+  }
+}
+
+void StreamPort::close() {
+  opened_ = up_ = false;
+  if (passive()) listener_watch_->watch_readable(false);
+  if (!always_open()) {
+    connector_.reset();
+    retry_timer_.cancel();
+    retry_delay_ = kFirstRetry;
+    drop_line(true);
+  } else if (line_) {
+    drop(line_->outbox.pending(), "they were not sent");
+    line_->outbox.discard();
+  }
+}
+
+void StreamPort::connect() {
+  connector_ = std::make_unique<Connector>(*context_.loop, connect_limit(options_),
+                                           [this](Result<UniqueFd> result) { connected(std::move(result)); });
+  connect_to_peer(*connector_);
+}
+
+void StreamPort::retry_later() {
+  retry_timer_.set_after(retry_delay_);
+  retry_delay_ = std::min(retry_delay_ * 2, kLongestRetry);
+}
+
+void StreamPort::connected(Result<UniqueFd> result) {
+  connector_.reset();
+  if (!result && keeps_trying()) {
+    context_.log->log(retry_delay_ == kFirstRetry ? spdlog::level::warn : spdlog::level::debug,
+                      "{}; trying again", result.error().message);
+    retry_later();
+    return;
+  }
+  if (!result) {
+    if (opened_) listener().on_down({.reason = LineDown::Reason::failed, .error = result.error()});
+    return;
+  }
+  retry_delay_ = kFirstRetry;
+  begin_line(std::move(*result));
+  if (std::exchange(interrupted_, false)) listener().on_resumed();
+  if (!opened_ || up_) return;
+  up_ = true;
+  listener().on_up();
+}
+
+void StreamPort::on_acceptable() {
+  UniqueFd fd(::accept4(listener_fd_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+  if (!fd) {
+    if (errno == EAGAIN || errno == EINTR || errno == ECONNABORTED) return;
+    context_.log->error("{}: a connection cannot be accepted: {}", name(), errno_text(errno));
+    listener_watch_->watch_readable(false);
+    retry_timer_.set_after(kAcceptRetry);
+    return;
+  }
+  listener_watch_->watch_readable(false);
+  begin_line(std::move(fd));
+  up_ = true;
+  listener().on_up();
+}
+
+void StreamPort::begin_line(UniqueFd fd) {
+  set_up(fd.get());
+  context_.log->debug("{}: connected", name());
+  line_ = std::make_unique<Line>(*this, std::move(fd));
+  line_->watch.watch_readable(reading_);
+}
+
+void StreamPort::write(ByteView data) {
+  if (!line_ || line_->phase >= Phase::sending || line_->end_wanted) {
+    drop(data.size(), "the line is not up");
+    return;
+  }
+  if (line_->phase == Phase::half_closed) line_->since = Loop::now();
+  line_->outbox.write(data);
+}
+
+std::size_t StreamPort::write_some(ByteView data) {
+  if (!line_ || line_->phase >= Phase::sending || line_->end_wanted) return 0;
+  if (line_->phase == Phase::half_closed) line_->since = Loop::now();
+  return line_->outbox.write_some(data);
+}
+
+std::size_t StreamPort::unsent() const {
+  if (!line_) return 0;
+  int queued = 0;
+  const bool known = ::ioctl(line_->fd.get(), SIOCOUTQ, &queued) == 0 && queued > 0;
+  return line_->outbox.pending() + (known ? static_cast<std::size_t>(queued) : 0);
+}
+
+// What has come so far; what the kernel has taken is on its way.
+bool StreamPort::discard() {
+  if (!line_) return true;
+  line_->outbox.discard();
+  const std::span<Byte> buffer = context_.loop->read_buffer();
+  std::size_t dropped = 0;
+  for (ssize_t size = 1; size > 0 && dropped < kMostDiscarded;
+       dropped += static_cast<std::size_t>(std::max<ssize_t>(size, 0))) {
+    size = ::recv(line_->fd.get(), buffer.data(), buffer.size(), 0);
+  }
+  return true;
+}
+
+void StreamPort::end_writing() {
+  if (!line_ || line_->end_wanted || always_open()) return;  // the next session writes on this connection
+  line_->end_wanted = true;
+  if (!congested()) (void)::shutdown(line_->fd.get(), SHUT_WR);
+}
+
+void StreamPort::set_reading(bool on) {
+  reading_ = on;
+  if (line_ && line_->phase == Phase::up) line_->watch.watch_readable(on);
+}
+
+// One read a turn of the loop, so that a fast peer keeps nobody else waiting.
+void StreamPort::on_readable() {
+  const std::span<Byte> buffer = context_.loop->read_buffer();
+  const ssize_t size = ::recv(line_->fd.get(), buffer.data(), buffer.size(), 0);
+  if (size < 0) {
+    if (errno != EAGAIN && errno != EINTR) line_broken(errno);
+  } else if (size == 0) {
+    peer_ended();
+  } else if (line_->phase == Phase::up) {
+    listener().on_data(ByteView(buffer).first(static_cast<std::size_t>(size)));
+  } else {
+    drop(static_cast<std::uint64_t>(size), "they came after the line was hung up");
+  }
+}
+
+void StreamPort::read_pending() {
+  while (line_ && line_->phase == Phase::up) {
+    const std::span<Byte> buffer = context_.loop->read_buffer();
+    const ssize_t size = ::recv(line_->fd.get(), buffer.data(), buffer.size(), 0);
+    if (size <= 0) return;
+    listener().on_data(ByteView(buffer).first(static_cast<std::size_t>(size)));
+  }
+}
+
+void StreamPort::peer_ended() {
+  const bool hung_up = line_->phase >= Phase::sending;
+  line_->watch.watch_readable(false);
+  if (!hung_up && passive() && peer_state(line_->fd.get()) != PeerState::gone && listener().on_ended()) {
+    context_.log->debug("{}: the peer sends no more", name());
+    line_->phase = Phase::half_closed;
+    line_->since = Loop::now();
+    line_timer_.set_after(kFirstLook);  // a close may still be under way on the other side
+    return;
+  }
+  finish_line({.reason = hung_up ? LineDown::Reason::hung_up : LineDown::Reason::closed,
+               .error = make_error(Errc::device_lost, fmt::format("{} has closed the connection", name())),
+               .after_reading = true});
+}
+
+void StreamPort::on_drained() {
+  if (line_->end_wanted) (void)::shutdown(line_->fd.get(), SHUT_WR);
+  if (line_->phase == Phase::sending) {
+    hang_up(true);
+  } else if (up_) {
+    listener().on_drained();
+  }
+}
+
+void StreamPort::hang_up(bool after_reading) {
+  if (!line_) return;
+  if (after_reading && congested()) {
+    line_->phase = Phase::sending;
+    return;
+  }
+  const bool peer_sends = line_->phase != Phase::half_closed;
+  line_->phase = Phase::leaving;
+  if (after_reading && peer_sends) {
+    (void)::shutdown(line_->fd.get(), SHUT_WR);
+    line_->watch.watch_readable(true);
+    line_timer_.set_after(kLeaveLimit);
+    return;
+  }
+  drop_line(after_reading);
+  context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
+    if (!alive.expired()) finish_line({.reason = LineDown::Reason::hung_up, .error = {}});
+  });
+}
+
+void StreamPort::on_line_timer() {
+  if (!line_) return;
+  if (line_->phase == Phase::half_closed) {
+    watch_half_closed();
+  } else if (line_->phase == Phase::leaving) {
+    finish_line({.reason = LineDown::Reason::hung_up, .error = {}});
+  }
+}
+
+void StreamPort::watch_half_closed() {
+  const PeerState peer = has_event(line_->fd.get(), 0) ? PeerState::gone : peer_state(line_->fd.get());
+  const bool hurry = peer == PeerState::unknown && has_event(listener_fd_.get(), POLLIN);
+  const bool quiet = !congested() && Loop::now() - line_->since >= (hurry ? kQuietWithNext : kQuiet);
+  if (peer == PeerState::gone || quiet) {
+    finish_line({.reason = LineDown::Reason::closed, .error = {}});
+  } else {
+    line_timer_.set_after(kLook);
+  }
+}
+
+void StreamPort::line_broken(int error_number) {
+  const LineDown::Reason reason = line_->phase >= Phase::sending ? LineDown::Reason::hung_up
+                                  : passive()                    ? LineDown::Reason::closed
+                                                                 : LineDown::Reason::lost;
+  finish_line({.reason = reason,
+               .error = make_error(Errc::device_lost, fmt::format("{}: the connection is lost ({})", name(),
+                                                                  errno_text(error_number)))});
+}
+
+// The connection is over: tells it, and sees to the next one.
+void StreamPort::finish_line(const LineDown& down) {
+  drop_line(true);
+  context_.log->debug("{}: disconnected", name());
+  if (always_open() && down.reason != LineDown::Reason::hung_up) {
+    interrupted_ = true;
+    retry_later();
+    listener().on_interrupted(down);
+    return;
+  }
+  if (passive()) listener_watch_->watch_readable(opened_);
+  if (std::exchange(up_, false)) listener().on_down(down);
+}
+
+// Unread bytes would make a close a reset, which can take sent bytes from the peer: they are read first.
+void StreamPort::drop_line(bool orderly) {
+  line_timer_.cancel();
+  if (!line_) return;
+  // The rest goes on the next turn of the loop, since one of its callbacks may be running.
+  const std::shared_ptr<Line> line(std::move(line_));
+  line->watch.stop();
+  drop(line->outbox.pending(), "they were not sent");
+  if (orderly) {
+    std::uint64_t discarded = 0;
+    const std::span<Byte> buffer = context_.loop->read_buffer();
+    for (ssize_t size = 1; size > 0 && discarded < kMostDiscarded;) {
+      size = ::recv(line->fd.get(), buffer.data(), buffer.size(), 0);
+      if (size > 0) discarded += static_cast<std::uint64_t>(size);
+    }
+    drop(discarded, "they were not read when the line was closed");
+  } else {
+    const linger at_once{1, 0};
+    (void)::setsockopt(line->fd.get(), SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
+  }
+  line->fd.reset();
+  context_.loop->post([line] {});
+}
+
+void StreamPort::drop(std::uint64_t bytes, const char* why) {
+  if (bytes > 0) listener().on_dropped(bytes, why);
+}
+
+}  // namespace porttape

@@ -1,0 +1,114 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "libport/base/unique_fd.hpp"
+#include "libport/port/connector.hpp"
+#include "libport/port/context.hpp"
+#include "libport/port/fd_watch.hpp"
+#include "libport/port/outbox.hpp"
+#include "libport/port/port.hpp"
+#include "libport/port/port_options.hpp"
+#include "libport/port/tcp_peer.hpp"
+#include "libport/port/timer.hpp"
+
+namespace porttape {
+
+// A stream socket, TCP or Unix: what both do alike. Either connects at each open(), or (`listen`) waits for
+// peers and is passive.
+//
+// Listening: one peer at a time; the next ones wait in the backlog. A peer that has only ended its sending
+// direction is kept while the listener wants that (on_ended): until it is seen to be gone, or nothing was
+// written to it for two seconds (a tenth of one when another waits and the peer is on another machine).
+//
+// Connecting: `timeout` is the limit when positive, else ten seconds. `wait` tries a peer that is missing
+// again and again, after 100 ms, 200 ms, … 5 s. `alwaysopen` connects in prepare(), keeps the connection
+// through close(), and makes a new one when it drops.
+//
+// Closing is orderly (FIN after the bytes); hang_up(false) resets. What was not sent or not read is told by
+// on_dropped.
+class StreamPort : public Port {
+ public:
+  ~StreamPort() override;
+
+  Result<void> prepare() override;
+  void open() override;
+  void close() override;
+  void write(ByteView data) override;
+  [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
+  std::size_t write_some(ByteView data) override;
+  [[nodiscard]] std::size_t unsent() const override;
+  bool discard() override;
+  void end_writing() override;
+  void set_reading(bool on) override;
+  void hang_up(bool after_reading) override;
+  void read_pending() override;
+  [[nodiscard]] bool passive() const override { return options_.flag("listen"); }
+  [[nodiscard]] std::string name() const override { return options_.name(); }
+
+ protected:
+  StreamPort(const PortContext& context, const PortOptions& options);
+
+  // What the kinds of sockets do differently. A listening socket, bound; Errc::usage or Errc::io.
+  virtual Result<UniqueFd> make_listener() = 0;
+  virtual Result<void> check_peer() { return {}; }  // before the first connection, without making one
+  virtual void connect_to_peer(Connector& connector) = 0;
+  virtual void set_up(int fd) { (void)fd; }
+  virtual PeerState peer_state(int fd) const = 0;
+
+  PortContext context_;
+  PortOptions options_;
+
+ private:
+  enum class Phase {
+    up,
+    half_closed,  // the peer sends no more; it may still read
+    sending,      // hung up: what is queued goes out first
+    leaving       // hung up: waits for the peer's close
+  };
+
+  // What belongs to one connection and goes with it.
+  struct Line {
+    Line(StreamPort& port, UniqueFd connected);
+    UniqueFd fd;
+    FdWatch watch;
+    Outbox outbox;
+    Phase phase = Phase::up;
+    bool end_wanted = false;  // end_writing() was called
+    Instant since{};          // half_closed: the last write; leaving: its begin
+  };
+
+  void connect();
+  void connected(Result<UniqueFd> result);
+  void on_acceptable();
+  void begin_line(UniqueFd fd);
+  void on_readable();
+  void peer_ended();
+  void on_drained();
+  void on_line_timer();
+  void watch_half_closed();
+  void line_broken(int error_number);
+  void finish_line(const LineDown& down);
+  void drop_line(bool orderly);
+  void drop(std::uint64_t bytes, const char* why);
+  void retry_later();
+  [[nodiscard]] bool keeps_trying() const { return options_.flag("wait") || always_open(); }
+  [[nodiscard]] bool always_open() const { return options_.flag("alwaysopen") && !passive(); }
+
+  UniqueFd listener_fd_;
+  std::optional<FdWatch> listener_watch_;
+  std::unique_ptr<Connector> connector_;
+  std::unique_ptr<Line> line_;
+  Timer retry_timer_;  // the next connection attempt, or the next accept after a failure
+  Timer line_timer_;
+  Nanos retry_delay_;
+  bool opened_ = false;
+  bool up_ = false;           // on_up was told, on_down not yet
+  bool interrupted_ = false;  // on_interrupted was told, on_resumed not yet
+  bool reading_ = true;
+  std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
+};
+
+}  // namespace porttape

@@ -1,0 +1,251 @@
+#include "libport/port/udp_port.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <fmt/format.h>
+#include <iostream>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <utility>
+#include <vector>
+
+#include <spdlog/spdlog.h>
+
+namespace porttape {
+namespace {
+
+constexpr std::size_t kLargest = 65507;  // bytes in an IPv4 datagram
+constexpr int kReadsATurn = 32;
+constexpr int kMostDiscarded = 65536;
+constexpr int kReceiveBuffer = 1 << 20;  // the kernel drops what does not fit, without a word
+
+std::uint16_t port_of(const PortOptions& options, const char* option) {
+  return static_cast<std::uint16_t>(options.integer(option));
+}
+
+// IPv4 and IPv6 sockets reach addresses of their own family only; with a destination it says which.
+Result<std::vector<SocketAddress>> addresses_to_bind(const PortOptions& options, int family) {
+  const std::uint16_t port = port_of(options, "recv_port");
+  const std::string host = options.text("recv_ip");
+  Result<std::vector<SocketAddress>> addresses =
+      host == "*" || host.empty() ? any_addresses(port) : resolve(host, port);
+  if (addresses && family != 0) {
+    std::erase_if(*addresses, [family](const SocketAddress& address) { return address.family() != family; });
+  }
+  return addresses;
+}
+
+}  // namespace
+
+UdpPort::UdpPort(const PortContext& context, const PortOptions& options)
+    : context_(context), options_(options) {}
+
+UdpPort::~UdpPort() = default;
+
+Result<void> UdpPort::prepare() {
+  if (passive()) return bind_socket();
+  // Known without a name server it decides the socket's family; a name that gives both is IPv4 here.
+  const auto known = numeric_address(options_.text("dest_ip"), port_of(options_, "dest_port"));
+  family_ = known ? known->family() : AF_INET;
+  return bind_socket();
+}
+
+Result<void> UdpPort::bind_socket() {
+  const Result<std::vector<SocketAddress>> addresses = addresses_to_bind(options_, family_);
+  if (!addresses)
+    return make_error(Errc::usage, fmt::format("option 'recv_ip': {}", addresses.error().message));
+  int error = EAFNOSUPPORT;
+  for (const SocketAddress& address : *addresses) {
+    UniqueFd fd(::socket(address.family(), SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+    (void)::setsockopt(fd.get(), SOL_SOCKET, SO_RCVBUF, &kReceiveBuffer, sizeof kReceiveBuffer);
+    if (fd && ::bind(fd.get(), address.get(), address.size) == 0) {
+      fd_ = std::move(fd);
+      break;
+    }
+    error = errno;
+    if (error == EADDRINUSE) break;
+  }
+  if (!fd_) {
+    return make_error(Errc::usage,
+                      fmt::format("cannot receive on {}: {}; choose another recv_ip or recv_port",
+                                  host_and_port(options_.text("recv_ip"), options_.integer("recv_port")),
+                                  errno_text(error)));
+  }
+  const SocketAddress bound = local_address(fd_.get());
+  family_ = bound.family();
+  context_.log->info("receiving datagrams on {}", bound.text());
+  if (options_.integer("recv_port") == 0) std::cout << bound.text() << std::endl;
+  watch_.emplace(
+      *context_.loop, fd_.get(), [this] { on_readable(); }, [this] { on_writable(); });
+  return {};
+}
+
+void UdpPort::open() {
+  opened_ = true;
+  if (passive()) {
+    watch_->watch_readable(true);
+    return;
+  }
+  const std::uint16_t port = port_of(options_, "dest_port");
+  if (const auto address = numeric_address(options_.text("dest_ip"), port)) {
+    resolved(std::vector<SocketAddress>{*address});
+  } else {
+    lookup_ = std::make_unique<NameLookup>(*context_.loop, options_.text("dest_ip"), port,
+                                           [this](const auto& addresses) { resolved(addresses); });
+  }
+}
+
+void UdpPort::resolved(const Result<std::vector<SocketAddress>>& addresses) {
+  if (!addresses) {
+    listener().on_down({.reason = LineDown::Reason::failed, .error = addresses.error()});
+    return;
+  }
+  const auto fitting = std::ranges::find(*addresses, family_, &SocketAddress::family);
+  if (fitting == addresses->end()) {
+    listener().on_down(
+        {.reason = LineDown::Reason::failed,
+         .error = make_error(
+             Errc::device_missing,
+             fmt::format("'{}' has no address of the kind of recv_ip; give one of both as a number",
+                         options_.text("dest_ip")))});
+    return;
+  }
+  peer_ = *fitting;
+  discard_old();
+  come_up();
+}
+
+// What came while nobody had the line open is not for this session.
+void UdpPort::discard_old() {
+  const std::span<Byte> buffer = context_.loop->read_buffer();
+  std::uint64_t datagrams = 0;
+  while (::recv(fd_.get(), buffer.data(), buffer.size(), 0) >= 0) ++datagrams;
+  if (datagrams > 0) context_.log->info("{}: {} datagrams came while it was closed", name(), datagrams);
+}
+
+void UdpPort::come_up() {
+  up_ = true;
+  told_errors_.clear();
+  empty_ = 0;
+  watch_->watch_readable(reading_);
+  listener().on_up();
+}
+
+void UdpPort::close() {
+  opened_ = up_ = false;
+  lookup_.reset();
+  peer_.reset();
+  queue_gone();
+  if (watch_) watch_->watch_readable(false);
+  if (empty_ > 0) context_.log->warn("{}: {} empty datagrams were dropped", name(), std::exchange(empty_, 0));
+}
+
+void UdpPort::queue_gone() {
+  std::uint64_t bytes = 0;
+  for (const Bytes& datagram : queue_) bytes += datagram.size();
+  queue_.clear();
+  if (watch_) watch_->watch_writable(false);
+  if (bytes > 0) listener().on_dropped(bytes, "they were not sent");
+}
+
+void UdpPort::write(ByteView data) {
+  if (!peer_) {
+    listener().on_dropped(data.size(), "the line is not up");
+    return;
+  }
+  for (; !data.empty(); data = data.subspan(std::min(kLargest, data.size()))) {
+    send_or_queue(data.first(std::min(kLargest, data.size())));
+  }
+}
+
+void UdpPort::send_or_queue(ByteView datagram) {
+  if (queue_.empty() && send_one(datagram)) return;
+  queue_.emplace_back(datagram.begin(), datagram.end());
+  watch_->watch_writable(true);
+}
+
+bool UdpPort::send_one(ByteView datagram) {
+  const ssize_t sent =
+      ::sendto(fd_.get(), datagram.data(), datagram.size(), MSG_NOSIGNAL, peer_->get(), peer_->size);
+  if (sent >= 0) return true;
+  const int error = errno;
+  if (error == EAGAIN) return false;
+  if (told_errors_.insert(error).second) {
+    context_.log->warn("{}: a datagram of {} bytes to {} is dropped: {}", name(), datagram.size(),
+                       peer_->text(), errno_text(error));
+  }
+  listener().on_dropped(datagram.size(), "a datagram could not be sent");
+  return true;
+}
+
+void UdpPort::on_writable() {
+  while (!queue_.empty() && send_one(queue_.front())) queue_.pop_front();
+  if (!queue_.empty()) return;
+  watch_->watch_writable(false);
+  if (up_) listener().on_drained();
+}
+
+bool UdpPort::discard() {
+  queue_.clear();
+  watch_->watch_writable(false);
+  const std::span<Byte> buffer = context_.loop->read_buffer();
+  for (int n = 0; n < kMostDiscarded && ::recv(fd_.get(), buffer.data(), buffer.size(), 0) >= 0; ++n) {
+  }
+  return true;
+}
+
+void UdpPort::set_reading(bool on) {
+  reading_ = on;
+  if (watch_ && up_) watch_->watch_readable(on);
+}
+
+void UdpPort::on_readable() {
+  if (!up_) {  // the first datagram only opens the line: whether it is wanted yet, the listener says then
+    SocketAddress sender;
+    sender.size = sizeof sender.storage;
+    Byte first = 0;
+    if (::recvfrom(fd_.get(), &first, 1, MSG_PEEK, reinterpret_cast<sockaddr*>(&sender.storage),
+                   &sender.size) < 0)
+      return;
+    peer_ = sender;
+    context_.log->debug("{}: a datagram from {}", name(), sender.text());
+    come_up();
+  }
+  for (int n = 0; n < kReadsATurn && up_ && reading_ && receive_one(); ++n) {
+  }
+}
+
+bool UdpPort::receive_one() {
+  const std::span<Byte> buffer = context_.loop->read_buffer();
+  SocketAddress sender;
+  sender.size = sizeof sender.storage;
+  const ssize_t size = ::recvfrom(fd_.get(), buffer.data(), buffer.size(), 0,
+                                  reinterpret_cast<sockaddr*>(&sender.storage), &sender.size);
+  if (size < 0) return errno == EINTR || errno == ECONNREFUSED;
+  if (passive()) peer_ = sender;
+  if (size == 0) {
+    ++empty_;
+  } else {
+    listener().on_data(ByteView(buffer).first(static_cast<std::size_t>(size)));
+  }
+  return true;
+}
+
+void UdpPort::read_pending() {
+  while (up_ && receive_one()) {
+  }
+}
+
+void UdpPort::hang_up(bool) {
+  queue_gone();
+  if (!std::exchange(up_, false)) return;
+  peer_.reset();
+  watch_->watch_readable(false);
+  context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
+    if (alive.expired()) return;
+    listener().on_down({.reason = LineDown::Reason::hung_up, .error = {}});
+    if (opened_ && passive() && !up_) watch_->watch_readable(true);
+  });
+}
+
+}  // namespace porttape

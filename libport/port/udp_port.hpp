@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "libport/base/unique_fd.hpp"
+#include "libport/port/context.hpp"
+#include "libport/port/fd_watch.hpp"
+#include "libport/port/name_lookup.hpp"
+#include "libport/port/port.hpp"
+#include "libport/port/port_options.hpp"
+#include "libport/port/socket_address.hpp"
+
+namespace porttape {
+
+// Datagrams: each write() is one, each on_data() is one. Receives on `recv_ip`:`recv_port` from anybody and
+// sends from there.
+//
+// Without `listen` it sends to `dest_ip`:`dest_port` and is up once that name has resolved. With `listen` it
+// is passive: it comes up when the first datagram comes, and sends to whoever sent the latest. UDP has no
+// close: it is up until close() or hang_up().
+//
+// Empty datagrams are dropped (a tape cannot hold them). Datagrams that the system does not take (too large,
+// nobody there) are dropped and told by on_dropped; the line stays up. More than 65507 bytes in one write(),
+// which no datagram can hold, go as several.
+class UdpPort final : public Port {
+ public:
+  UdpPort(const PortContext& context, const PortOptions& options);
+  ~UdpPort() override;
+
+  Result<void> prepare() override;
+  void open() override;
+  void close() override;
+  void write(ByteView data) override;
+  [[nodiscard]] bool congested() const override { return !queue_.empty(); }
+  bool discard() override;
+  void set_reading(bool on) override;
+  void hang_up(bool after_reading) override;
+  void read_pending() override;
+  [[nodiscard]] bool passive() const override { return options_.flag("listen"); }
+  [[nodiscard]] bool keeps_datagrams() const override { return true; }
+  [[nodiscard]] std::string name() const override { return options_.name(); }
+
+ private:
+  Result<void> bind_socket();
+  void resolved(const Result<std::vector<SocketAddress>>& addresses);
+  void discard_old();
+  void come_up();
+  void on_readable();
+  bool receive_one();
+  void on_writable();
+  void send_or_queue(ByteView datagram);
+  bool send_one(ByteView datagram);  // false: later
+  void queue_gone();
+
+  PortContext context_;
+  PortOptions options_;
+  UniqueFd fd_;
+  int family_ = 0;
+  std::optional<FdWatch> watch_;
+  std::unique_ptr<NameLookup> lookup_;
+  std::optional<SocketAddress> peer_;
+  std::deque<Bytes> queue_;
+  std::set<int> told_errors_;  // each once a session
+  std::uint64_t empty_ = 0;    // datagrams dropped since open()
+  bool opened_ = false;
+  bool up_ = false;
+  bool reading_ = true;
+  std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
+};
+
+}  // namespace porttape

@@ -1,0 +1,100 @@
+#include "libport/port/unix_port.hpp"
+
+#include <cerrno>
+#include <charconv>
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <utility>
+
+#include <spdlog/spdlog.h>
+
+namespace porttape {
+namespace {
+
+constexpr int kBacklog = 128;
+
+UniqueFd make_socket() { return UniqueFd(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)); }
+
+Result<mode_t> mode_of(const PortOptions& options) {
+  const std::string text = options.text("mode");
+  unsigned mode = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), mode, 8);
+  if (error != std::errc{} || end != text.data() + text.size() || mode > 0777) {
+    return make_error(Errc::usage,
+                      "option 'mode': '" + text + "' is not valid; accepted: octal permissions like 0660");
+  }
+  return static_cast<mode_t>(mode);
+}
+
+}  // namespace
+
+UnixPort::UnixPort(const PortContext& context, const PortOptions& options)
+    : StreamPort(context, options), path_(options.text("path")) {}
+
+UnixPort::~UnixPort() {
+  struct stat status {};
+  if (inode_ != 0 && ::lstat(path_.c_str(), &status) == 0 && status.st_ino == inode_)
+    (void)::unlink(path_.c_str());
+}
+
+Result<void> UnixPort::free_place(const SocketAddress& address) const {
+  struct stat status {};
+  if (::lstat(path_.c_str(), &status) != 0) return {};
+  if (!S_ISSOCK(status.st_mode)) {
+    return make_error(
+        Errc::usage,
+        fmt::format("socket '{}' exists and is not a socket; it is left alone, choose another path", path_));
+  }
+  const UniqueFd probe = make_socket();
+  if (::connect(probe.get(), address.get(), address.size) == 0 || errno != ECONNREFUSED) {
+    return make_error(Errc::usage,
+                      fmt::format("socket '{}' is in use; end that program or choose another path", path_));
+  }
+  (void)::unlink(path_.c_str());
+  return {};
+}
+
+Result<UniqueFd> UnixPort::make_listener() {
+  const Result<mode_t> mode = mode_of(options_);
+  if (!mode) return mode.error();
+  const Result<SocketAddress> address = unix_address(path_);
+  if (!address) return address.error();
+  if (Result<void> place = free_place(*address); !place) return place.error();
+  UniqueFd fd = make_socket();
+  (void)::fchmod(fd.get(),
+                 *mode);  // the file's permissions follow the socket's: they are right from the start
+  if (::bind(fd.get(), address->get(), address->size) != 0 || ::chmod(path_.c_str(), *mode) != 0 ||
+      ::listen(fd.get(), kBacklog) != 0) {
+    return make_error(Errc::usage, fmt::format("socket '{}' cannot be made: {}", path_, errno_text(errno)));
+  }
+  struct stat status {};
+  if (::lstat(path_.c_str(), &status) == 0) inode_ = status.st_ino;
+  context_.log->info("listening on {}", path_);
+  return fd;
+}
+
+Result<void> UnixPort::check_peer() {
+  struct stat status {};
+  const bool there = ::stat(path_.c_str(), &status) == 0;
+  const int error = errno;
+  if (there && S_ISSOCK(status.st_mode)) return {};
+  return make_error(Errc::device_missing,
+                    fmt::format("socket '{}': {}", path_,
+                                there ? "it is not a socket"
+                                      : errno_text(error) + "; is the program that listens there running?"));
+}
+
+void UnixPort::connect_to_peer(Connector& connector) {
+  const Result<SocketAddress> address = unix_address(path_);
+  connector.to_address(*address);  // its length was checked with the options
+}
+
+PeerState UnixPort::peer_state(int fd) const {
+  pollfd poll{fd, 0, 0};
+  return ::poll(&poll, 1, 0) > 0 && (poll.revents & POLLHUP) != 0 ? PeerState::gone : PeerState::reading;
+}
+
+}  // namespace porttape

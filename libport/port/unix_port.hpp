@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "libport/port/stream_port.hpp"
+
+namespace porttape {
+
+// A Unix stream socket at `path`. With `listen` it makes the socket file, with the permissions `mode`, and
+// takes it away at the end if it is still its own. It replaces nothing but a socket that nobody listens on,
+// left by a program that was killed.
+class UnixPort final : public StreamPort {
+ public:
+  UnixPort(const PortContext& context, const PortOptions& options);
+  ~UnixPort() override;
+
+ protected:
+  Result<UniqueFd> make_listener() override;
+  Result<void> check_peer() override;
+  void connect_to_peer(Connector& connector) override;
+  [[nodiscard]] PeerState peer_state(int fd) const override;
+
+ private:
+  [[nodiscard]] Result<void> free_place(const SocketAddress& address) const;
+
+  std::string path_;
+  std::uint64_t inode_ = 0;  // of the socket file we made, 0 for none
+};
+
+}  // namespace porttape
