@@ -205,9 +205,9 @@ Result<Transfer> BlockingPort::write(ByteView data) {
   poll();  // a line that broke while it took the bytes
   written_bytes_ += sent;
   if (!down_) return sent > 0 || data.empty() ? Transfer{sent} : Transfer{0, Transfer::End::timed_out};
-  const bool hung_up = down_->reason == LineDown::Reason::hung_up;
-  const bool refused = hung_up && !down_->error.message.empty();
-  if (hung_up && !refused && sent == data.size()) return Transfer{sent};  // a tape's end, after its last write
+  if (sent == data.size() && down_->after_reading)
+    return Transfer{sent};  // an orderly end, after these bytes
+  const bool refused = down_->reason == LineDown::Reason::hung_up && !down_->error.message.empty();
   const Error error = broken();
   line_ended();
   if (open_ && !refused) return Transfer{sent, Transfer::End::closed};

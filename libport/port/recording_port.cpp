@@ -47,10 +47,25 @@ TapeTime RecordingPort::tape_time() const {
 
 void RecordingPort::open() {
   open_ = true;
-  const bool first = !started_;
-  if (first) start_tape();
-  if (tape_) tape_->open_event(first ? TapeTime{} : tape_time());
+  if (started_) {
+    if (tape_) tape_->open_event(tape_time());
+  } else {
+    zero_ = options_.now();
+    if (!options_.overwrite) begin_tape();
+  }
   inner_->open();
+}
+
+// A tape that replaces another is made only when the line is up: a device that cannot be opened costs
+// nothing.
+void RecordingPort::on_up() {
+  if (open_ && !started_) begin_tape();
+  listener().on_up();
+}
+
+void RecordingPort::begin_tape() {
+  start_tape();
+  if (tape_) tape_->open_event(TapeTime{});
 }
 
 void RecordingPort::close() {
@@ -113,7 +128,6 @@ void RecordingPort::on_dropped(std::uint64_t bytes, std::string_view why) {
 
 void RecordingPort::start_tape() {
   started_ = true;
-  zero_ = options_.now();
   Result<TapeWriter> tape =
       TapeWriter::create(options_.tape, options_.header, {.overwrite = options_.overwrite});
   if (tape) {
@@ -159,8 +173,8 @@ void RecordingPort::rotate() {
   options_.overwrite = false;
   started_ = false;
   if (!open_) return;
-  start_tape();
-  if (tape_) tape_->open_event(TapeTime{});
+  zero_ = options_.now();
+  begin_tape();
 }
 
 int RecordingPort::finish() {

@@ -49,7 +49,7 @@ class RecordingPort final : public Port, private PortListener {
   [[nodiscard]] std::string name() const override { return inner_->name(); }
 
  private:
-  void on_up() override { listener().on_up(); }
+  void on_up() override;
   void on_data(ByteView data) override;
   void on_drained() override { listener().on_drained(); }
   void on_down(const LineDown& down) override;
@@ -60,6 +60,7 @@ class RecordingPort final : public Port, private PortListener {
   void on_dropped(std::uint64_t bytes, std::string_view why) override;
 
   [[nodiscard]] TapeTime tape_time() const;
+  void begin_tape();
   void start_tape();
   void end_tape();
   void tell_of_failure();

@@ -6,10 +6,10 @@ source "$(dirname "$0")/../e2e/lib.sh"
 need cmake pkg-config "${CXX:=c++}"
 here=$(cd "$(dirname "$0")" && pwd)
 prefix=$work/prefix
-cmake --install "$BUILD" --prefix "$prefix" >"$work/log" 2>&1 || die "install: $(cat "$work/log")"
+cmake --install "$BUILD" --prefix "$prefix" >"$work/said" 2>&1 || die "install: $(cat "$work/said")"
 cmake -S "$here/consumer" -B "$work/build" -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_CXX_COMPILER="$CXX" \
-  -DCMAKE_CXX_FLAGS="${CXXFLAGS:-}" >"$work/log" 2>&1 || die "configure: $(cat "$work/log")"
-cmake --build "$work/build" >"$work/log" 2>&1 || die "build: $(cat "$work/log")"
+  -DCMAKE_CXX_FLAGS="${CXXFLAGS:-}" >"$work/said" 2>&1 || die "configure: $(cat "$work/said")"
+cmake --build "$work/build" >"$work/said" 2>&1 || die "build: $(cat "$work/said")"
 
 port=$((20000 + $$ % 20000))
 for part in errors serial log tcp udp tcplog; do

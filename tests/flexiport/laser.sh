@@ -44,7 +44,7 @@ on() {
 }
 
 keep_busy
-on "$samples/scip.log" VV PP II BM GD0044072501 GD0044072501
+on "$samples/scip.log" VV PP II BM GD0044072501 GD0044072501 MD0384043101003 QT
 real=$SHARED_DIR/recordings/urg_04lx.log
 if [[ -e ${real}r ]]; then
   on "$real" VV VV PP II BM CR00 VV PP II GD0044072501

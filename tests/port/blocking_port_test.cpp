@@ -474,5 +474,16 @@ TEST(BlockingPort, ATapeRecordedInProcessReplaysInProcess) {
   EXPECT_EQ((*replay)->finish(), 0);
 }
 
+TEST(BlockingPort, ALineThatCannotBeOpenedLeavesTheOldTape) {
+  const test::TempDir dir;
+  for (const char* file : {"t.logr", "t.logw"})
+    test::write_file(dir / file, test::block_bytes({{0, "kept"}}));
+  auto port = BlockingPort::create("type=tcplog,overwrite,port=1,timeout=5,file=" + (dir / "t.log"));
+  ASSERT_TRUE(port.has_value());
+  EXPECT_FALSE((*port)->open().has_value());
+  port->reset();
+  EXPECT_EQ(test::read_file(dir / "t.logr"), test::block_bytes({{0, "kept"}}));
+}
+
 }  // namespace
 }  // namespace porttape

@@ -67,16 +67,20 @@ void MiniLaser::ReadData(std::vector<std::string>& lines) {
 
 std::string MiniLaser::Ask(const std::string& command) {
   SendCommand(command);
-  std::vector<std::string> lines;
-  lines.push_back(ReadHeaderLine());
-  lines.push_back(ReadHeaderLine());
-  if (command.compare(0, 2, "GD") == 0) {
+  std::string told;
+  for (unsigned left = scip::answers_to(command); left > 0; --left) {
+    std::vector<std::string> lines;
     lines.push_back(ReadHeaderLine());
-    ReadData(lines);
-  } else if (command == "BM" || command == "QT" || command.compare(0, 2, "CR") == 0) {
-    if (_port->SkipUntil('\n', 1) != 1) throw std::runtime_error("the answer is too long");
-  } else {
-    ReadFields(lines);
+    lines.push_back(ReadHeaderLine());
+    if (command.compare(0, 2, "GD") == 0) {
+      lines.push_back(ReadHeaderLine());
+      ReadData(lines);
+    } else if (command == "BM" || command == "QT" || command.compare(0, 2, "CR") == 0) {
+      if (_port->SkipUntil('\n', 1) != 1) throw std::runtime_error("the answer is too long");
+    } else {
+      ReadFields(lines);
+    }
+    told += scip::describe(command, scip::parse(command, lines));
   }
-  return scip::describe(command, scip::parse(command, lines));
+  return told;
 }
