@@ -43,7 +43,24 @@ on() {
   done
 }
 
+# recorded TAPE COMMANDS…: the driver library records a session with the daemon's device in its own process; the tape holds
+# the same bytes and replays both ways.
+recorded() {
+  local tape=$1 again=$work/again.log daemon
+  shift
+  start "$PORTTAPED" replay --tape "$tape" --driver "pty:$work/port" 2>"$work/log"
+  daemon=$started
+  wait_for "$work/port" "$work/log"
+  "$DEVICE_BIN/mini_laser_example" "type=seriallog,device=$work/port,timeout=5,file=$again" "$@" >"$work/expected"
+  stop "$daemon"
+  for direction in r w; do
+    cmp <(payload "$tape$direction") <(payload "$again$direction") || die "the tape made in-process differs: $direction"
+  done
+  on "$again" "$@"
+}
+
 keep_busy
+recorded "$samples/scip.log" VV PP II BM GD0044072501 GD0044072501 MD0384043101003 QT
 on "$samples/scip.log" VV PP II BM GD0044072501 GD0044072501 MD0384043101003 QT
 real=$SHARED_DIR/recordings/urg_04lx.log
 if [[ -e ${real}r ]]; then
