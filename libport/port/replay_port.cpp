@@ -92,6 +92,8 @@ Result<void> ReplayPort::prepare() {
   }
   schedule_ = std::move(*schedule);
   writes_ = std::move(*writes);
+  const std::optional<TapeHeader> header = schedule_->header();
+  datagrams_ = header && header->device.starts_with("udp");
   const Engine::TapeFacts facts{.stamped_at_arrival = schedule_->has_events(), .opens = *opens};
   engine_ = std::make_unique<Engine>(options_.config, facts, *schedule_, *writes_);
   return {};

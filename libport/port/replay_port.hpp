@@ -43,6 +43,8 @@ class ReplayPort final : public Port {
   // behind.
   bool discard() override;
   [[nodiscard]] std::string awaits() override;
+  // Each block of a tape of UDP was a datagram.
+  [[nodiscard]] bool keeps_datagrams() const override { return datagrams_; }
   void set_reading(bool on) override;
   void hang_up(bool) override {}
   // Ends the run; the status is its verdict's.
@@ -70,6 +72,7 @@ class ReplayPort final : public Port {
   Instant last_spin_{};
   bool open_ = false;
   bool dropping_ = false;
+  bool datagrams_ = false;
 };
 
 }  // namespace porttape

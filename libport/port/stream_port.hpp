@@ -38,6 +38,9 @@ class StreamPort : public Port {
   void close() override;
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
+  std::size_t write_some(ByteView data) override;
+  [[nodiscard]] std::size_t unsent() const override;
+  bool discard() override;
   void end_writing() override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
