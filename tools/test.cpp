@@ -37,7 +37,7 @@ namespace po = boost::program_options;
 
 using std::chrono::seconds;
 
-constexpr Nanos kAfterHangUp = seconds(10);  // a command that goes on after a failed verdict is ended then
+constexpr Nanos kAfterHangUp = seconds(10);  // a command that goes on after a mismatch is ended then
 constexpr Nanos kAfterTerm = seconds(5);     // … and killed then
 
 constexpr std::string_view kHelp =
@@ -164,11 +164,13 @@ class TestRun {
     });
   }
 
-  // Of several runs in one command the first that failed counts.
+  // Of several runs in one command the first that failed counts; one in which nothing passed (`stty` before
+  // the driver proper) only when it is the last.
   void take(const RunReport& report) {
-    if (!report_ || exit_status_of(*report_) == exit_status::kPass) report_ = report;
-    const bool failed = exit_status_of(report) != exit_status::kPass;
-    if (failed && command_ && command_->running() && !kill_timer_.due()) kill_timer_.set_after(kAfterHangUp);
+    const bool empty = report_ && report_->from_driver_bytes == 0 && report_->to_driver_bytes == 0;
+    if (!report_ || empty || exit_status_of(*report_) == exit_status::kPass) report_ = report;
+    const bool hung_up = report.mismatch && request_.ports.device.text("on-mismatch") == "fail";
+    if (hung_up && command_ && command_->running() && !kill_timer_.due()) kill_timer_.set_after(kAfterHangUp);
   }
 
   void end_command() {
@@ -180,7 +182,7 @@ class TestRun {
 
   RunReport verdict() {
     if (!report_) {
-      trouble_ = "the command never opened the port";
+      if (trouble_.empty()) trouble_ = "the command never opened the port";
       report_.emplace();
       report_->strictness = static_cast<int>(request_.ports.device.integer("strictness"));
       report_->verdict = report_->strictness == 0 ? Verdict::pass : Verdict::incomplete;

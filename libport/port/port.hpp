@@ -91,6 +91,10 @@ class Port {
   virtual void write(ByteView data) = 0;
   [[nodiscard]] virtual bool congested() const = 0;
 
+  // No more bytes will be written until close(): the peer sees the end of what was sent, and may still send.
+  // Nothing to do for lines that have no half-close.
+  virtual void end_writing() {}
+
   // For callers that wait: takes only what can be sent at once and gives how much that was. After less than
   // all, on_drained() comes when more can go.
   virtual std::size_t write_some(ByteView data) {
@@ -108,9 +112,6 @@ class Port {
   // What is to happen first, where nothing can come until the caller does something; for one who would wait
   // for ever.
   [[nodiscard]] virtual std::string awaits() { return {}; }
-  // No more bytes will be written until close(): the peer sees the end of what was sent, and may still send.
-  // Nothing to do for lines that have no half-close.
-  virtual void end_writing() {}
 
   // Whether on_data may come: false is backpressure to the peer.
   virtual void set_reading(bool on) = 0;

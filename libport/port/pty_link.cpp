@@ -1,9 +1,13 @@
 #include "libport/port/pty_link.hpp"
 
+#include <array>
 #include <cerrno>
 #include <cstdio>
+#include <ctime>
+#include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 #include <utility>
 
@@ -12,12 +16,37 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// The nanoseconds of the modification time of our links: nothing else tells them from other programs' links.
+constexpr long kMark = 504'545'450;
+
+// Gives a link its mark, in a time not before now.
+void mark(const std::string& path) {
+  std::array<timespec, 2> times{};
+  ::clock_gettime(CLOCK_REALTIME, &times[1]);
+  if (times[1].tv_nsec > kMark) ++times[1].tv_sec;
+  times[1].tv_nsec = kMark;
+  times[0] = times[1];
+  (void)::utimensat(AT_FDCWD, path.c_str(), times.data(), AT_SYMLINK_NOFOLLOW);
+}
+
+// Whether it is a link of ours whose pty has gone and whose number another program's pty has got since: a
+// program that was killed left it.
+bool stale(const std::string& path) {
+  struct stat link {};
+  struct stat node {};
+  if (::lstat(path.c_str(), &link) != 0 || ::stat(path.c_str(), &node) != 0 || link.st_mtim.tv_nsec != kMark)
+    return false;
+  return std::pair(node.st_ctim.tv_sec, node.st_ctim.tv_nsec) >
+         std::pair(link.st_mtim.tv_sec, link.st_mtim.tv_nsec);
+}
+
 // The link under `path`, made under another name first so that it replaces an old one in one step.
 Result<void> make_link(const std::string& path, const std::string& target) {
   const std::string temporary = fmt::format("{}.{}.new", path, ::getpid());
   (void)::unlink(temporary.c_str());
-  if (::symlink(target.c_str(), temporary.c_str()) != 0 ||
-      std::rename(temporary.c_str(), path.c_str()) != 0) {
+  const bool linked = ::symlink(target.c_str(), temporary.c_str()) == 0;
+  if (linked) mark(temporary);
+  if (!linked || std::rename(temporary.c_str(), path.c_str()) != 0) {
     const int error = errno;
     (void)::unlink(temporary.c_str());
     return make_error(Errc::usage, fmt::format("link '{}' cannot be made: {}", path, errno_text(error)));
@@ -41,7 +70,7 @@ Result<void> check_place(const std::string& path, const std::string& target) {
         fmt::format("link '{}' exists and is not a link; it is left alone, choose another path", path));
   }
   const fs::path points_to = fs::read_symlink(path, error);
-  if (points_to == target || !fs::exists(path, error)) return {};
+  if (points_to == target || !fs::exists(path, error) || stale(path)) return {};
   return make_error(
       Errc::usage,
       fmt::format("link '{}' exists and points to {}, which is in use; remove it or choose another path",

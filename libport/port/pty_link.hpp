@@ -7,7 +7,7 @@
 namespace porttape {
 
 // A stable name for a pty: a symbolic link that this object made and takes away again, unless somebody
-// replaced it meanwhile. Replaces nothing but a dangling link (left by a program that was killed) or its own.
+// replaced it meanwhile. Replaces nothing but a dangling link or one of its own that a killed program left.
 class PtyLink {
  public:
   // Errc::usage when the path is taken by a file or a link in use, or its folder is missing.

@@ -107,7 +107,7 @@ void PtyPort::replace_line() {
     if (Result<void> moved = link_->retarget(line_->pty.slave_path()); !moved)
       context_.log->error("{}", moved.error().message);
   }
-  announce_path();
+  if (!link_) announce_path();
 }
 
 void PtyPort::open() {
@@ -202,9 +202,9 @@ void PtyPort::order_events() {
     } else if (!peer_) {
       peer_arrived();
     } else if (openers_ == 0) {
-      const bool before = std::find(events.begin(), event, Pty::Event::written) != event;
-      const bool after = std::find(event, events.end(), Pty::Event::written) != events.end();
-      peer_reopened(before || !after);
+      // Bytes written before the close had woken us earlier than the close did, so that what is unread now
+      // was written after the open, if anything was.
+      peer_reopened(std::find(event, events.end(), Pty::Event::written) == events.end());
     } else {
       ++openers_;
       context_.log->info("{}: a second program has opened it", name());
@@ -213,7 +213,6 @@ void PtyPort::order_events() {
 }
 
 void PtyPort::on_readable() {
-  order_events();
   // More than one read only when the first was full: an extra read for EAGAIN would cost each short exchange.
   while (peer_ && reading_ && read_once()) {
   }

@@ -161,7 +161,7 @@ void RecordingPort::tell_of_failure() {
     return;
   }
   context_.log->error(
-      "{}; {}", tape_->failure(),
+      "tape {}: {}; {}", options_.tape.name(), tape_->failure(),
       options_.fail_closed ? "ending, as --fail-closed asks" : "the line stays up, the loss is counted");
   if (options_.fail_closed) listener().on_finished(exit_status::kRuntime);
 }

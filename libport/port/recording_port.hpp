@@ -34,11 +34,11 @@ class RecordingPort final : public Port, private PortListener {
   void close() override;
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return inner_->congested(); }
+  void end_writing() override { inner_->end_writing(); }
   std::size_t write_some(ByteView data) override;
   [[nodiscard]] std::size_t unsent() const override { return inner_->unsent(); }
   bool discard() override;
   Result<void> set_baud(unsigned baud) override { return inner_->set_baud(baud); }
-  void end_writing() override { inner_->end_writing(); }
   void set_reading(bool on) override { inner_->set_reading(on); }
   void hang_up(bool after_reading) override { inner_->hang_up(after_reading); }
   void read_pending() override { inner_->read_pending(); }

@@ -159,9 +159,7 @@ void ReplayPort::pump() {
 }
 
 void ReplayPort::perform(ReplayActions& actions) {
-  if (!actions.deliver.empty() && !dropping_) {
-    listener().on_arrivals(actions.deliver, actions.block_ends);
-  }
+  if (!actions.deliver.empty() && !dropping_) listener().on_arrivals(actions.deliver, actions.block_ends);
   for (const Mismatch& mismatch : actions.mismatches) {
     context_.log->warn("{}: {}", options_.tape.name(), to_text(mismatch));
   }

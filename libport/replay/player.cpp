@@ -31,7 +31,6 @@ void Player::begin(Instant now) {
   arrival_known_ = false;
   arrival_started_ = false;
   lenient_ = config_.strictness == 0;
-  lenient_since_ = now;
   used_up_ = false;
   while (!schedule_.at_end() && schedule_.head()->kind == RecordKind::event) pass();
   const bool recorded_open = !schedule_.at_end() && schedule_.head()->kind == RecordKind::open;
@@ -255,8 +254,8 @@ Player::Progress Player::at_open(const Turn& turn) {
     return Progress::passed;
   }
   if (!gate_opens(turn.now, at)) return Progress::waits;
-  // A driver that writes what the tape has after the reopen has gone on without one. Bytes that the tape has not (a trailing
-  // one, written just before the close) do not tell.
+  // A driver that writes what the tape has after the reopen has gone on without one. Bytes that the tape has
+  // not (a trailing one, written just before the close) do not tell.
   const bool went_on = matcher_.comparing() && matcher_.touched(schedule_.passed().writes);
   const bool gave_up = lenient_ && turn.now >= patience_end(at);
   if (!went_on && !gave_up) return wait(lenient_ ? std::optional(patience_end(at)) : std::nullopt);

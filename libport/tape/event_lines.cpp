@@ -36,12 +36,12 @@ std::string mark_line(TapeTime at, std::string_view text) {
   return beginning(at, "mark") + member("text", text) + "}\n";
 }
 
-std::string flush_line(TapeTime at, std::string_view queue) {
-  return beginning(at, "flush") + member("queue", queue) + "}\n";
-}
-
 std::string device_lost_line(TapeTime at, std::string_view why) {
   return beginning(at, "device-lost") + member("why", why) + "}\n";
+}
+
+std::string flush_line(TapeTime at, std::string_view queue) {
+  return beginning(at, "flush") + member("queue", queue) + "}\n";
 }
 
 std::string gap_line(TapeTime at, std::uint64_t bytes, TapeTime from, std::string_view why) {

@@ -75,8 +75,8 @@ class EventFile {
 std::string header_line(const TapeHeader& header);
 std::string event_line(TapeTime at, std::string_view kind);
 std::string mark_line(TapeTime at, std::string_view text);  // a long text is cut to 4096 bytes
-std::string flush_line(TapeTime at, std::string_view queue);
 std::string device_lost_line(TapeTime at, std::string_view why);
+std::string flush_line(TapeTime at, std::string_view queue);
 std::string gap_line(TapeTime at, std::uint64_t bytes, TapeTime from, std::string_view why);
 
 }  // namespace porttape

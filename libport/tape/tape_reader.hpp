@@ -32,8 +32,8 @@ struct TapeSources {
 class TapeReader final : public RecordSource {
  public:
   enum class Select {
-    merged,      // reads, writes and events
-    reads_only,  // only RecordKind::read
+    merged,       // reads, writes and events
+    reads_only,   // only RecordKind::read
     writes_only,  // only RecordKind::write
     events_only   // only open, close and event
   };

@@ -231,11 +231,6 @@ void TapeWriter::mark_event(TapeTime at, std::string_view text) {
   impl_->event(us, mark_line(tape_time_us(us), text));
 }
 
-void TapeWriter::flush_event(TapeTime at, std::string_view queue) {
-  const std::int64_t us = impl_->stamp(at, false);
-  impl_->event(us, flush_line(tape_time_us(us), queue));
-}
-
 void TapeWriter::device_lost_event(TapeTime at, std::string_view why) {
   const std::int64_t us = impl_->stamp(at, false);
   impl_->event(us, device_lost_line(tape_time_us(us), why));
@@ -244,6 +239,11 @@ void TapeWriter::device_lost_event(TapeTime at, std::string_view why) {
 void TapeWriter::device_back_event(TapeTime at) {
   const std::int64_t us = impl_->stamp(at, false);
   impl_->event(us, event_line(tape_time_us(us), "device-back"));
+}
+
+void TapeWriter::flush_event(TapeTime at, std::string_view queue) {
+  const std::int64_t us = impl_->stamp(at, false);
+  impl_->event(us, flush_line(tape_time_us(us), queue));
 }
 
 void TapeWriter::gap_event(TapeTime at, std::uint64_t bytes, std::string_view why) {

@@ -65,9 +65,9 @@ class TapeWriter {
   void open_event(TapeTime at);
   void close_event(TapeTime at);
   void mark_event(TapeTime at, std::string_view text);
-  void flush_event(TapeTime at, std::string_view queue);  // in, out or both
   void device_lost_event(TapeTime at, std::string_view why);
   void device_back_event(TapeTime at);
+  void flush_event(TapeTime at, std::string_view queue);  // in, out or both
   void gap_event(TapeTime at, std::uint64_t bytes, std::string_view why);
 
   // Writes the `end` event, syncs and closes. Errc::io if anything is missing from the tape. Later calls give

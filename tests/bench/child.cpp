@@ -97,7 +97,11 @@ Child Child::run(const std::vector<std::string>& argv, const std::string& output
   const pid_t parent = ::getpid();
   const pid_t pid = ::fork();
   if (pid < 0) throw_errno("fork");
-  if (pid > 0) return Child(pid);
+  if (pid > 0) {
+    ::setpgid(pid, pid);  // here too: whoever comes first
+    return Child(pid, true);
+  }
+  ::setpgid(0, 0);  // a wrapper (strace, env) ends together with what it runs
   become_child(parent);
   exec(argv, output);
 }
@@ -107,6 +111,7 @@ Child& Child::operator=(Child&& other) noexcept {
     stop();
     pid_ = std::exchange(other.pid_, -1);
     status_ = other.status_;
+    group_ = other.group_;
   }
   return *this;
 }
@@ -137,13 +142,14 @@ int Child::wait() {
 
 int Child::stop() {
   if (pid_ <= 0 || poll()) return status_.value_or(0);
-  ::kill(pid_, SIGTERM);
+  const pid_t target = group_ ? -pid_ : pid_;
+  ::kill(target, SIGTERM);
   for (int i = 0; i < 1000 && !poll(); ++i) {
     const timespec pause{0, 5'000'000};
     ::nanosleep(&pause, nullptr);
   }
   if (!poll()) {
-    ::kill(pid_, SIGKILL);
+    ::kill(target, SIGKILL);
     int status = 0;
     while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
     }

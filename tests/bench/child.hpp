@@ -27,7 +27,8 @@ class Child {
   // empty.
   static Child run(const std::vector<std::string>& argv, const std::string& output);
 
-  Child(Child&& other) noexcept : pid_(std::exchange(other.pid_, -1)), status_(other.status_) {}
+  Child(Child&& other) noexcept
+      : pid_(std::exchange(other.pid_, -1)), status_(other.status_), group_(other.group_) {}
   Child& operator=(Child&& other) noexcept;
   ~Child();
 
@@ -39,9 +40,10 @@ class Child {
   int stop();
 
  private:
-  explicit Child(pid_t pid) : pid_(pid) {}
+  explicit Child(pid_t pid, bool group = false) : pid_(pid), group_(group) {}
   pid_t pid_ = -1;
   std::optional<int> status_;
+  bool group_ = false;  // leads a process group of its own, which ends as a whole
 };
 
 // Keeps `count` cores busy while it lives.

@@ -6,6 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include "tests/bench/tcp_line.hpp"
+
 namespace porttape::bench {
 namespace {
 
@@ -18,12 +20,6 @@ std::string filled(std::string text, const std::string& key, const std::string& 
   return text;
 }
 
-std::filesystem::path private_dir() {
-  std::string path = (std::filesystem::temp_directory_path() / "linebench-XXXXXX").string();
-  if (::mkdtemp(path.data()) == nullptr) throw_errno(path);
-  return path;
-}
-
 }  // namespace
 
 RelaySpec parse_relay(const std::string& text) {
@@ -34,20 +30,30 @@ RelaySpec parse_relay(const std::string& text) {
   return {text.substr(0, equals), text.substr(equals + 1)};
 }
 
-Rig::Rig(RelaySpec spec) : spec_(std::move(spec)), dir_(private_dir()) {}
-
-Rig::~Rig() {
-  if (dir_.empty()) return;  // moved from
-  driver_.reset();
-  relay_.stop();
-  std::error_code ignored;
-  std::filesystem::remove_all(dir_, ignored);
+ScratchDir::ScratchDir() {
+  std::string path = (std::filesystem::temp_directory_path() / "linebench-XXXXXX").string();
+  if (::mkdtemp(path.data()) == nullptr) throw_errno(path);
+  path_ = path;
 }
 
-std::string Rig::driver_path() const { return has_process() ? (dir_ / "driver").string() : device_.slave; }
+ScratchDir::~ScratchDir() {
+  std::error_code ignored;
+  if (!path_.empty()) std::filesystem::remove_all(path_, ignored);
+}
+
+Rig::Rig(RelaySpec spec)
+    : spec_(std::move(spec)), tcp_(spec_.command.find("{driver_port}") != std::string::npos) {}
+
+Rig::~Rig() {
+  if (dir().empty()) return;  // moved from
+  driver_.reset();
+  relay_.stop();
+}
+
+std::string Rig::driver_path() const { return has_process() ? (dir() / "driver").string() : device_.slave; }
 
 std::string Rig::output_tail() const {
-  std::ifstream in(dir_ / "output");
+  std::ifstream in(dir() / "output");
   std::ostringstream text;
   text << in.rdbuf();
   const std::string all = text.str();
@@ -55,15 +61,26 @@ std::string Rig::output_tail() const {
 }
 
 void Rig::start() {
-  device_ = make_pty();
+  if (tcp_) {
+    listener_ = listen_tcp();
+    connection_.reset();
+    driver_port_ = free_tcp_port();
+  } else {
+    device_ = make_pty();
+  }
   if (!has_process()) return;
   std::vector<std::string> argv;
   std::istringstream words(spec_.command);
   for (std::string word; words >> word;) {
     word = filled(filled(word, "{driver}", driver_path()), "{device}", device_.slave);
-    argv.push_back(filled(word, "{dir}", dir_.string()));
+    if (tcp_) {
+      word = filled(word, "{driver_port}", std::to_string(driver_port_));
+      word = filled(word, "{device_port}", std::to_string(tcp_port(listener_.get())));
+    }
+    argv.push_back(filled(word, "{dir}", dir().string()));
   }
-  relay_ = Child::run(argv, (dir_ / "output").string());
+  relay_ = Child::run(argv, (dir() / "output").string());
+  if (tcp_) return;
   for (int waited = 0; !std::filesystem::exists(driver_path()); waited += 2) {
     if (relay_.poll()) throw BenchError(name() + " ended at start: " + output_tail());
     if (waited > kStartMs) throw BenchError(name() + " made no driver port: " + output_tail());
@@ -71,7 +88,13 @@ void Rig::start() {
   }
 }
 
-void Rig::open_driver() { driver_ = open_port(driver_path()); }
+void Rig::open_driver() { driver_ = tcp_ ? connect_tcp(driver_port_, kStartMs) : open_port(driver_path()); }
+
+int Rig::device() {
+  if (!tcp_) return device_.master.get();
+  if (!connection_) connection_ = accept_tcp(listener_.get());
+  return connection_.get();
+}
 
 void Rig::handshake() {
   const Watchdog watchdog(10, name() + ": first bytes through the line");
@@ -86,7 +109,7 @@ int Rig::stop() {
   driver_.reset();
   const int status = relay_.stop();
   std::error_code ignored;
-  std::filesystem::remove(dir_ / "driver", ignored);
+  std::filesystem::remove(dir() / "driver", ignored);
   return status;
 }
 

@@ -1,6 +1,8 @@
-// An energy meter on Modbus RTU, built on libmodbus: the device of the modbus scenarios and of the demo.
+// An energy meter on Modbus RTU or TCP, built on libmodbus: the device of the modbus scenarios and of the
+// demo.
 //
 //   modbus_slave TTY [BAUD] [b]
+//   modbus_slave tcp:PORT          on 127.0.0.1, one connection after the other
 //
 // Holding registers 0-255 hold 1000 + n, input registers n * 257, coils are on when odd, discrete inputs
 // every third. Input registers 200-205 are the meter: tenths of a volt, milliamperes, energy in Wh (two
@@ -47,8 +49,10 @@ void measure(modbus_mapping_t& map, unsigned request) {
   meter[5] = 0;
 }
 
+using Bus = std::unique_ptr<modbus_t, decltype(&modbus_free)>;
+
 int serve(modbus_t* bus, modbus_mapping_t& map, bool revision_b) {
-  std::uint8_t request[MODBUS_RTU_MAX_ADU_LENGTH];
+  std::uint8_t request[MODBUS_TCP_MAX_ADU_LENGTH];
   for (unsigned count = 1;;) {
     const int length = modbus_receive(bus, request);
     if (length == 0) continue;  // for another slave
@@ -66,23 +70,38 @@ int serve(modbus_t* bus, modbus_mapping_t& map, bool revision_b) {
   }
 }
 
+int serve_tcp(int port, modbus_mapping_t& map) {
+  const Bus bus(modbus_new_tcp("127.0.0.1", port), modbus_free);
+  int listener = bus ? modbus_tcp_listen(bus.get(), 1) : -1;
+  if (listener < 0) {
+    std::fprintf(stderr, "modbus_slave: port %d: %s\n", port, modbus_strerror(errno));
+    return 1;
+  }
+  for (;;) {
+    if (modbus_tcp_accept(bus.get(), &listener) < 0) return 1;
+    (void)serve(bus.get(), map, false);
+    modbus_close(bus.get());
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   if (argc < 2 || argc > 4) {
-    std::fprintf(stderr, "usage: modbus_slave TTY [BAUD] [b]\n");
+    std::fprintf(stderr, "usage: modbus_slave TTY [BAUD] [b] | modbus_slave tcp:PORT\n");
     return 64;
   }
-  const int baud = argc > 2 ? std::atoi(argv[2]) : 19200;
-  const bool revision_b = argc > 3 && std::strcmp(argv[3], "b") == 0;
-  const std::unique_ptr<modbus_t, decltype(&modbus_free)> bus(modbus_new_rtu(argv[1], baud, 'N', 8, 1),
-                                                              modbus_free);
   const std::unique_ptr<modbus_mapping_t, decltype(&modbus_mapping_free)> map(
       modbus_mapping_new(kBits, kBits, kRegisters, kRegisters), modbus_mapping_free);
-  if (!bus || !map || modbus_set_slave(bus.get(), kSlave) != 0 || modbus_connect(bus.get()) != 0) {
+  if (!map) return 1;
+  fill(*map);
+  if (std::strncmp(argv[1], "tcp:", 4) == 0) return serve_tcp(std::atoi(argv[1] + 4), *map);
+  const int baud = argc > 2 ? std::atoi(argv[2]) : 19200;
+  const bool revision_b = argc > 3 && std::strcmp(argv[3], "b") == 0;
+  const Bus bus(modbus_new_rtu(argv[1], baud, 'N', 8, 1), modbus_free);
+  if (!bus || modbus_set_slave(bus.get(), kSlave) != 0 || modbus_connect(bus.get()) != 0) {
     std::fprintf(stderr, "modbus_slave: %s: %s\n", argv[1], modbus_strerror(errno));
     return 1;
   }
-  fill(*map);
   return serve(bus.get(), *map, revision_b);
 }

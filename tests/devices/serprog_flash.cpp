@@ -2,6 +2,7 @@
 // socket.
 //
 //   serprog_flash TTY IMAGE      IMAGE: a file of 1 MiB, the chip's content; changed in place
+//   serprog_flash tcp:PORT IMAGE     on 127.0.0.1, one connection after the other
 //
 // It is ready at once (no operation is ever busy), so the same job gives the same bytes each time.
 
@@ -14,9 +15,13 @@
 #include <cstring>
 #include <fcntl.h>
 #include <initializer_list>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <span>
 #include <sys/mman.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <termios.h>
 #include <unistd.h>
 #include <utility>
@@ -216,11 +221,35 @@ int open_raw(const char* path) {
   return tcsetattr(fd, TCSANOW, &mode) == 0 ? fd : -1;
 }
 
+[[noreturn]] void serve_tcp(int port, const Chip& chip) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(static_cast<std::uint16_t>(port));
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  const int on = 1;
+  const int listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+  if (bind(listener, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
+      listen(listener, 1) != 0) {
+    std::perror("serprog_flash");
+    std::exit(1);
+  }
+  for (;;) {
+    const int fd = accept(listener, nullptr, nullptr);
+    if (fd < 0) continue;
+    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    const pid_t child = fork();  // serving ends with the process
+    if (child == 0) serve(Line(fd), chip);
+    close(fd);
+    waitpid(child, nullptr, 0);
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   if (argc != 3) {
-    std::fprintf(stderr, "usage: serprog_flash TTY IMAGE\n");
+    std::fprintf(stderr, "usage: serprog_flash TTY|tcp:PORT IMAGE\n");
     return 64;
   }
   const int image = open(argv[2], O_RDWR | O_CLOEXEC);
@@ -230,10 +259,16 @@ int main(int argc, char** argv) {
     return 1;
   }
   void* content = mmap(nullptr, kChipSize, PROT_READ | PROT_WRITE, MAP_SHARED, image, 0);
+  if (content == MAP_FAILED) {
+    std::perror(argv[2]);
+    return 1;
+  }
+  const Chip chip(std::span(static_cast<Byte*>(content), kChipSize));
+  if (std::strncmp(argv[1], "tcp:", 4) == 0) serve_tcp(std::atoi(argv[1] + 4), chip);
   const int fd = open_raw(argv[1]);
-  if (content == MAP_FAILED || fd < 0) {
+  if (fd < 0) {
     std::perror(argv[1]);
     return 1;
   }
-  serve(Line(fd), Chip(std::span(static_cast<Byte*>(content), kChipSize)));
+  serve(Line(fd), chip);
 }

@@ -107,6 +107,17 @@ line_pair() {
   wait_for "$work/$1.far"
 }
 
+# free_ports NAME…: sets each variable to a TCP port of 127.0.0.1 that nobody listens on.
+free_ports() {
+  local numbers
+  read -ra numbers < <("$PYTHON" -c 'import socket, sys
+sockets = [socket.create_server(("127.0.0.1", 0)) for _ in sys.argv[1:]]
+print(*(s.getsockname()[1] for s in sockets))' "$@")
+  for ((n = 0; n < $#; n++)); do printf -v "${@:n+1:1}" %s "${numbers[n]}"; done
+}
+listens_on() { grep -q "$(printf ':%04X 00000000:0000 0A' "$1")" /proc/net/tcp; } # without connecting to it
+wait_listening() { until_true 20 listens_on "$1" || die "nobody listens on port $1${2:+: $(cat "$2")}"; }
+
 payload() { "$PYTHON" "$devices/tapefile.py" payload "$1"; }
 
 # json FILE KEY.KEY: one value of a JSON file. verdict_is WORD REPORT: the report's verdict.

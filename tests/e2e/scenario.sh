@@ -1,6 +1,6 @@
 # shellcheck shell=bash
 # Sourced by scenarios/NAME.sh, which are called with DRIVER DEVICE: the tty that the unmodified driver opens and the one
-# that the simulated device opens; `-` starts no device. Exit status 0 only if the application's own result is right.
+# that the simulated device opens, or for NAME_tcp.sh the ports of 127.0.0.1; `-` starts no device. Exit status 0 only if the application's own result is right.
 # shellcheck source=lib.sh
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 [[ $# == 2 ]] || { echo "usage: $0 DRIVER DEVICE|-" >&2; exit 64; }
@@ -12,6 +12,10 @@ has_device() { [[ $device != - ]]; }
 device() {
   has_device || return 0
   start "$@"
+  if [[ $device =~ ^[0-9]+$ ]]; then
+    wait_listening "$device"
+    return
+  fi
   until_true 20 has_open "$started" "$device" || die "the device does not open $device"
   sleep 0.1 # it may still set the line up
 }

@@ -75,8 +75,42 @@ TEST(PortOptions, NameIsTheShortSpellingOfTheMainPart) {
   EXPECT_EQ(parsed("pty").name(), "pty");
 }
 
+TEST(PortOptions, PlacesOfSocketsInEverySpelling) {
+  EXPECT_EQ(parsed("tcp:10.0.0.5:2112"), parsed("type=tcp,ip=10.0.0.5,port=2112"));
+  EXPECT_EQ(parsed("tcp:[::1]:2112"), parsed("type=tcp,ip=::1,port=2112"));
+  EXPECT_EQ(parsed("tcp:[::1]"), parsed("type=tcp,ip=::1"));
+  EXPECT_EQ(parsed("tcp:laser.example"), parsed("type=tcp,ip=laser.example"));
+  EXPECT_EQ(parsed("tcp-listen:127.0.0.1:2112"), parsed("type=tcp,listen,ip=127.0.0.1,port=2112"));
+  EXPECT_EQ(parsed("tcp-listen:2112,timeout=3"), parsed("type=tcp,listen,port=2112,timeout=3"));
+  EXPECT_EQ(parsed("tcp-listen:*:2112"), parsed("type=tcp,listen,ip=*,port=2112"));
+  EXPECT_EQ(parsed("udp:127.0.0.1:2112"), parsed("type=udp,dest_ip=127.0.0.1,dest_port=2112"));
+  EXPECT_EQ(parsed("udp-listen:2112"), parsed("type=udp,listen,recv_ip=127.0.0.1,recv_port=2112"));
+  EXPECT_EQ(parsed("unix:/run/x"), parsed("type=unix,path=/run/x"));
+  EXPECT_EQ(parsed("unix-listen:/run/x,mode=0660"), parsed("type=unix,listen,path=/run/x,mode=0660"));
+  EXPECT_EQ(parsed("tcplog:h:1,file=x"), parsed("type=tcplog,ip=h,port=1,file=x"));
+}
+
+TEST(PortOptions, NamesOfSocketsCanBeParsedAgain) {
+  for (const char* spec :
+       {"tcp:10.0.0.5:2112", "tcp:[::1]:2112", "tcp-listen:127.0.0.1:2112", "tcp-listen:*:0",
+        "udp:127.0.0.1:2112", "udp-listen:127.0.0.1:2112", "unix:/run/x", "unix-listen:/run/x"}) {
+    EXPECT_EQ(parsed(spec).name(), spec);
+  }
+  EXPECT_EQ(parsed("type=tcp").name(), "tcp:127.0.0.1:20000");
+}
+
+TEST(PortOptions, BadPlacesOfSocketsAreNamed) {
+  for (const char* bad : {"tcp:::1:2112", "tcp:[::1", "tcp:[::1]x", "tcp:h:65536", "tcp:h:0", "tcp:h:-1",
+                          "tcp:h:x", "udp:h:0", "unix", "pty-listen:/x", "tcp-listening:1"}) {
+    EXPECT_FALSE(parse_port(bad).has_value()) << bad;
+  }
+  EXPECT_NE(error_of("tcp:h:70000").find("'port': '70000'"), std::string::npos);
+  EXPECT_NE(error_of("unix:/" + std::string(120, 'x')).find("at most 107"), std::string::npos);
+}
+
 TEST(PortOptions, HelpNamesEveryType) {
-  for (const char* type : {"serial:device", "pty:link", "logreader:file", "seriallog"}) {
+  for (const char* type : {"tcp:ip:port", "tcp-listen:ip:port", "udplog", "unix-listen:path", "serial:device",
+                           "pty:link", "logreader:file", "seriallog"}) {
     EXPECT_NE(port_help().find(type), std::string::npos) << type;
   }
 }

@@ -1,8 +1,11 @@
 #include "libport/port/pty_link.hpp"
 
+#include <array>
+#include <fcntl.h>
 #include <filesystem>
 #include <fstream>
 #include <optional>
+#include <sys/stat.h>
 
 #include <gtest/gtest.h>
 
@@ -52,6 +55,28 @@ TEST_F(PtyLinkTest, ReplacesADanglingLink) {
   const Result<PtyLink> link = PtyLink::publish(path, target);
   ASSERT_TRUE(link.has_value());
   EXPECT_EQ(fs::read_symlink(path), target);
+}
+
+TEST_F(PtyLinkTest, ReplacesItsOwnLinkWhosePtyNumberIsAnotherProgramsNow) {
+  {
+    const Result<PtyLink> ours = PtyLink::publish(path, target);
+    ASSERT_TRUE(ours.has_value());
+    fs::copy_symlink(path, path + ".left");
+    struct stat made {};
+    ASSERT_EQ(::lstat(path.c_str(), &made), 0);
+    std::array<timespec, 2> long_ago = {made.st_mtim, made.st_mtim};
+    long_ago[1].tv_sec -= 100;  // before `target` was made
+    ASSERT_EQ(::utimensat(AT_FDCWD, (path + ".left").c_str(), long_ago.data(), AT_SYMLINK_NOFOLLOW), 0);
+  }
+  const Result<PtyLink> link = PtyLink::publish(path + ".left", "/dev/null");
+  ASSERT_TRUE(link.has_value()) << link.error().message;
+  EXPECT_EQ(fs::read_symlink(path + ".left"), "/dev/null");
+}
+
+TEST_F(PtyLinkTest, NeverReplacesALinkOfALivingPorttape) {
+  const Result<PtyLink> first = PtyLink::publish(path, target);
+  ASSERT_TRUE(first.has_value());
+  EXPECT_FALSE(PtyLink::publish(path, "/dev/null").has_value());
 }
 
 TEST_F(PtyLinkTest, AMissingFolderIsNamed) {

@@ -16,24 +16,6 @@
 namespace porttape {
 namespace {
 
-// A driver that reads whatever comes.
-struct Reader {
-  Reader(Loop& loop, const UniqueFd& fd)
-      : watch(loop, fd.get(), [this, raw = fd.get()] {
-          char buffer[4096];
-          const ssize_t size = ::read(raw, buffer, sizeof buffer);
-          if (size > 0) {
-            got.append(buffer, static_cast<std::size_t>(size));
-          } else {
-            watch.watch_readable(false);
-          }
-        }) {
-    watch.watch_readable(true);
-  }
-  std::string got;
-  FdWatch watch;
-};
-
 class PtyPortTest : public testing::Test {
  protected:
   PtyPortTest() : link((dir.path() / "port").string()), port(PortContext{&loop, book.log()}, options()) {
@@ -209,7 +191,7 @@ TEST_F(PtyPortTest, ADriverThatDoesNotReadCongestsAndDrains) {
     written += block.size();
     ASSERT_LT(written, 1U << 20U);
   }
-  const Reader reader(loop, fd);
+  const Reader reader(loop, fd.get());
   until("up drained ");
   run_until(loop, [&] { return reader.got.size() >= written; });
   EXPECT_EQ(reader.got.size(), written);
@@ -235,7 +217,7 @@ TEST_F(PtyPortTest, HangUpAfterReadingLosesNothing) {
   const std::string tail(10'000, 't');
   port.write(as_bytes(tail));
   port.hang_up(true);
-  const Reader reader(loop, fd);
+  const Reader reader(loop, fd.get());
   until("up hung_up ");
   EXPECT_EQ(reader.got, tail);
 }

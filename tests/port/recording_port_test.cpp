@@ -149,5 +149,27 @@ TEST_F(RecordingPortTest, ALostDeviceIsOnTheTape) {
   EXPECT_EQ(records(tape), "open@0 device-lost@10 close@10 end@10 ");
 }
 
+TEST_F(RecordingPortTest, ADeviceThatComesBackIsOnTheTapeAndTheSessionIsTold) {
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  pass(10);
+  device.interrupt();
+  pass(10);
+  device.resume();
+  port->finish();
+  EXPECT_EQ(records(tape), "open@0 device-lost@10 device-back@20 close@20 end@20 ");
+  EXPECT_EQ(log.events, "up interrupted resumed ");
+}
+
+TEST_F(RecordingPortTest, WhatDidNotReachTheDeviceIsAGap) {
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  pass(10);
+  device.drop(7);
+  port->finish();
+  EXPECT_EQ(records(tape), "open@0 gap@10 close@10 end@10 ");
+  EXPECT_EQ(log.dropped, 7U);
+}
+
 }  // namespace
 }  // namespace porttape

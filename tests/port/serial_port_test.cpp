@@ -128,14 +128,8 @@ TEST_F(SerialPortTest, ASlowDeviceCongestsAndDrains) {
   port->open();
   const std::string block(4096, 'b');
   while (!port->congested()) port->write(as_bytes(block));
-  char buffer[4096];
-  Timer pulse(loop, [&pulse] { pulse.set_after(std::chrono::milliseconds(1)); });
-  pulse.set_after(std::chrono::milliseconds(1));
-  run_until(loop, [&] {
-    while (::read(device.get(), buffer, sizeof buffer) > 0) {
-    }
-    return log.events == "up drained ";
-  });
+  const Reader reader(loop, device.get());
+  run_until(loop, [&] { return log.events == "up drained "; });
   EXPECT_EQ(log.events, "up drained ");
 }
 

@@ -102,6 +102,13 @@ TEST(Level0, QuietKeepsTheRecordedGapAfterTheLastByte) {
   EXPECT_EQ(rig.read(), "A");
 }
 
+TEST(Level0, WaitingForAGateIsNotOurLateness) {
+  Rig rig(three_questions(), level0());
+  rig.open().write("x").wait(kQuiet).wait(3 * kPatience).close();
+  EXPECT_EQ(rig.read(), "A1A2A3");
+  EXPECT_EQ(rig.report->timer_late_max_us, 0);
+}
+
 TEST(Level0, QuietStartsAnewWithEveryByte) {
   Rig rig(three_questions(), level0());
   rig.open().write("x").until(40'000).write("y").until(89'999);
@@ -161,6 +168,16 @@ TEST(Level0, OtherBytesWrittenAheadOpenOneGateEach) {
   rig.open().write("aaaa").wait(1'000).write("bbbb").wait(1'000).write("cccc").wait(100'000);
   EXPECT_EQ(rig.read(), "A1A2A3");
   EXPECT_EQ(rig.deliveries.at(2).us, 12'000);
+}
+
+TEST(Level0, TooFewBytesWrittenAheadDoNotOpenTheNextGate) {
+  Rig rig(three_questions(), level0());
+  rig.open().write("aaaa").wait(1'000).write("bbbb").wait(1'000).write("c").until(20'000);
+  EXPECT_EQ(rig.read(), "A1A2");
+  rig.until(2'000 + kQuiet - 1);
+  EXPECT_EQ(rig.read(), "");
+  rig.until(2'000 + kQuiet);
+  EXPECT_EQ(rig.read(), "A3");
 }
 
 TEST(Level0, ExtraBytesAreIgnored) {

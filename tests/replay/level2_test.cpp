@@ -114,6 +114,19 @@ TEST(Level2, AWriteAheadIsJudgedAtTheCloseAtLast) {
   EXPECT_EQ(rig.report->mismatch->error, Micros{-40'000});
 }
 
+TEST(Level2, BlocksWrittenAtOnceAreToldApart) {
+  Rig rig(tape(), level2());
+  rig.open().write("Q1Q2");
+  EXPECT_EQ(rig.mismatches.at(0).offset, 1U);
+  EXPECT_EQ(rig.mismatches.at(0).error, Micros{-20'000});
+}
+
+TEST(Level2, AWriteAheadIsJudgedAtTheProgramsEndAtLast) {
+  Rig rig(MemoryTape().write(20'000, "Q1").read(30'000, "A1").write(60'000, "Q2"), level2());
+  rig.open().until(20'000).write("Q1").write("Q2");
+  EXPECT_EQ(rig.finish(), Verdict::timing_mismatch);
+}
+
 TEST(Level2, TheLastByteOfABlockCounts) {
   Rig rig(tape(), level2());
   rig.open().until(1'000).write("Q").until(20'000).write("1").wait(10'000);

@@ -117,6 +117,12 @@ TEST(Hint, FindsOverlappingRepeatsInAnyPieces) {
   }
 }
 
+TEST(Hint, FindsTheLastOfOverlappingOnes) {
+  const auto tape = MemoryTape().write(1, "aaab");
+  MemorySource source(tape, MemorySource::Select::writes_only);
+  EXPECT_EQ(find_hint(source, 3, as_bytes("aa")), "already consumed at offset 1 (tape 0.000001 s)");
+}
+
 TEST(Hint, DamageMeansNoHint) {
   const auto tape = MemoryTape().write(1, "abc").write(2, "def");
   MemorySource source(tape, MemorySource::Select::writes_only);

@@ -126,6 +126,17 @@ TEST(Recorded, TheTapeIsNotUsedUpBeforeItsLastWriteWasDue) {
   EXPECT_TRUE(rig.exits);
 }
 
+TEST(Recorded, TheTapeIsNotUsedUpBeforeAllWritesCame) {
+  ReplayConfig config = recorded();
+  config.at_end = AtEnd::exit;
+  Rig rig(stream(), config);
+  rig.open().until(1'000'000);
+  EXPECT_FALSE(rig.exits);
+  rig.write("Q");
+  EXPECT_TRUE(rig.exits);
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+}
+
 TEST(Recorded, ContinueDropsWhatCameWhileClosed) {
   ReplayConfig config = recorded();
   config.on_reopen = OnReopen::continue_;

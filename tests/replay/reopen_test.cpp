@@ -81,6 +81,14 @@ TEST(Automatic, AReopenWithNothingExchangedIsNone) {
   EXPECT_EQ(rig.verdict(), Verdict::pass);
 }
 
+TEST(Automatic, AReopenWithNothingExchangedDoesNotSkipAQuestionWithoutAnswer) {
+  Rig rig(MemoryTape().open(0).write(10, "Q").close(20).open(30).write(40, "R").read(50, "A"),
+          with(OnReopen::automatic));
+  rig.open().close().open().write("Q").close().open().write("R").wait(10);
+  EXPECT_EQ(rig.read(), "A");
+  EXPECT_EQ(rig.finish(), Verdict::pass);
+}
+
 TEST(Automatic, PendingReadsSurviveANoOpReopen) {
   Rig rig(MemoryTape().open(0).read(5'000, "hello").close(9'000).open(10'000).read(11'000, "again"));
   rig.open().wait(1'000).close().wait(50'000).open().wait(4'999);
@@ -205,6 +213,27 @@ TEST(Automatic, ASecondOpenerChangesNothing) {
   rig.open().write("Q").open().wait(1'000);
   EXPECT_EQ(rig.read(), "A");
   EXPECT_EQ(rig.runs, 0);
+}
+
+TEST(Rewind, TheEndOfARunIsToldBeforeTheNextBegins) {
+  Rig rig(MemoryTape().read(0, "hello"));
+  rig.open().read();
+  rig.engine.on_close(rig.now());
+  rig.engine.on_open(rig.now());
+  const ReplayActions first = rig.engine.advance(rig.now());
+  EXPECT_TRUE(first.run_ended);
+  EXPECT_TRUE(first.deliver.empty());
+  ASSERT_EQ(rig.engine.next_deadline(), rig.now());
+  EXPECT_EQ(as_text(rig.engine.advance(rig.now()).deliver), "hello");
+}
+
+TEST(Rewind, EveryRunKnowsWhatTheTapeHolds) {
+  Rig rig(one_session(), with(OnReopen::rewind));
+  rig.open().write("Q").wait(1'000).close().open().close();
+  EXPECT_EQ(rig.runs, 2);
+  EXPECT_EQ(rig.report->to_driver_bytes, 0U);
+  EXPECT_EQ(rig.report->to_driver_of, 1U);
+  EXPECT_EQ(rig.report->from_driver_of, 1U);
 }
 
 TEST(Rewind, EveryCloseEndsTheRun) {

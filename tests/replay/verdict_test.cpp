@@ -166,6 +166,22 @@ TEST(Finish, GivesTheReportOfABegunRunOnly) {
   EXPECT_EQ(rig.engine.finish(rig.now()), std::nullopt);
 }
 
+TEST(Warn, LaterWritesAreFoundAgainOnALongTape) {
+  MemoryTape tape;
+  for (int i = 0; i < 30; ++i)
+    tape.write(i * 1'000, "request " + std::to_string(i) + "\n").read(i * 1'000 + 500, "ok");
+  Rig rig(std::move(tape));
+  rig.open();
+  for (int i = 0; i < 30; ++i)
+    rig.write("request " + std::to_string(i % 7 == 3 ? 99 : i) + "\n").wait(100'000);
+  EXPECT_EQ(rig.read().size(), 60U);
+  EXPECT_THAT(rig.mismatches, SizeIs(4));
+  EXPECT_EQ(rig.mismatches[3].exchange, 25U);
+  EXPECT_EQ(as_text(rig.mismatches[3].expected).substr(0, 13), "24\nrequest 25");
+  rig.close();
+  EXPECT_EQ(rig.verdict(), Verdict::data_mismatch);
+}
+
 TEST(Warn, GoesOnAndComparesLaterExchangesAfresh) {
   Rig rig(three_exchanges());
   rig.open().write("XX\n").wait(20'000);

@@ -203,6 +203,77 @@ TEST_F(SessionTest, APortThatHasFinishedEndsTheSessionWithItsStatus) {
   EXPECT_EQ(end_status, exit_status::kDataMismatch);
 }
 
+TEST_F(SessionTest, ADriverThatSendsNoMoreStillGetsItsAnswer) {
+  start();
+  driver.up();
+  driver.send("ask");
+  EXPECT_TRUE(driver.end());
+  EXPECT_EQ(device.calls, "prepare open end_writing ");
+  device.send("answer");
+  EXPECT_EQ(driver.written, "answer");
+  device.down(Reason::closed);
+  EXPECT_EQ(driver.calls, "prepare open hang_up ");
+}
+
+TEST_F(SessionTest, ADriverThatSendsNoMoreIsNotKeptForADeviceThatIsNotThere) {
+  device.up_at_once = false;
+  start();
+  driver.up();
+  EXPECT_FALSE(driver.end());
+}
+
+TEST_F(SessionTest, AnInterruptedDeviceKeepsTheDriverWaiting) {
+  start();
+  driver.up();
+  device.interrupt();
+  EXPECT_EQ(driver.calls, "prepare open ");
+  EXPECT_FALSE(driver.reading);
+  device.resume();
+  EXPECT_TRUE(driver.reading);
+}
+
+TEST_F(SessionTest, ADriverMayCloseAndOpenWhileTheDeviceIsInterrupted) {
+  start();
+  driver.up();
+  device.interrupt();
+  driver.down(Reason::closed);
+  device.up_at_once = false;
+  driver.up();
+  EXPECT_FALSE(driver.reading);
+  device.resume();
+  device.up();
+  EXPECT_TRUE(driver.reading);
+}
+
+TEST_F(SessionTest, WhatAPortDroppedIsCountedAndTold) {
+  start();
+  driver.up();
+  device.drop(5);
+  driver.down(Reason::closed);
+  EXPECT_EQ(session->counters().dropped_bytes, 5U);
+  EXPECT_NE(book.text().find("5 bytes reached nobody"), std::string::npos) << book.text();
+}
+
+TEST_F(SessionTest, ArrivalsStayApartOnlyWhereTheDriverKeepsDatagrams) {
+  start();
+  driver.up();
+  device.arrive("onetwo", {3, 6});
+  EXPECT_EQ(driver.writes, 1);
+  driver.datagrams = true;
+  device.arrive("onetwo", {3, 6});
+  EXPECT_EQ(driver.writes, 3);
+}
+
+TEST_F(SessionTest, ADriversPortThatDoesNotWaitForPeersEndsTheSession) {
+  driver.passive = false;
+  start();
+  driver.up();
+  driver.down(Reason::lost, "refused");
+  run_ready();
+  EXPECT_EQ(end_status, exit_status::kDevice);
+  EXPECT_NE(book.text().find("refused"), std::string::npos);
+}
+
 TEST_F(SessionTest, RotateReachesTheTape) {
   start();
   session->rotate();

@@ -1,7 +1,11 @@
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <string>
+#include <string_view>
 #include <utility>
+#include <vector>
 
 #include "libport/port/port.hpp"
 
@@ -15,10 +19,12 @@ class MemoryPort final : public Port {
   struct Peer {
     MemoryPort* port = nullptr;
     std::string written;
+    int writes = 0;
     std::string calls;  // "prepare open close …", as they came
     bool congested = false;
     bool reading = true;
     bool passive = false;
+    bool datagrams = false;
     bool up_at_once = true;  // open() brings the line up
     Result<void> prepared;
     int status = 0;
@@ -31,6 +37,13 @@ class MemoryPort final : public Port {
     }
     void down(LineDown::Reason reason, std::string why = {}) {
       port->listener().on_down({.reason = reason, .error = make_error(Errc::device_lost, std::move(why))});
+    }
+    bool end() { return port->listener().on_ended(); }
+    void interrupt() { port->listener().on_interrupted({.reason = LineDown::Reason::lost, .error = {}}); }
+    void resume() { port->listener().on_resumed(); }
+    void drop(std::uint64_t bytes) { port->listener().on_dropped(bytes, "a test wants it"); }
+    void arrive(std::string_view text, std::vector<std::size_t> ends) {
+      port->listener().on_arrivals(as_bytes(text), ends);
     }
     void finish(int exit_status) { port->listener().on_finished(exit_status); }
   };
@@ -46,7 +59,12 @@ class MemoryPort final : public Port {
     if (peer_->up_at_once) listener().on_up();
   }
   void close() override { peer_->calls += "close "; }
-  void write(ByteView data) override { peer_->written += as_text(data); }
+  void write(ByteView data) override {
+    peer_->written += as_text(data);
+    ++peer_->writes;
+  }
+  void end_writing() override { peer_->calls += "end_writing "; }
+  [[nodiscard]] bool keeps_datagrams() const override { return peer_->datagrams; }
   [[nodiscard]] bool congested() const override { return peer_->congested; }
   void set_reading(bool on) override { peer_->reading = on; }
   void hang_up(bool after_reading) override {

@@ -1,10 +1,14 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <string>
+#include <string_view>
+#include <unistd.h>
 
 #include <gtest/gtest.h>
 
+#include "libport/port/fd_watch.hpp"
 #include "libport/port/loop.hpp"
 #include "libport/port/port.hpp"
 #include "libport/port/timer.hpp"
@@ -24,11 +28,41 @@ class PortLog final : public PortListener {
                                                         : "hung_up ";
     error = down.error;
   }
+  bool on_ended() override {
+    events += "ended ";
+    return keep_ended;
+  }
+  void on_interrupted(const LineDown& down) override {
+    events += "interrupted ";
+    error = down.error;
+  }
+  void on_resumed() override { events += "resumed "; }
+  void on_dropped(std::uint64_t bytes, std::string_view) override { dropped += bytes; }
   void on_finished(int exit_status) override { events += "finished" + std::to_string(exit_status) + " "; }
 
   std::string events;
   std::string data;
   Error error;
+  std::uint64_t dropped = 0;
+  bool keep_ended = true;  // the answer to on_ended
+};
+
+// A peer that reads whatever comes.
+struct Reader {
+  Reader(Loop& loop, int fd)
+      : watch(loop, fd, [this, fd] {
+          char buffer[4096];
+          const ssize_t size = ::read(fd, buffer, sizeof buffer);
+          if (size > 0) {
+            got.append(buffer, static_cast<std::size_t>(size));
+          } else {
+            watch.watch_readable(false);
+          }
+        }) {
+    watch.watch_readable(true);
+  }
+  std::string got;
+  FdWatch watch;
 };
 
 // Runs the loop until `done`, and fails the test when that takes absurdly long.

@@ -1,5 +1,5 @@
 #!/bin/bash
-# driver: flashrom, which writes and then reads 1 MiB;  device: serprog_flash, an empty 1 MiB chip.
+# driver: flashrom, which writes and then reads 1 MiB, on a tty or over TCP;  device: serprog_flash, an empty 1 MiB chip.
 # shellcheck source=scenario.sh
 source "$(dirname "$0")/../scenario.sh"
 PATH=$PATH:/usr/sbin
@@ -8,8 +8,10 @@ if has_device; then [[ -x $DEVICE_BIN/serprog_flash ]] || skip "serprog_flash is
 "$PYTHON" -c 'import random, sys
 open(sys.argv[1] + "/chip", "wb").write(b"\xff" * (1 << 20))
 open(sys.argv[1] + "/image", "wb").write(random.Random(1).randbytes(1 << 20))' "$work"
-device "$DEVICE_BIN/serprog_flash" "$device" "$work/chip"
-job() { timeout 200 flashrom -p "serprog:dev=$driver:115200" -c W25Q80.V "$@" >"$work/out" 2>&1 || die "flashrom $1: $(cat "$work/out")"; }
+programmer=dev=$driver:115200 line=$device
+if [[ $driver =~ ^[0-9]+$ ]]; then programmer=ip=127.0.0.1:$driver line=tcp:$device; fi
+device "$DEVICE_BIN/serprog_flash" "$line" "$work/chip"
+job() { timeout 200 flashrom -p "serprog:$programmer" -c W25Q80.V "$@" >"$work/out" 2>&1 || die "flashrom $1: $(cat "$work/out")"; }
 job -w "$work/image"
 if has_device; then cmp "$work/chip" "$work/image" || die "the chip holds something else"; fi
 job -r "$work/back"

@@ -1,12 +1,17 @@
 #!/bin/bash
-# driver: mbpoll, which opens and closes the port for each of ten questions;  device: a libmodbus slave.
+# driver: mbpoll, which opens and closes the port (or connects) for each of ten questions;  device: a libmodbus slave.
 # shellcheck source=scenario.sh
 source "$(dirname "$0")/../scenario.sh"
 need mbpoll
 if has_device; then [[ -x $DEVICE_BIN/modbus_slave ]] || skip "modbus_slave is not built (libmodbus-dev)"; fi
-device "$DEVICE_BIN/modbus_slave" "$device" 19200
+mode=(-m rtu -b 19200 -P none -d 8 -s 1) line=("$device" 19200)
+if [[ $driver =~ ^[0-9]+$ ]]; then
+  mode=(-m tcp -p "$driver") line=("tcp:$device")
+  driver=127.0.0.1
+fi
+device "$DEVICE_BIN/modbus_slave" "${line[@]}"
 
-ask() { timeout 20 mbpoll -m rtu -a 1 -b 19200 -P none -d 8 -s 1 -o 2 -1 -0 "$@" 2>&1; }
+ask() { timeout 20 mbpoll "${mode[@]}" -a 1 -o 2 -1 -0 "$@" 2>&1; }
 values() { sed -n 's/^\[[0-9]*\]: *\t*\([-0-9]*\).*/\1/p' | paste -sd ' '; }
 expect() {
   local want=$1 got

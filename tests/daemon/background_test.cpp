@@ -1,0 +1,49 @@
+#include "daemon/background.hpp"
+
+#include <filesystem>
+#include <fstream>
+#include <unistd.h>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+TEST(PidFile, HasOurNumberUntilItGoes) {
+  const test::TempDir dir;
+  const std::string path = dir / "pid";
+  {
+    PidFile file;
+    ASSERT_TRUE(file.write(path).has_value());
+    long number = 0;
+    std::ifstream(path) >> number;
+    EXPECT_EQ(number, ::getpid());
+  }
+  EXPECT_FALSE(std::filesystem::exists(path));
+}
+
+TEST(PidFile, OfALivingProcessIsLeftAlone) {
+  const test::TempDir dir;
+  const std::string path = dir / "pid";
+  std::ofstream(path) << ::getppid() << '\n';
+  {
+    PidFile file;
+    const Result<void> written = file.write(path);
+    ASSERT_FALSE(written.has_value());
+    EXPECT_EQ(written.error().code, Errc::usage);
+  }
+  EXPECT_TRUE(std::filesystem::exists(path));
+}
+
+TEST(PidFile, OfADeadProcessIsReplaced) {
+  const test::TempDir dir;
+  const std::string path = dir / "pid";
+  std::ofstream(path) << "999999999\n";
+  PidFile file;
+  EXPECT_TRUE(file.write(path).has_value());
+}
+
+}  // namespace
+}  // namespace porttape

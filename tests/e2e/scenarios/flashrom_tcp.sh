@@ -1,0 +1,3 @@
+#!/bin/bash
+# flashrom.sh over TCP.
+exec "$(dirname "$0")/flashrom.sh" "$@"

@@ -1,0 +1,124 @@
+#include "libport/port/unix_port.hpp"
+
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <sys/stat.h>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/port_log.hpp"
+#include "tests/support/quiet_log.hpp"
+#include "tests/support/sockets.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+namespace fs = std::filesystem;
+using test::Socket;
+
+class UnixPortTest : public testing::Test {
+ protected:
+  Result<void> make(const std::string& more) {
+    const Result<PortOptions> options = parse_port("unix:" + path + more);
+    if (!options) return options.error();
+    port.emplace(PortContext{&loop, book.log()}, *options);
+    port->listen(log);
+    return port->prepare();
+  }
+  [[nodiscard]] Socket connect() const { return Socket::connect_to(*unix_address(path)); }
+
+  test::TempDir dir;
+  std::string path = dir / "socket";
+  Loop loop;
+  LogBook book;
+  PortLog log;
+  std::optional<UnixPort> port;
+};
+
+TEST_F(UnixPortTest, TheSocketIsPrivateAndGoesAwayAtTheEnd) {
+  ASSERT_TRUE(make(",listen").has_value());
+  struct stat status {};
+  ASSERT_EQ(::lstat(path.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777U, 0600U);
+  port.reset();
+  EXPECT_FALSE(fs::exists(path));
+}
+
+TEST_F(UnixPortTest, TheModeCanBeChosen) {
+  ASSERT_TRUE(make(",listen,mode=0666").has_value());
+  struct stat status {};
+  ASSERT_EQ(::lstat(path.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777U, 0666U);
+  port.reset();
+  EXPECT_FALSE(make(",listen,mode=rw").has_value());
+  EXPECT_FALSE(make(",listen,mode=01777").has_value());
+}
+
+TEST_F(UnixPortTest, BytesGoBothWays) {
+  ASSERT_TRUE(make(",listen").has_value());
+  port->open();
+  Socket peer = connect();
+  peer.send("ask");
+  run_until(loop, [&] { return log.data == "ask"; });
+  port->write(as_bytes("answer"));
+  peer.receive();
+  EXPECT_EQ(peer.got, "answer");
+  peer.close();
+  run_until(loop, [&] { return log.events == "up closed "; });
+}
+
+TEST_F(UnixPortTest, AFileIsNeverReplaced) {
+  std::ofstream(path) << "data";
+  const Result<void> made = make(",listen");
+  ASSERT_FALSE(made.has_value());
+  EXPECT_EQ(made.error().code, Errc::usage);
+  EXPECT_EQ(fs::file_size(path), 4U);
+}
+
+TEST_F(UnixPortTest, ASocketInUseIsNotReplacedAStaleOneIs) {
+  {
+    const SocketAddress address = *unix_address(path);
+    const UniqueFd other(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    ASSERT_EQ(::bind(other.get(), address.get(), address.size), 0);
+    ASSERT_EQ(::listen(other.get(), 1), 0);
+    const Result<void> made = make(",listen");
+    ASSERT_FALSE(made.has_value());
+    EXPECT_NE(made.error().message.find("in use"), std::string::npos);
+  }
+  EXPECT_TRUE(make(",listen").has_value());
+}
+
+TEST_F(UnixPortTest, ASocketThatSomebodyElsePutThereStays) {
+  ASSERT_TRUE(make(",listen").has_value());
+  fs::remove(path);
+  std::ofstream(path) << "other";
+  port.reset();
+  EXPECT_TRUE(fs::exists(path));
+}
+
+TEST_F(UnixPortTest, AMissingSocketIsAMissingDeviceUnlessItIsWaitedFor) {
+  const Result<void> made = make("");
+  ASSERT_FALSE(made.has_value());
+  EXPECT_EQ(made.error().code, Errc::device_missing);
+  EXPECT_TRUE(make(",wait").has_value());
+}
+
+TEST_F(UnixPortTest, ConnectsToAListener) {
+  const SocketAddress address = *unix_address(path);
+  const Socket server(UniqueFd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0)));
+  ASSERT_EQ(::bind(server.fd(), address.get(), address.size), 0);
+  ASSERT_EQ(::listen(server.fd(), 1), 0);
+  ASSERT_TRUE(make("").has_value());
+  port->open();
+  run_until(loop, [&] { return log.events == "up "; });
+  Socket peer = server.accept();
+  port->write(as_bytes("hello"));
+  peer.receive();
+  EXPECT_EQ(peer.got, "hello");
+}
+
+}  // namespace
+}  // namespace porttape
