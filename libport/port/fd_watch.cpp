@@ -4,15 +4,16 @@
 #include <utility>
 
 #include <boost/asio/io_context.hpp>
-#include <boost/asio/posix/stream_descriptor.hpp>
+#include <boost/asio/posix/basic_stream_descriptor.hpp>
 
 namespace porttape {
 
-using boost::asio::posix::stream_descriptor;
+// The executor by its own type: the default one is erased, which costs each wait.
+using Descriptor = boost::asio::posix::basic_stream_descriptor<boost::asio::io_context::executor_type>;
 
 struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
   struct Side {
-    stream_descriptor::wait_type type;
+    Descriptor::wait_type type;
     Callback callback;
     bool wanted = false;
     bool waiting = false;
@@ -20,8 +21,8 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
 
   State(Loop& loop, int fd, Callback on_readable, Callback on_writable)
       : descriptor(loop.io(), fd),
-        sides{Side{stream_descriptor::wait_read, std::move(on_readable)},
-              Side{stream_descriptor::wait_write, std::move(on_writable)}} {}
+        sides{Side{Descriptor::wait_read, std::move(on_readable)},
+              Side{Descriptor::wait_write, std::move(on_writable)}} {}
 
   void watch(std::size_t index, bool on) {
     sides[index].wanted = on && !gone;
@@ -41,7 +42,7 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
     });
   }
 
-  stream_descriptor descriptor;
+  Descriptor descriptor;
   std::array<Side, 2> sides;
   bool gone = false;
 };
