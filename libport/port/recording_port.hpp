@@ -62,6 +62,7 @@ class RecordingPort final : public Port, private PortListener {
   [[nodiscard]] TapeTime tape_time() const;
   void begin_tape();
   void start_tape();
+  void missed(std::size_t bytes);
   void end_tape();
   void tell_of_failure();
 
@@ -74,6 +75,10 @@ class RecordingPort final : public Port, private PortListener {
   bool open_ = false;
   bool started_ = false;
   bool failing_ = false;
+  bool failure_told_ = false;
+  Instant next_try_{};
+  std::uint64_t missed_bytes_ = 0;  // while the tape could not be made
+  std::string missed_why_;
   bool incomplete_ = false;
 };
 

@@ -28,6 +28,7 @@ class ReplayPort final : public Port {
     bool once = false;
     std::string report_file;
     std::function<void(const RunReport&)> on_report;  // each run's, or empty
+    bool report_unopened = false;  // a run that no driver began gets its report at the end, as with `once`
   };
 
   ReplayPort(const PortContext& context, Options options);
@@ -61,6 +62,7 @@ class ReplayPort final : public Port {
   void set_timer();
   void on_timer();
   void take_report(RunReport report);
+  [[nodiscard]] int status() const;
 
   PortContext context_;
   Options options_;
@@ -70,6 +72,7 @@ class ReplayPort final : public Port {
   Timer timer_;
   std::optional<RunReport> report_;
   Instant last_spin_{};
+  bool report_failed_ = false;
   bool open_ = false;
   bool dropping_ = false;
   bool datagrams_ = false;
