@@ -5,7 +5,6 @@
 #include <chrono>
 #include <fmt/format.h>
 #include <linux/sockios.h>
-#include <poll.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <utility>
@@ -22,25 +21,10 @@ constexpr Nanos kConnectLimit = seconds(10);
 constexpr Nanos kFirstRetry = milliseconds(100);
 constexpr Nanos kLongestRetry = seconds(5);
 constexpr Nanos kAcceptRetry = milliseconds(100);
-// A peer that has half-closed: how long after the last answer it counts as gone, and how often it is looked
-// at.
-constexpr Nanos kQuiet = seconds(2);
-constexpr Nanos kQuietWithNext = milliseconds(100);
-constexpr Nanos kFirstLook = milliseconds(1);
-constexpr Nanos kLook = milliseconds(20);
-// How long a peer that was hung up may take to close its end.
-constexpr Nanos kLeaveLimit = seconds(2);
-constexpr std::size_t kMostDiscarded = std::size_t{4} << 20;
-
 Nanos connect_limit(const PortOptions& options) {
   const double timeout = options.number("timeout");
   return timeout > 0 ? std::chrono::duration_cast<Nanos>(std::chrono::duration<double>(timeout))
                      : kConnectLimit;
-}
-
-bool has_event(int fd, short events) {
-  pollfd poll{fd, events, 0};
-  return ::poll(&poll, 1, 0) > 0;
 }
 
 }  // namespace
@@ -235,121 +219,6 @@ void StreamPort::read_pending() {
     if (size <= 0) return;
     listener().on_data(ByteView(buffer).first(static_cast<std::size_t>(size)));
   }
-}
-
-void StreamPort::peer_ended() {
-  const bool hung_up = line_->phase >= Phase::sending;
-  line_->watch.watch_readable(false);
-  if (!hung_up && passive() && peer_state(line_->fd.get()) != PeerState::gone && listener().on_ended()) {
-    context_.log->debug("{}: the peer sends no more", name());
-    line_->phase = Phase::half_closed;
-    line_->since = Loop::now();
-    line_timer_.set_after(kFirstLook);  // a close may still be under way on the other side
-    return;
-  }
-  finish_line({.reason = hung_up ? LineDown::Reason::hung_up : LineDown::Reason::closed,
-               .error = make_error(Errc::device_lost, fmt::format("{} has closed the connection", name())),
-               .after_reading = true});
-}
-
-void StreamPort::on_drained() {
-  if (line_->end_wanted) (void)::shutdown(line_->fd.get(), SHUT_WR);
-  if (line_->phase == Phase::sending) {
-    hang_up(true);
-  } else if (up_) {
-    listener().on_drained();
-  }
-}
-
-void StreamPort::hang_up(bool after_reading) {
-  if (!line_) return;
-  if (after_reading && congested()) {
-    line_->phase = Phase::sending;
-    return;
-  }
-  const bool peer_sends = line_->phase != Phase::half_closed;
-  line_->phase = Phase::leaving;
-  if (after_reading && peer_sends) {
-    (void)::shutdown(line_->fd.get(), SHUT_WR);
-    line_->watch.watch_readable(true);
-    line_timer_.set_after(kLeaveLimit);
-    return;
-  }
-  drop_line(after_reading);
-  context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
-    if (!alive.expired()) finish_line({.reason = LineDown::Reason::hung_up, .error = {}});
-  });
-}
-
-void StreamPort::on_line_timer() {
-  if (!line_) return;
-  if (line_->phase == Phase::half_closed) {
-    watch_half_closed();
-  } else if (line_->phase == Phase::leaving) {
-    finish_line({.reason = LineDown::Reason::hung_up, .error = {}});
-  }
-}
-
-void StreamPort::watch_half_closed() {
-  const PeerState peer = has_event(line_->fd.get(), 0) ? PeerState::gone : peer_state(line_->fd.get());
-  const bool hurry = peer == PeerState::unknown && has_event(listener_fd_.get(), POLLIN);
-  const bool quiet = !congested() && Loop::now() - line_->since >= (hurry ? kQuietWithNext : kQuiet);
-  if (peer == PeerState::gone || quiet) {
-    finish_line({.reason = LineDown::Reason::closed, .error = {}});
-  } else {
-    line_timer_.set_after(kLook);
-  }
-}
-
-void StreamPort::line_broken(int error_number) {
-  const LineDown::Reason reason = line_->phase >= Phase::sending ? LineDown::Reason::hung_up
-                                  : passive()                    ? LineDown::Reason::closed
-                                                                 : LineDown::Reason::lost;
-  finish_line({.reason = reason,
-               .error = make_error(Errc::device_lost, fmt::format("{}: the connection is lost ({})", name(),
-                                                                  errno_text(error_number)))});
-}
-
-// The connection is over: tells it, and sees to the next one.
-void StreamPort::finish_line(const LineDown& down) {
-  drop_line(true);
-  context_.log->debug("{}: disconnected", name());
-  if (always_open() && down.reason != LineDown::Reason::hung_up) {
-    interrupted_ = true;
-    retry_later();
-    listener().on_interrupted(down);
-    return;
-  }
-  if (passive()) listener_watch_->watch_readable(opened_);
-  if (std::exchange(up_, false)) listener().on_down(down);
-}
-
-// Unread bytes would make a close a reset, which can take sent bytes from the peer: they are read first.
-void StreamPort::drop_line(bool orderly) {
-  line_timer_.cancel();
-  if (!line_) return;
-  // The rest goes on the next turn of the loop, since one of its callbacks may be running.
-  const std::shared_ptr<Line> line(std::move(line_));
-  line->watch.stop();
-  drop(line->outbox.pending(), "they were not sent");
-  if (orderly) {
-    std::uint64_t discarded = 0;
-    const std::span<Byte> buffer = context_.loop->read_buffer();
-    for (ssize_t size = 1; size > 0 && discarded < kMostDiscarded;) {
-      size = ::recv(line->fd.get(), buffer.data(), buffer.size(), 0);
-      if (size > 0) discarded += static_cast<std::uint64_t>(size);
-    }
-    drop(discarded, "they were not read when the line was closed");
-  } else {
-    const linger at_once{1, 0};
-    (void)::setsockopt(line->fd.get(), SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
-  }
-  line->fd.reset();
-  context_.loop->post([line] {});
-}
-
-void StreamPort::drop(std::uint64_t bytes, const char* why) {
-  if (bytes > 0) listener().on_dropped(bytes, why);
 }
 
 }  // namespace porttape

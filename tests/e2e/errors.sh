@@ -107,6 +107,17 @@ record 2 'nonsense' --nonsense --device "$near" --driver "pty:$work/d/port" --ta
 record 2 'tape' --device "$near" --driver "pty:$work/d/port"
 record 2 'device' --driver "pty:$work/d/port" --tape new
 record 2 'driver' --device "$near" --tape new
+free_ports unused
+# shellcheck disable=SC2154 # free_ports sets it
+tcp=tcp:127.0.0.1:$unused
+record 2 'port.*70000' --device tcp:127.0.0.1:70000 --driver "pty:$work/d/port" --tape new
+record 2 "port.*'0'" --device tcp:127.0.0.1:0 --driver "pty:$work/d/port" --tape new
+record 2 'path.*missing' --device unix --driver "pty:$work/d/port" --tape new
+record 6 'no/such.*No such file' --device unix:/no/such --driver "pty:$work/d/port" --tape new
+record 2 'cannot listen.*192.0.2.1' --device "$tcp" --driver tcp-listen:192.0.2.1:2112 --tape new
+record 2 'no-such.invalid.*resolve' --device "$tcp" --driver tcp-listen:no-such.invalid:2112 --tape new
+record 2 'file.*not a socket' --device "$tcp" --driver "unix-listen:$work/d/file" --tape new
+record 2 "IPv6" --device tcp:::1:2112 --driver "pty:$work/d/port" --tape new
 record 2 'baud.*fast' --device "$near,baud=fast" --driver "pty:$work/d/port" --tape new
 record 2 'baud' --device "$near,baud=-9600" --driver "pty:$work/d/port" --tape new
 record 2 'parity.*maybe' --device "$near,parity=maybe" --driver "pty:$work/d/port" --tape new

@@ -111,6 +111,26 @@ TEST_F(SerialPortTest, AlwaysOpenKeepsTheDeviceThroughClose) {
   EXPECT_EQ(log.data, "on");
 }
 
+TEST_F(SerialPortTest, AlwaysOpenComesBackAfterAnUnplug) {
+  const test::TempDir dir;
+  const std::string link = (dir.path() / "ttyBack").string();
+  std::filesystem::create_symlink(path, link);
+  make_port({{"device", link}, {"alwaysopen", "1"}});
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  const UniqueFd other(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK));
+  ::grantpt(other.get());
+  ::unlockpt(other.get());
+  device.reset();
+  run_until(loop, [&] { return log.events == "up interrupted "; });
+  std::filesystem::remove(link);
+  std::filesystem::create_symlink(::ptsname(other.get()), link);
+  run_until(loop, [&] { return log.events == "up interrupted resumed "; });
+  port->write(as_bytes("x"));
+  char byte = 0;
+  EXPECT_EQ(::read(other.get(), &byte, 1), 1);
+}
+
 TEST_F(SerialPortTest, WaitsForADeviceThatIsMissing) {
   const test::TempDir dir;
   const std::string link = (dir.path() / "ttyLater").string();
