@@ -177,12 +177,7 @@ std::size_t StreamPort::unsent() const {
 bool StreamPort::discard() {
   if (!line_) return true;
   line_->outbox.discard();
-  const std::span<Byte> buffer = context_.loop->read_buffer();
-  std::size_t dropped = 0;
-  for (ssize_t size = 1; size > 0 && dropped < kMostDiscarded;
-       dropped += static_cast<std::size_t>(std::max<ssize_t>(size, 0))) {
-    size = ::recv(line_->fd.get(), buffer.data(), buffer.size(), 0);
-  }
+  (void)read_away(line_->fd.get());
   return true;
 }
 

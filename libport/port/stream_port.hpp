@@ -92,6 +92,7 @@ class StreamPort : public Port {
   void line_broken(int error_number);
   void finish_line(const LineDown& down);
   void drop_line(bool orderly);
+  std::uint64_t read_away(int fd);
   void drop(std::uint64_t bytes, const char* why);
   void retry_later();
   [[nodiscard]] bool keeps_trying() const { return options_.flag("wait") || always_open(); }
