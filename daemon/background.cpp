@@ -4,8 +4,7 @@
 #include <cerrno>
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <fstream>
-#include <signal.h>
+#include <string_view>
 #include <sys/file.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -27,7 +26,12 @@ int wait_for_child(pid_t child, int from_child) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : exit_status::kRuntime;
 }
 
-bool alive(pid_t pid) { return pid > 0 && pid != ::getpid() && (::kill(pid, 0) == 0 || errno == EPERM); }
+// Nothing, or a number and a newline.
+bool is_pid_text(std::string_view text) {
+  const std::size_t digits = text.find_first_not_of("0123456789");
+  return text.empty() || (digits == text.size() - 1 && digits > 0 && text.back() == '\n') ||
+         digits == std::string_view::npos;
+}
 
 }  // namespace
 
@@ -57,19 +61,26 @@ void Background::ready() {
 }
 
 Result<void> PidFile::write(const std::string& path) {
-  pid_t old = 0;
-  if (std::ifstream(path) >> old && alive(old)) {
-    return make_error(
-        Errc::usage,
-        fmt::format("pidfile '{}' names process {}, which is running; end it or name another file", path,
-                    old));
+  const auto refuse = [&path](const std::string& why) {
+    return make_error(Errc::usage, fmt::format("pidfile '{}' {}; name another file", path, why));
+  };
+  UniqueFd fd(::open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0644));
+  if (!fd) return refuse("cannot be written: " + errno_text(errno));
+  std::array<char, 64> old{};
+  const ssize_t size = ::read(fd.get(), old.data(), old.size());
+  const std::string_view text(old.data(), size > 0 ? static_cast<std::size_t>(size) : 0);
+  if (size < 0 || !is_pid_text(text)) return refuse("is not a pidfile and is left alone");
+  // The lock goes with the process, however it ends, and numbers are used again: the number alone says
+  // nothing.
+  if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0) {
+    return refuse(fmt::format("is that of process {}, which is running", text.substr(0, text.find('\n'))));
   }
-  const UniqueFd fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0644));
-  const std::string text = fmt::format("{}\n", ::getpid());
-  if (!fd || ::write(fd.get(), text.data(), text.size()) != static_cast<ssize_t>(text.size())) {
-    return make_error(Errc::usage,
-                      fmt::format("pidfile '{}' cannot be written: {}", path, errno_text(errno)));
+  const std::string number = fmt::format("{}\n", ::getpid());
+  if (::ftruncate(fd.get(), 0) != 0 ||
+      ::pwrite(fd.get(), number.data(), number.size(), 0) != static_cast<ssize_t>(number.size())) {
+    return refuse("cannot be written: " + errno_text(errno));
   }
+  fd_ = std::move(fd);
   path_ = path;
   return {};
 }

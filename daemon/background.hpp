@@ -24,7 +24,8 @@ class Background {
   UniqueFd to_parent_;
 };
 
-// A file with the process's number, removed at the end. Errc::usage when a living process's number is in it.
+// A file with the process's number, locked while the process lives and removed at the end. Errc::usage when
+// another process holds it, or when it is something else than a pidfile.
 class PidFile {
  public:
   PidFile() = default;
@@ -35,6 +36,7 @@ class PidFile {
   Result<void> write(const std::string& path);
 
  private:
+  UniqueFd fd_;
   std::string path_;
 };
 

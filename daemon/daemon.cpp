@@ -1,7 +1,9 @@
 #include "daemon/daemon.hpp"
 
 #include <csignal>
+#include <filesystem>
 #include <fmt/format.h>
+#include <set>
 #include <utility>
 
 #include <boost/asio/io_context.hpp>
@@ -35,6 +37,7 @@ Daemon::~Daemon() = default;
 Result<void> Daemon::start(const std::map<std::string, ChannelSpec>& channels) {
   signals_ = std::make_unique<Signals>(*this, *loop_);
   const bool named = channels.size() > 1;
+  std::set<std::string> tapes;
   for (const auto& [name, spec] : channels) {
     const auto fail = [&name = name, named](const Error& error) {
       return make_error(error.code,
@@ -42,6 +45,14 @@ Result<void> Daemon::start(const std::map<std::string, ChannelSpec>& channels) {
     };
     const Result<ChannelPorts> ports = channel_ports(spec);
     if (!ports) return fail(ports.error());
+    if (ports->device.type.ends_with("log")) {
+      const std::string tape =
+          std::filesystem::absolute(ports->device.text("file")).lexically_normal().string();
+      if (!tapes.insert(tape).second) {
+        return fail(
+            make_error(Errc::usage, fmt::format("tape '{}' is that of another channel; name another", tape)));
+      }
+    }
     const PortContext context{loop_, named ? log_->clone(name) : log_};
     Result<std::unique_ptr<Session>> session =
         make_session(context, *ports, [this, name = name](int exit_status) { ended(name, exit_status); });

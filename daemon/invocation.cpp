@@ -152,7 +152,9 @@ Result<Invocation> parse_invocation(std::span<const std::string> arguments) {
   try {
     return parse(arguments);
   } catch (const po::error& error) {
-    return usage(fmt::format("{}; see porttaped --help", error.what()));
+    const bool of_verb = !arguments.empty() && !arguments.front().starts_with('-');
+    return usage(
+        fmt::format("{}; see porttaped {}--help", error.what(), of_verb ? arguments.front() + " " : ""));
   }
 }
 

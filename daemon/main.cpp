@@ -28,13 +28,13 @@ int run(const Invocation& line) {
   }
   Result<std::shared_ptr<spdlog::logger>> log = make_log(line.log_file, line.log_level);
   if (!log) return fail(log.error());
+  Loop loop;
+  Daemon daemon(loop, *log);
+  if (Result<void> started = daemon.start(line.channels); !started) return fail(started.error());
   PidFile pid_file;
   if (!line.pid_file.empty()) {
     if (Result<void> written = pid_file.write(line.pid_file); !written) return fail(written.error());
   }
-  Loop loop;
-  Daemon daemon(loop, *log);
-  if (Result<void> started = daemon.start(line.channels); !started) return fail(started.error());
   background.ready();
   notify_systemd("READY=1");
   const int status = daemon.run();

@@ -87,12 +87,6 @@ std::vector<OptionSpec> test_options() {
   return specs;
 }
 
-std::string port_of(const PortOptions& driver) {
-  const std::string name = driver.name();
-  const std::size_t colon = name.find(':');
-  return colon == std::string::npos ? name : name.substr(colon + 1);
-}
-
 std::vector<std::string> with_port(std::vector<std::string> command, const std::string& port) {
   constexpr std::string_view placeholder = "{port}";
   for (std::string& argument : command) {
@@ -110,7 +104,7 @@ class TestRun {
       : request_(std::move(request)),
         log_(std::make_shared<spdlog::logger>("porttape", std::make_shared<spdlog::sinks::stderr_sink_mt>())),
         kill_timer_(loop_, [this] { end_command(); }),
-        signals_(loop_.io(), SIGINT, SIGTERM) {
+        signals_(loop_.io(), SIGINT, SIGTERM, SIGHUP) {
     log_->set_level(spdlog::level::err);
     log_->set_pattern("porttape: %v");
   }
@@ -122,7 +116,7 @@ class TestRun {
     while (loop_.poll_one()) {  // what the command did last
     }
     kill_timer_.cancel();
-    session_->stop();
+    if (session_) session_->stop();
     while (session_) loop_.run_one();
     return verdict();
   }
@@ -136,18 +130,24 @@ class TestRun {
     const PortContext context{&loop_, log_};
     const Result<ReplayConfig> config = replay_config(request_.ports.device);
     if (!config) return config.error();
-    ReplayPort::Options options{literal_tape(request_.ports.device.text("file")), *config, false, {}, {}};
+    ReplayPort::Options options{
+        literal_tape(request_.ports.device.text("file")), *config, false, {}, {}, true};
     options.on_report = [this](const RunReport& report) { take(report); };
     auto device = std::make_unique<ReplayPort>(context, std::move(options));
     Result<std::unique_ptr<Port>> driver = make_port(context, request_.ports.driver, device->name());
     if (!driver) return driver.error();
-    session_ = std::make_unique<Session>(context, std::move(*driver), std::move(device),
-                                         [this](int) { session_.reset(); });
+    session_ = std::make_unique<Session>(context, std::move(*driver), std::move(device), [this](int status) {
+      session_status_ = status;
+      session_.reset();
+    });
     return session_->start();
   }
 
   Result<void> start_command() {
-    Result<std::unique_ptr<ChildProcess>> command = ChildProcess::start(loop_, request_.command, [] {});
+    const std::string name = session_->driver().name();
+    const std::string port = name.substr(name.find(':') + 1);
+    Result<std::unique_ptr<ChildProcess>> command =
+        ChildProcess::start(loop_, with_port(request_.command, port), [] {});
     if (!command) return command.error();
     command_ = std::move(*command);
     if (request_.timeout) kill_timer_.set_after(*request_.timeout);
@@ -158,8 +158,11 @@ class TestRun {
   void wait_for_signal() {
     signals_.async_wait([this](const boost::system::error_code& error, int number) {
       if (error) return;
+      // The command gets the signal, then a while to end; a second signal ends it at once.
+      command_->kill(interrupted_ ? SIGKILL : number);
       interrupted_ = true;
-      command_->kill(number);
+      terminated_ = true;
+      kill_timer_.set_after(kAfterTerm);
       wait_for_signal();
     });
   }
@@ -167,6 +170,8 @@ class TestRun {
   // Of several runs in one command the first that failed counts; one in which nothing passed (`stty` before
   // the driver proper) only when it is the last.
   void take(const RunReport& report) {
+    if (session_ && session_->counters().opens == 0 && trouble_.empty())
+      trouble_ = "the command never opened the port";
     const bool empty = report_ && report_->from_driver_bytes == 0 && report_->to_driver_bytes == 0;
     if (!report_ || empty || exit_status_of(*report_) == exit_status::kPass) report_ = report;
     const bool hung_up = report.mismatch && request_.ports.device.text("on-mismatch") == "fail";
@@ -174,19 +179,17 @@ class TestRun {
   }
 
   void end_command() {
-    if (!terminated_ && !report_) trouble_ = "the command ran longer than --timeout and was ended";
+    if (!terminated_ && (!report_ || !report_->mismatch))
+      trouble_ = "the command ran longer than --timeout and was ended";
     command_->kill(terminated_ ? SIGKILL : SIGTERM);
     terminated_ = true;
     kill_timer_.set_after(kAfterTerm);
   }
 
-  RunReport verdict() {
-    if (!report_) {
-      if (trouble_.empty()) trouble_ = "the command never opened the port";
-      report_.emplace();
-      report_->strictness = static_cast<int>(request_.ports.device.integer("strictness"));
-      report_->verdict = report_->strictness == 0 ? Verdict::pass : Verdict::incomplete;
-    }
+  Result<RunReport> verdict() {
+    if (!report_)
+      return make_error(session_status_ == exit_status::kDevice ? Errc::device_missing : Errc::io,
+                        "there was no run; what went wrong is told above");
     report_->tape = request_.ports.device.text("file");
     report_->command_exit = command_->exit_code();
     return *report_;
@@ -201,6 +204,7 @@ class TestRun {
   Timer kill_timer_;
   boost::asio::signal_set signals_;
   std::string trouble_;
+  int session_status_ = 0;
   bool terminated_ = false;
   bool interrupted_ = false;
 };
@@ -232,7 +236,7 @@ Result<Request> read_request(const po::variables_map& values, const std::vector<
   }
   if (command.empty())
     return make_error(Errc::usage, "the command is missing: porttape test --tape NAME -- COMMAND…");
-  request.command = with_port(std::move(command), port_of(request.ports.driver));
+  request.command = std::move(command);
   return request;
 }
 

@@ -139,6 +139,15 @@ void BlockingPort::on_data(ByteView data) {
   }
 }
 
+void BlockingPort::on_arrivals(ByteView data, std::span<const std::size_t> ends) {
+  if (!port_->keeps_datagrams()) return on_data(data);
+  std::size_t begin = 0;
+  for (const std::size_t end : ends) {
+    on_data(data.subspan(begin, end - begin));
+    begin = end;
+  }
+}
+
 void BlockingPort::on_down(const LineDown& down) {
   up_ = false;
   drained_ = true;

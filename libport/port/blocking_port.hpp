@@ -131,6 +131,7 @@ class BlockingPort final : private PortListener {
 
   void on_up() override;
   void on_data(ByteView data) override;
+  void on_arrivals(ByteView data, std::span<const std::size_t> ends) override;
   void on_drained() override { drained_ = true; }
   void on_down(const LineDown& down) override;
   void on_finished(int exit_status) override;

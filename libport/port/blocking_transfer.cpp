@@ -189,22 +189,26 @@ Result<Transfer> BlockingPort::write(ByteView data) {
   const Remaining left(timeout_);
   poll();
   std::size_t sent = 0;
-  while (sent < data.size() || port_->congested()) {
-    if (up_ && !down_ && !port_->congested()) {
-      drained_ = false;
+  while (!down_ && !data.empty()) {
+    if (up_ && !port_->congested()) {
+      if (sent == data.size()) break;
       const ByteView rest = data.subspan(sent);
-      sent += port_->write_some(port_->keeps_datagrams() ? rest
-                                                          : rest.first(std::min(rest.size(), kWriteChunk)));
+      const ByteView piece = port_->keeps_datagrams() ? rest : rest.first(std::min(rest.size(), kWriteChunk));
+      drained_ = false;
+      const std::size_t taken = port_->write_some(piece);
+      sent += taken;
+      if (taken == piece.size()) continue;
     }
-    if (down_) break;
-    if (sent == data.size() && !port_->congested()) break;
-    if (up_ && drained_) continue;
-    if (wait([&] { return (up_ && drained_) || down_; }, left()) != Wake::ready) break;
+    const auto can_go_on = [&] { return down_ || (up_ && drained_ && !port_->congested()); };
+    if (wait(can_go_on, left()) != Wake::ready) break;
   }
+  poll();  // a line that broke while it took the bytes
   written_bytes_ += sent;
   if (!down_) return sent > 0 || data.empty() ? Transfer{sent} : Transfer{0, Transfer::End::timed_out};
-  const Error error = broken();
+  if (sent == data.size() && down_->after_reading)
+    return Transfer{sent};  // an orderly end, after these bytes
   const bool refused = down_->reason == LineDown::Reason::hung_up && !down_->error.message.empty();
+  const Error error = broken();
   line_ended();
   if (open_ && !refused) return Transfer{sent, Transfer::End::closed};
   return error;

@@ -202,9 +202,9 @@ void PtyPort::order_events() {
     } else if (!peer_) {
       peer_arrived();
     } else if (openers_ == 0) {
-      // Bytes written before the close had woken us earlier than the close did, so that what is unread now
-      // was written after the open, if anything was.
-      peer_reopened(std::find(event, events.end(), Pty::Event::written) == events.end());
+      const bool before = std::find(events.begin(), event, Pty::Event::written) != event;
+      const bool after = std::find(event, events.end(), Pty::Event::written) != events.end();
+      peer_reopened(before || !after);
     } else {
       ++openers_;
       context_.log->info("{}: a second program has opened it", name());
@@ -213,6 +213,8 @@ void PtyPort::order_events() {
 }
 
 void PtyPort::on_readable() {
+  // First what sessions the bytes belong to: the wake-up for a reopen may stand behind this one.
+  order_events();
   // More than one read only when the first was full: an extra read for EAGAIN would cost each short exchange.
   while (peer_ && reading_ && read_once()) {
   }

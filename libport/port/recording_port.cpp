@@ -1,5 +1,6 @@
 #include "libport/port/recording_port.hpp"
 
+#include <chrono>
 #include <filesystem>
 #include <fmt/format.h>
 #include <string_view>
@@ -10,6 +11,15 @@
 namespace porttape {
 namespace {
 
+// How often a tape that cannot be made or written is tried again, or told of.
+constexpr Nanos kRetry = std::chrono::seconds(1);
+
+// Whatever else is wrong with a place is told when the tape is made there.
+bool taken(const std::filesystem::path& path) {
+  std::error_code error;
+  return std::filesystem::exists(std::filesystem::symlink_status(path, error));
+}
+
 // The first free name after this one: `laser.log`, `laser.2.log`, `laser.3.log`, …
 TapePaths next_tape(const TapePaths& first) {
   const std::string name = first.name();
@@ -18,10 +28,7 @@ TapePaths next_tape(const TapePaths& first) {
   const std::string_view suffix = std::string_view(name).substr(stem.size());
   for (int number = 2;; ++number) {
     TapePaths paths = literal_tape(fmt::format("{}.{}{}", stem, number, suffix));
-    if (TapeWriter::check(paths, {})) return paths;
-    std::error_code error;
-    if (!std::filesystem::exists(paths.read.parent_path(), error) && paths.read.has_parent_path())
-      return paths;
+    if (!taken(paths.read) && !taken(paths.write) && !taken(paths.events)) return paths;
   }
 }
 
@@ -47,10 +54,26 @@ TapeTime RecordingPort::tape_time() const {
 
 void RecordingPort::open() {
   open_ = true;
-  const bool first = !started_;
-  if (first) start_tape();
-  if (tape_) tape_->open_event(first ? TapeTime{} : tape_time());
+  if (started_) {
+    if (!tape_) start_tape();
+    if (tape_) tape_->open_event(tape_time());
+  } else {
+    zero_ = options_.now();
+    if (!options_.overwrite) begin_tape();
+  }
   inner_->open();
+}
+
+// A tape that replaces another is made only when the line is up: a device that cannot be opened costs
+// nothing.
+void RecordingPort::on_up() {
+  if (open_ && !started_) begin_tape();
+  listener().on_up();
+}
+
+void RecordingPort::begin_tape() {
+  start_tape();
+  if (tape_) tape_->open_event(TapeTime{});
 }
 
 void RecordingPort::close() {
@@ -62,7 +85,7 @@ void RecordingPort::close() {
 void RecordingPort::write(ByteView data) {
   const TapeTime at = tape_time();  // before it goes out: the answer must not be stamped earlier
   inner_->write(data);
-  if (!tape_) return;
+  if (!tape_) return missed(data.size());
   tape_->write_block(at, data);
   tell_of_failure();
 }
@@ -70,9 +93,12 @@ void RecordingPort::write(ByteView data) {
 std::size_t RecordingPort::write_some(ByteView data) {
   const TapeTime at = tape_time();
   const std::size_t sent = inner_->write_some(data);
-  if (!tape_) return sent;
-  tape_->write_block(at, data.first(sent));
-  tell_of_failure();
+  if (tape_) {
+    tape_->write_block(at, data.first(sent));
+    tell_of_failure();
+  } else {
+    missed(sent);
+  }
   return sent;
 }
 
@@ -85,7 +111,7 @@ bool RecordingPort::discard() {
 void RecordingPort::on_data(ByteView data) {
   const TapeTime at = tape_time();
   listener().on_data(data);
-  if (!tape_) return;
+  if (!tape_) return missed(data.size());
   tape_->read_block(at, data);
   tell_of_failure();
 }
@@ -111,22 +137,38 @@ void RecordingPort::on_dropped(std::uint64_t bytes, std::string_view why) {
   listener().on_dropped(bytes, why);
 }
 
+// Bytes passed while the tape could not be made.
+void RecordingPort::missed(std::size_t bytes) {
+  if (!started_) return;  // no driver has come yet
+  missed_bytes_ += bytes;
+  if (options_.now() >= next_try_) start_tape();
+}
+
 void RecordingPort::start_tape() {
   started_ = true;
-  zero_ = options_.now();
+  next_try_ = options_.now() + kRetry;
   Result<TapeWriter> tape =
       TapeWriter::create(options_.tape, options_.header, {.overwrite = options_.overwrite});
   if (tape) {
     tape_ = std::move(*tape);
+    next_try_ = {};
     context_.log->info("recording to {}", options_.tape.name());
+    if (!missed_why_.empty()) tape_->gap_event(tape_time(), std::exchange(missed_bytes_, 0), missed_why_);
+    missed_why_.clear();
     return;
   }
   incomplete_ = true;
-  context_.log->error("{}; nothing is recorded, the line stays up", tape.error().message);
+  if (std::exchange(missed_why_, tape.error().message).empty()) {
+    context_.log->error("{}; nothing is recorded until that is mended, the line stays up", missed_why_);
+  }
   if (options_.fail_closed) listener().on_finished(exit_status::kRuntime);
 }
 
 void RecordingPort::end_tape() {
+  if (missed_bytes_ > 0) {
+    context_.log->error("{} bytes passed and are on no tape: {}", std::exchange(missed_bytes_, 0),
+                        missed_why_);
+  }
   if (!tape_) return;
   const Result<void> finished = tape_->finish(tape_time());
   if (!finished) {
@@ -142,10 +184,16 @@ void RecordingPort::tell_of_failure() {
   if (tape_->failing() == failing_) return;
   failing_ = !failing_;
   if (!failing_) {
-    context_.log->info("{} is being written again; {} bytes are missing", options_.tape.name(),
-                       tape_->bytes_lost());
+    if (std::exchange(failure_told_, false)) {
+      context_.log->info("{} is being written again; {} bytes are missing", options_.tape.name(),
+                         tape_->bytes_lost());
+    }
     return;
   }
+  // A nearly full disk takes one block and not the next.
+  if (options_.now() < next_try_) return;
+  next_try_ = options_.now() + kRetry;
+  failure_told_ = true;
   context_.log->error(
       "tape {}: {}; {}", options_.tape.name(), tape_->failure(),
       options_.fail_closed ? "ending, as --fail-closed asks" : "the line stays up, the loss is counted");
@@ -159,8 +207,8 @@ void RecordingPort::rotate() {
   options_.overwrite = false;
   started_ = false;
   if (!open_) return;
-  start_tape();
-  if (tape_) tape_->open_event(TapeTime{});
+  zero_ = options_.now();
+  begin_tape();
 }
 
 int RecordingPort::finish() {

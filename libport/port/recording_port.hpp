@@ -49,7 +49,7 @@ class RecordingPort final : public Port, private PortListener {
   [[nodiscard]] std::string name() const override { return inner_->name(); }
 
  private:
-  void on_up() override { listener().on_up(); }
+  void on_up() override;
   void on_data(ByteView data) override;
   void on_drained() override { listener().on_drained(); }
   void on_down(const LineDown& down) override;
@@ -60,7 +60,9 @@ class RecordingPort final : public Port, private PortListener {
   void on_dropped(std::uint64_t bytes, std::string_view why) override;
 
   [[nodiscard]] TapeTime tape_time() const;
+  void begin_tape();
   void start_tape();
+  void missed(std::size_t bytes);
   void end_tape();
   void tell_of_failure();
 
@@ -73,6 +75,10 @@ class RecordingPort final : public Port, private PortListener {
   bool open_ = false;
   bool started_ = false;
   bool failing_ = false;
+  bool failure_told_ = false;
+  Instant next_try_{};
+  std::uint64_t missed_bytes_ = 0;  // while the tape could not be made
+  std::string missed_why_;
   bool incomplete_ = false;
 };
 

@@ -92,6 +92,8 @@ Result<void> ReplayPort::prepare() {
   }
   schedule_ = std::move(*schedule);
   writes_ = std::move(*writes);
+  const std::optional<TapeHeader> header = schedule_->header();
+  datagrams_ = header && header->device.starts_with("udp");
   const Engine::TapeFacts facts{.stamped_at_arrival = schedule_->has_events(), .opens = *opens};
   engine_ = std::make_unique<Engine>(options_.config, facts, *schedule_, *writes_);
   return {};
@@ -171,7 +173,7 @@ void ReplayPort::perform(ReplayActions& actions) {
   }
   const bool exit = actions.exit;
   if (actions.run_ended) take_report(std::move(*actions.run_ended));
-  if (exit && report_) listener().on_finished(options_.once ? exit_status_of(*report_) : exit_status::kPass);
+  if (exit && report_) listener().on_finished(options_.once ? status() : exit_status::kPass);
 }
 
 void ReplayPort::take_report(RunReport report) {
@@ -182,9 +184,15 @@ void ReplayPort::take_report(RunReport report) {
   if (!options_.report_file.empty()) {
     if (Result<void> written = write_report(options_.report_file, to_json(*report_)); !written) {
       context_.log->error("{}", written.error().message);
+      report_failed_ = true;
     }
   }
-  if (options_.once) listener().on_finished(exit_status_of(*report_));
+  if (options_.once) listener().on_finished(status());
+}
+
+int ReplayPort::status() const {
+  const int verdict = report_ ? exit_status_of(*report_) : exit_status::kPass;
+  return verdict == exit_status::kPass && report_failed_ ? exit_status::kRuntime : verdict;
 }
 
 void ReplayPort::set_timer() {
@@ -212,11 +220,13 @@ void ReplayPort::on_timer() {
 int ReplayPort::finish() {
   timer_.cancel();
   if (!engine_) return 0;
+  // A run that no driver has begun is a verdict too, for one who waits for it.
+  if ((options_.once || options_.report_unopened) && !report_) engine_->on_open(Loop::now());
   if (std::optional<RunReport> report = engine_->finish(Loop::now())) {
     options_.once = false;  // the session is ending already
     take_report(std::move(*report));
   }
-  return report_ ? exit_status_of(*report_) : 0;
+  return status();
 }
 
 }  // namespace porttape

@@ -28,6 +28,7 @@ class ReplayPort final : public Port {
     bool once = false;
     std::string report_file;
     std::function<void(const RunReport&)> on_report;  // each run's, or empty
+    bool report_unopened = false;  // a run that no driver began gets its report at the end, as with `once`
   };
 
   ReplayPort(const PortContext& context, Options options);
@@ -43,6 +44,8 @@ class ReplayPort final : public Port {
   // behind.
   bool discard() override;
   [[nodiscard]] std::string awaits() override;
+  // Each block of a tape of UDP was a datagram.
+  [[nodiscard]] bool keeps_datagrams() const override { return datagrams_; }
   void set_reading(bool on) override;
   void hang_up(bool) override {}
   // Ends the run; the status is its verdict's.
@@ -59,6 +62,7 @@ class ReplayPort final : public Port {
   void set_timer();
   void on_timer();
   void take_report(RunReport report);
+  [[nodiscard]] int status() const;
 
   PortContext context_;
   Options options_;
@@ -68,8 +72,10 @@ class ReplayPort final : public Port {
   Timer timer_;
   std::optional<RunReport> report_;
   Instant last_spin_{};
+  bool report_failed_ = false;
   bool open_ = false;
   bool dropping_ = false;
+  bool datagrams_ = false;
 };
 
 }  // namespace porttape

@@ -53,12 +53,16 @@ Result<void> write_report(const std::string& path, std::string_view text) {
     std::cout << text << std::flush;
     return {};
   }
-  const bool replace = replaceable(path);
-  const std::string target = replace ? fmt::format("{}.{}.new", path, ::getpid()) : path;
-  UniqueFd fd(::open(target.c_str(), O_WRONLY | O_CLOEXEC | O_CREAT | (replace ? O_TRUNC : O_APPEND), 0644));
+  std::error_code unresolved;
+  const std::string file = fs::weakly_canonical(path, unresolved).string();
+  const bool replace = !unresolved && replaceable(file);
+  const std::string target = replace ? fmt::format("{}.{}.new", file, ::getpid()) : path;
+  // O_NONBLOCK: a pipe that nobody reads is an error, not a wait.
+  UniqueFd fd(::open(target.c_str(),
+                     O_WRONLY | O_CLOEXEC | O_CREAT | O_NONBLOCK | (replace ? O_TRUNC : O_APPEND), 0644));
   bool ok = fd && write_all(fd.get(), text);
   if (ok) ok = ::close(fd.release()) == 0;
-  if (ok && replace) ok = std::rename(target.c_str(), path.c_str()) == 0;
+  if (ok && replace) ok = std::rename(target.c_str(), file.c_str()) == 0;
   if (ok) return {};
   const int error_number = errno;
   if (replace) (void)::unlink(target.c_str());

@@ -118,6 +118,7 @@ void SerialPort::open() {
 }
 
 void SerialPort::try_open() {
+  if (line_) return;  // two wake-ups in one turn of the loop
   Result<UniqueFd> fd = open_device();
   if (!fd) {
     if (!options_.flag("wait") && !interrupted_) {

@@ -4,6 +4,8 @@
 #include <cerrno>
 #include <chrono>
 #include <fmt/format.h>
+#include <linux/sockios.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <utility>
 
@@ -156,6 +158,27 @@ void StreamPort::write(ByteView data) {
   }
   if (line_->phase == Phase::half_closed) line_->since = Loop::now();
   line_->outbox.write(data);
+}
+
+std::size_t StreamPort::write_some(ByteView data) {
+  if (!line_ || line_->phase >= Phase::sending || line_->end_wanted) return 0;
+  if (line_->phase == Phase::half_closed) line_->since = Loop::now();
+  return line_->outbox.write_some(data);
+}
+
+std::size_t StreamPort::unsent() const {
+  if (!line_) return 0;
+  int queued = 0;
+  const bool known = ::ioctl(line_->fd.get(), SIOCOUTQ, &queued) == 0 && queued > 0;
+  return line_->outbox.pending() + (known ? static_cast<std::size_t>(queued) : 0);
+}
+
+// What has come so far; what the kernel has taken is on its way.
+bool StreamPort::discard() {
+  if (!line_) return true;
+  line_->outbox.discard();
+  (void)read_away(line_->fd.get());
+  return true;
 }
 
 void StreamPort::end_writing() {

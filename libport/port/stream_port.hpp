@@ -38,6 +38,9 @@ class StreamPort : public Port {
   void close() override;
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
+  std::size_t write_some(ByteView data) override;
+  [[nodiscard]] std::size_t unsent() const override;
+  bool discard() override;
   void end_writing() override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
@@ -89,6 +92,7 @@ class StreamPort : public Port {
   void line_broken(int error_number);
   void finish_line(const LineDown& down);
   void drop_line(bool orderly);
+  std::uint64_t read_away(int fd);
   void drop(std::uint64_t bytes, const char* why);
   void retry_later();
   [[nodiscard]] bool keeps_trying() const { return options_.flag("wait") || always_open(); }

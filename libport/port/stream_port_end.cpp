@@ -121,6 +121,17 @@ void StreamPort::finish_line(const LineDown& down) {
   if (std::exchange(up_, false)) listener().on_down(down);
 }
 
+// Takes what has come so far and gives how much that was.
+std::uint64_t StreamPort::read_away(int fd) {
+  const std::span<Byte> buffer = context_.loop->read_buffer();
+  std::uint64_t bytes = 0;
+  for (ssize_t size = 1; size > 0 && bytes < kMostDiscarded;) {
+    size = ::recv(fd, buffer.data(), buffer.size(), 0);
+    if (size > 0) bytes += static_cast<std::uint64_t>(size);
+  }
+  return bytes;
+}
+
 // Unread bytes would make a close a reset, which can take sent bytes from the peer: they are read first.
 void StreamPort::drop_line(bool orderly) {
   line_timer_.cancel();
@@ -130,13 +141,7 @@ void StreamPort::drop_line(bool orderly) {
   line->watch.stop();
   drop(line->outbox.pending(), "they were not sent");
   if (orderly) {
-    std::uint64_t discarded = 0;
-    const std::span<Byte> buffer = context_.loop->read_buffer();
-    for (ssize_t size = 1; size > 0 && discarded < kMostDiscarded;) {
-      size = ::recv(line->fd.get(), buffer.data(), buffer.size(), 0);
-      if (size > 0) discarded += static_cast<std::uint64_t>(size);
-    }
-    drop(discarded, "they were not read when the line was closed");
+    drop(read_away(line->fd.get()), "they were not read when the line was closed");
   } else {
     const linger at_once{1, 0};
     (void)::setsockopt(line->fd.get(), SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);

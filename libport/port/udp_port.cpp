@@ -16,6 +16,7 @@ namespace {
 
 constexpr std::size_t kLargest = 65507;  // bytes in an IPv4 datagram
 constexpr int kReadsATurn = 32;
+constexpr int kMostDiscarded = 65536;
 constexpr int kReceiveBuffer = 1 << 20;  // the kernel drops what does not fit, without a word
 
 std::uint16_t port_of(const PortOptions& options, const char* option) {
@@ -182,6 +183,15 @@ void UdpPort::on_writable() {
   if (!queue_.empty()) return;
   watch_->watch_writable(false);
   if (up_) listener().on_drained();
+}
+
+bool UdpPort::discard() {
+  queue_.clear();
+  watch_->watch_writable(false);
+  const std::span<Byte> buffer = context_.loop->read_buffer();
+  for (int n = 0; n < kMostDiscarded && ::recv(fd_.get(), buffer.data(), buffer.size(), 0) >= 0; ++n) {
+  }
+  return true;
 }
 
 void UdpPort::set_reading(bool on) {

@@ -37,6 +37,7 @@ class UdpPort final : public Port {
   void close() override;
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return !queue_.empty(); }
+  bool discard() override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;

@@ -194,6 +194,7 @@ void Engine::Impl::stop_if_damaged() {
   const std::string trouble = error->message;
   end_run();
   pending.run_ended->trouble = trouble;
+  if (pending.run_ended->verdict == Verdict::pass) pending.run_ended->verdict = Verdict::incomplete;
 }
 
 void Engine::Impl::tell_difference(ByteView got) {

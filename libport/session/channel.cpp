@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <utility>
 
 #include "libport/port/port_factory.hpp"
@@ -49,7 +50,12 @@ Result<std::map<std::string, std::string>> check_values(const ChannelSpec& spec)
   std::map<std::string, std::string> checked;
   for (const auto& [name, value] : spec.values) {
     const auto option = std::ranges::find(known, name, &OptionSpec::name);
-    if (option == known.end()) return usage(fmt::format("unknown option '{}'; see --help", name));
+    if (option == known.end()) {
+      std::vector<std::string_view> names;
+      for (const OptionSpec& each : known) names.push_back(each.name);
+      return usage(
+          fmt::format("unknown option '{}' ('{}'); accepted: {}", name, value, fmt::join(names, ", ")));
+    }
     Result<std::string> good = check_value(*option, value);
     if (!good) return good.error();
     if (option->kind != Kind::flag || !good->empty()) checked[name] = std::move(*good);

@@ -19,7 +19,9 @@ std::string_view kind_of_file(mode_t mode) {
 }
 
 Error cannot_read(const std::string& name, int error_number) {
-  return make_error(Errc::usage, "cannot read " + name + ": " + errno_text(error_number));
+  const bool ours =
+      error_number == EMFILE || error_number == ENFILE || error_number == ENOMEM || error_number == EIO;
+  return make_error(ours ? Errc::io : Errc::usage, "cannot read " + name + ": " + errno_text(error_number));
 }
 
 Result<void> check_regular(const std::string& name, const struct stat& status) {

@@ -27,7 +27,8 @@ TEST(PidFile, HasOurNumberUntilItGoes) {
 TEST(PidFile, OfALivingProcessIsLeftAlone) {
   const test::TempDir dir;
   const std::string path = dir / "pid";
-  std::ofstream(path) << ::getppid() << '\n';
+  PidFile living;
+  ASSERT_TRUE(living.write(path).has_value());
   {
     PidFile file;
     const Result<void> written = file.write(path);
@@ -37,10 +38,21 @@ TEST(PidFile, OfALivingProcessIsLeftAlone) {
   EXPECT_TRUE(std::filesystem::exists(path));
 }
 
-TEST(PidFile, OfADeadProcessIsReplaced) {
+TEST(PidFile, AnythingElseIsLeftAlone) {
+  const test::TempDir dir;
+  const std::string path = dir / "notes";
+  std::ofstream(path) << "precious\n";
+  {
+    PidFile file;
+    EXPECT_FALSE(file.write(path).has_value());
+  }
+  EXPECT_EQ(std::filesystem::file_size(path), 9U);
+}
+
+TEST(PidFile, OfADeadProcessIsReplacedWhoeverHasItsNumberNow) {
   const test::TempDir dir;
   const std::string path = dir / "pid";
-  std::ofstream(path) << "999999999\n";
+  std::ofstream(path) << ::getppid() << '\n';
   PidFile file;
   EXPECT_TRUE(file.write(path).has_value());
 }

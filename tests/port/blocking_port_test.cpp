@@ -465,13 +465,24 @@ TEST(BlockingPort, ATapeRecordedInProcessReplaysInProcess) {
       "type=logreader,strictness=2,jitter=10000,timing=reactive,timeout=5,file=" + (dir / "t.log"));
   ASSERT_TRUE(replay.has_value() && (*replay)->open().has_value());
   EXPECT_EQ(told((*replay)->write(as_bytes("ask"))), "3 ");
-  EXPECT_EQ(read_some(**replay), "6 answer");
+  EXPECT_EQ(read_some(**replay, 6), "6 answer") << "what follows may have come too";
   EXPECT_EQ(told((*replay)->bytes_available_wait()), "5 ");
   EXPECT_TRUE((*replay)->flush().has_value());
   EXPECT_EQ((*replay)->bytes_available().value(), 0U) << "dropped as it was when recorded";
   EXPECT_EQ(told((*replay)->write(as_bytes("bye"))), "3 ");
   (*replay)->close();
   EXPECT_EQ((*replay)->finish(), 0);
+}
+
+TEST(BlockingPort, ALineThatCannotBeOpenedLeavesTheOldTape) {
+  const test::TempDir dir;
+  for (const char* file : {"t.logr", "t.logw"})
+    test::write_file(dir / file, test::block_bytes({{0, "kept"}}));
+  auto port = BlockingPort::create("type=tcplog,overwrite,port=1,timeout=5,file=" + (dir / "t.log"));
+  ASSERT_TRUE(port.has_value());
+  EXPECT_FALSE((*port)->open().has_value());
+  port->reset();
+  EXPECT_EQ(test::read_file(dir / "t.logr"), test::block_bytes({{0, "kept"}}));
 }
 
 }  // namespace

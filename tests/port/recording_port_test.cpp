@@ -132,6 +132,30 @@ TEST_F(RecordingPortTest, TheLineStaysUpWhenTheTapeCannotBeMade) {
   EXPECT_EQ(port->finish(), exit_status::kRuntime);
 }
 
+TEST_F(RecordingPortTest, ATapeThatCouldNotBeMadeIsTriedAgainAndSaysWhatIsMissing) {
+  ASSERT_TRUE(port->prepare().has_value());
+  fs::remove_all(dir.path());
+  port->open();
+  port->write(as_bytes("lost"));
+  fs::create_directory(dir.path());
+  pass(2'000'000);
+  device.send("this too");
+  port->write(as_bytes("kept"));
+  port->finish();
+  EXPECT_EQ(records(tape), "gap@2000000 w:kept@2000000 close@2000001 end@2000001 ");
+}
+
+TEST_F(RecordingPortTest, RotationToANameThatCannotBeMadeKeepsTheLine) {
+  tape = literal_tape(dir / (std::string(253, 'a')));
+  make_port();
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  port->rotate();
+  port->write(as_bytes("ask"));
+  EXPECT_EQ(device.written, "ask");
+  EXPECT_EQ(port->finish(), exit_status::kRuntime);
+}
+
 TEST_F(RecordingPortTest, FailClosedAsksForTheEndWhenTheTapeCannotBeMade) {
   make_port(false, true);
   ASSERT_TRUE(port->prepare().has_value());

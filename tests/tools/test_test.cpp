@@ -76,6 +76,20 @@ TEST_F(TestVerb, ACommandThatTakesTooLongIsEnded) {
   EXPECT_THAT(ran.err, HasSubstr("--timeout"));
 }
 
+TEST_F(TestVerb, ASessionThatEndsBeforeTheCommandIsNoHarm) {
+  const Ran ran = test(std::string(kGood) + "; sleep 0.3", {"--at-end", "exit"});
+  EXPECT_EQ(ran.status, 0) << ran.out << ran.err;
+}
+
+TEST_F(TestVerb, TheUnopenedRunsReportHasTheTapesTotals) {
+  const std::string report = dir / "report.json";
+  EXPECT_EQ(test("true", {"--report", report, "--rate", "2"}).status, 5);
+  const Bytes bytes = read_file(report);
+  const std::string text(as_text(bytes));
+  EXPECT_THAT(text, HasSubstr(R"("rate":2)"));
+  EXPECT_THAT(text, HasSubstr(R"("to_driver":{"bytes":0,"of":3})"));
+}
+
 TEST_F(TestVerb, UsageErrorsAreTwo) {
   EXPECT_EQ(run({"test", "--tape", tape}).status, 2);
   EXPECT_EQ(run({"test", "--tape", tape, "--", "/no/such/program"}).status, 2);

@@ -1,0 +1,73 @@
+// The binary interface: order of virtual functions, place of data members.
+
+#include <flexiport/flexiport.h>
+#include <flexiport/port.h>
+#include <fstream>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "tests/flexiport/mirror.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace {
+
+// Makes Port's members visible, without changing where they are.
+class Opened : public flexiport::Port {
+ public:
+  static mirror::Layout layout() {
+    alignas(16) static char room[sizeof(flexiport::Port)];
+    const Opened* const port = reinterpret_cast<const Opened*>(room);
+    const auto at = [&](const void* member) {
+      return static_cast<std::size_t>(static_cast<const char*>(member) - room);
+    };
+    return {sizeof(flexiport::Port), at(&port->_type),     at(&port->_debug),     at(&port->_timeout),
+            at(&port->_canRead),     at(&port->_canWrite), at(&port->_alwaysOpen)};
+  }
+};
+
+TEST(FlexiportAbi, MembersAreWhereOldProgramsLookForThem) {
+  const mirror::Layout ours = Opened::layout();
+  const mirror::Layout theirs = mirror::layout();
+  EXPECT_EQ(ours.size, theirs.size);
+  EXPECT_EQ(ours.type, theirs.type);
+  EXPECT_EQ(ours.debug, theirs.debug);
+  EXPECT_EQ(ours.timeout, theirs.timeout);
+  EXPECT_EQ(ours.can_read, theirs.can_read);
+  EXPECT_EQ(ours.can_write, theirs.can_write);
+  EXPECT_EQ(ours.always_open, theirs.always_open);
+  EXPECT_EQ(ours.type, sizeof(void*));
+}
+
+TEST(FlexiportAbi, VirtualFunctionsAreCalledThroughTheOldOrder) {
+  const porttape::test::TempDir dir;
+  const std::string file = dir / "t.log";
+  const std::string sent = "12345ab;cd;line\nnext\n--.x.xrest";
+  std::ofstream tape(file + "r", std::ios::binary);
+  tape << std::string("\0\0\0\0\0\0\0\0\0\0\0", 11) << static_cast<char>(sent.size()) << sent;
+  tape.close();
+  std::ofstream(file + "w").close();
+  flexiport::Port* const port = flexiport::CreatePort("type=logreader,debug=0,timeout=5,file=" + file);
+  EXPECT_EQ(mirror::drive(port),
+            "logreader 0 5 110\n"
+            "open 1\n"
+            "read 2 12\n"
+            "read_full 3 345\n"
+            "read_until 3\n"
+            "read_string_until 3 cd;\n"
+            "read_line_into 5 line\n"
+            "read_line 5 next\n"
+            "skip 2\n"
+            "skip_until 4\n"
+            "bytes_available 4\n"
+            "bytes_available_wait 4\n"
+            "read_string 4 rest\n"
+            "write 1234\n"
+            "status 1\n"
+            "timeout 0 0 0\n"
+            "can_read 00\n"
+            "can_write 00\n"
+            "open 0\n");
+}
+
+}  // namespace
