@@ -77,8 +77,7 @@ Result<Pty> Pty::create(const Access& access) {
   if (Result<void> given = give_access(pty.slave_path_, access); !given) return given.error();
   if (Result<UniqueFd> slave = pty.open_slave(); !slave) return slave.error();
   pty.wake_.reset(::inotify_init1(IN_NONBLOCK | IN_CLOEXEC));
-  pty.journal_.reset(::inotify_init1(IN_NONBLOCK | IN_CLOEXEC));
-  if (!pty.wake_ || !pty.journal_) return pty_error("inotify");
+  if (!pty.wake_) return pty_error("inotify");
   if (Result<void> watched = pty.watch(); !watched) return watched.error();
   return pty;
 }
@@ -96,16 +95,12 @@ Result<UniqueFd> Pty::open_slave() const {
 }
 
 Result<void> Pty::watch() {
-  wake_watch_ = ::inotify_add_watch(wake_.get(), slave_path_.c_str(), IN_OPEN | IN_CLOSE);
-  journal_watch_ = ::inotify_add_watch(journal_.get(), slave_path_.c_str(), IN_OPEN | IN_CLOSE | IN_MODIFY);
-  if (wake_watch_ < 0 || journal_watch_ < 0) return pty_error("watching " + slave_path_);
+  watch_ = ::inotify_add_watch(wake_.get(), slave_path_.c_str(), IN_OPEN | IN_CLOSE);
+  if (watch_ < 0) return pty_error("watching " + slave_path_);
   return {};
 }
 
-void Pty::unwatch() {
-  ::inotify_rm_watch(wake_.get(), wake_watch_);
-  ::inotify_rm_watch(journal_.get(), journal_watch_);
-}
+void Pty::unwatch() { ::inotify_rm_watch(wake_.get(), watch_); }
 
 bool Pty::occupied() const {
   const short state = poll_master(master());
@@ -118,13 +113,12 @@ std::vector<Pty::Event> Pty::take_events() {
   std::vector<Event> events;
   alignas(inotify_event) std::array<char, 4096> buffer;
   ssize_t size = 0;
-  while ((size = ::read(journal_.get(), buffer.data(), buffer.size())) > 0) {
+  while ((size = ::read(wake_.get(), buffer.data(), buffer.size())) > 0) {
     for (std::size_t at = 0; at < static_cast<std::size_t>(size);) {
       inotify_event event{};
       std::memcpy(&event, buffer.data() + at, sizeof event);
       if ((event.mask & IN_OPEN) != 0) events.push_back(Event::opened);
       if ((event.mask & IN_CLOSE) != 0) events.push_back(Event::closed);
-      if ((event.mask & IN_MODIFY) != 0) events.push_back(Event::written);
       at += sizeof event + event.len;
     }
     if (static_cast<std::size_t>(size) < buffer.size() / 2) break;  // no full buffer: nothing is left
@@ -132,16 +126,9 @@ std::vector<Pty::Event> Pty::take_events() {
   return events;
 }
 
-void Pty::clear_wake() {
-  std::array<char, 4096> buffer;
-  while (::read(wake_.get(), buffer.data(), buffer.size()) > 0) {
-  }
-}
-
 Result<void> Pty::settle() {
   // Our own open and flush are no news: not to inotify, not as a packet.
   unwatch();
-  clear_wake();
   (void)take_events();
   if (Result<void> plain = packet_mode(false); !plain) return plain;
   {

@@ -17,7 +17,7 @@ namespace porttape {
 // come.
 class Pty {
  public:
-  enum class Event { opened, closed, written };
+  enum class Event { opened, closed };
 
   // A raw pty in packet mode with these permissions on the slave. `owner` and `group` may be names or
   // numbers, or empty.
@@ -38,12 +38,9 @@ class Pty {
   // Whether a program has the slave open now.
   [[nodiscard]] bool open_now() const;
 
-  // What programs did with the slave since the last call, in order. Equal things in a row may be merged by
-  // the kernel. Taken before a read of the master it tells which session the bytes belong to.
+  // The opens and closes since the last call, in order; empties wake_fd(). Equal ones in a row may be merged
+  // by the kernel. An open is there before the first byte that is written after it.
   std::vector<Event> take_events();
-
-  // Empties wake_fd().
-  void clear_wake();
 
   // Makes the line fresh for the next driver, as a real tty is: unread input gone, exclusive use given up,
   // raw. Call after the last close. Fails when a driver left TIOCEXCL set and we are not root: then only a
@@ -63,10 +60,8 @@ class Pty {
   [[nodiscard]] std::size_t input_queue() const;
 
   UniqueFd master_;
-  UniqueFd wake_;     // inotify for opens and closes alone: writes would wake us twice
-  UniqueFd journal_;  // inotify for writes too, read when there is something to order
-  int wake_watch_ = -1;
-  int journal_watch_ = -1;
+  UniqueFd wake_;  // inotify
+  int watch_ = -1;
   std::string slave_path_;
 };
 

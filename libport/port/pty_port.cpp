@@ -1,6 +1,5 @@
 #include "libport/port/pty_port.hpp"
 
-#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <chrono>
@@ -9,7 +8,6 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 #include <utility>
-#include <vector>
 
 #include <spdlog/spdlog.h>
 
@@ -176,10 +174,11 @@ void PtyPort::peer_left() {
   look();  // opened again meanwhile
 }
 
-// `tail`: bytes of the last session may still be unread.
-void PtyPort::peer_reopened(bool tail) {
+// What is unread counts as the new session's. If the last one left a tail, its bytes come late, but they
+// come; the other way round the new session's request would go to a device that is closed before it has
+// answered.
+void PtyPort::peer_reopened() {
   context_.log->debug("{}: closed and opened again", name());
-  if (tail) read_packets(Until::output_flushed);
   line_->outbox.discard();
   openers_ = 1;
   set_up(false);
@@ -187,24 +186,19 @@ void PtyPort::peer_reopened(bool tail) {
 }
 
 void PtyPort::on_wake() {
-  line_->pty.clear_wake();
-  order_events();
+  take_events();
   look();
 }
 
 // Makes sessions of what programs did since the last look.
-void PtyPort::order_events() {
-  const std::vector<Pty::Event> events = line_->pty.take_events();
-  for (auto event = events.begin(); event != events.end(); ++event) {
-    if (*event == Pty::Event::written) continue;
-    if (*event == Pty::Event::closed) {
+void PtyPort::take_events() {
+  for (const Pty::Event event : line_->pty.take_events()) {
+    if (event == Pty::Event::closed) {
       if (openers_ > 0) --openers_;
     } else if (!peer_) {
       peer_arrived();
     } else if (openers_ == 0) {
-      const bool before = std::find(events.begin(), event, Pty::Event::written) != event;
-      const bool after = std::find(event, events.end(), Pty::Event::written) != events.end();
-      peer_reopened(before || !after);
+      peer_reopened();
     } else {
       ++openers_;
       context_.log->info("{}: a second program has opened it", name());
@@ -213,8 +207,6 @@ void PtyPort::order_events() {
 }
 
 void PtyPort::on_readable() {
-  // First what sessions the bytes belong to: the wake-up for a reopen may stand behind this one.
-  order_events();
   // More than one read only when the first was full: an extra read for EAGAIN would cost each short exchange.
   while (peer_ && reading_ && read_once()) {
   }
@@ -223,6 +215,8 @@ void PtyPort::on_readable() {
 bool PtyPort::read_once() {
   const ssize_t size = ::read(line_->pty.master(), buffer_.data(), buffer_.size());
   if (size > 0) {
+    // A reopen may have come before these bytes without having woken us yet.
+    take_events();
     handle_packet(ByteView(buffer_).first(static_cast<std::size_t>(size)));
     return static_cast<std::size_t>(size) == buffer_.size();
   }
@@ -245,18 +239,12 @@ void PtyPort::handle_packet(ByteView packet) {
   }
 }
 
-void PtyPort::read_pending() { read_packets(Until::empty); }
-
-void PtyPort::read_packets(Until until) {
+void PtyPort::read_pending() {
   const bool reading = std::exchange(reading_, true);
   while (peer_ && line_) {
     const ssize_t size = ::read(line_->pty.master(), buffer_.data(), buffer_.size());
     if (size <= 0) break;
-    const ByteView packet = ByteView(buffer_).first(static_cast<std::size_t>(size));
-    const bool flushed = (packet.front() & TIOCPKT_FLUSHWRITE) != 0;
-    handle_packet(packet);
-    if (flushed && until == Until::output_flushed)
-      break;  // what came before is gone, what follows came later
+    handle_packet(ByteView(buffer_).first(static_cast<std::size_t>(size)));
   }
   reading_ = reading;
 }

@@ -54,15 +54,13 @@ class PtyPort final : public Port {
   void replace_line();
   void look();  // whether a peer is there that no event told of
   void on_wake();
-  void order_events();
+  void take_events();
   void on_readable();
-  enum class Until { empty, output_flushed };
-  void read_packets(Until until);
   bool read_once();  // true when there may be more
   void handle_packet(ByteView packet);
   void peer_arrived();
   void peer_left();
-  void peer_reopened(bool tail);
+  void peer_reopened();
   void set_up(bool up, LineDown::Reason reason = LineDown::Reason::closed);
   void on_hang_up_timer();
   void on_look_timer();
