@@ -5,6 +5,7 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 #include "tests/bench/line.hpp"
 
@@ -48,7 +49,19 @@ std::uint16_t tcp_port(int fd) {
   return ntohs(address.sin_port);
 }
 
-std::uint16_t free_tcp_port() { return tcp_port(listen_tcp().get()); }
+// Below the ports that the kernel gives away by itself, and never the same twice in a row.
+std::uint16_t free_tcp_port() {
+  constexpr int kFirst = 12000;
+  constexpr int kCount = 20000;
+  static int last = ::getpid() * 97 % kCount;
+  for (;;) {
+    last = (last + 1) % kCount;
+    const auto port = static_cast<std::uint16_t>(kFirst + last);
+    const UniqueFd fd = tcp_socket();
+    const sockaddr_in address = loopback(port);
+    if (::bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0) return port;
+  }
+}
 
 UniqueFd accept_tcp(int listener) {
   for (;;) {
