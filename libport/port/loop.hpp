@@ -7,6 +7,7 @@
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
+#include "libport/port/patience.hpp"
 
 namespace boost::asio {
 class io_context;
@@ -23,7 +24,9 @@ class Loop {
   Loop(const Loop&) = delete;
   Loop& operator=(const Loop&) = delete;
 
-  // Runs until stop() or until nothing is left to wait for.
+  // Runs until stop() or until nothing is left to wait for. While events follow each other within
+  // microseconds (a request, its answer, the next request) it polls for a moment before it sleeps: waking a
+  // thread takes longer than such a wait.
   void run();
   // Waits for one event and handles it. False when there is nothing to wait for.
   bool run_one();
@@ -42,10 +45,13 @@ class Loop {
   [[nodiscard]] static Instant now() { return std::chrono::steady_clock::now(); }
 
  private:
+  bool poll_from(Instant start);
+
   static constexpr std::size_t kReadBuffer = 65536;  // the largest datagram fits, and the largest tape block
 
   std::unique_ptr<boost::asio::io_context> io_;
   std::unique_ptr<Byte[]> read_buffer_;  // made when first asked for
+  Patience patience_;
 };
 
 }  // namespace porttape

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <chrono>
+
+#include "libport/base/time.hpp"
+
+namespace porttape {
+
+// Guesses whether a loop's next event comes sooner than a sleeping thread is woken, so that polling for it
+// pays: yes while the last waits were all short; no for a while after a poll found other programs on the
+// processor, where polling would only use up the share that a quick answer needs later.
+class Patience {
+ public:
+  // A wait that counts as short, with the wake-up and the work after it.
+  static constexpr Nanos kShortWait = std::chrono::microseconds(100);
+  static constexpr int kShortWaitsInARow = 16;
+  // Between two looks of one poll this long: the processor was given to another program for a whole turn.
+  static constexpr Nanos kPreempted = std::chrono::milliseconds(1);
+  static constexpr Nanos kFirstRest = std::chrono::seconds(1);  // doubles each time
+  static constexpr Nanos kLongestRest = std::chrono::seconds(60);
+
+  // The loop slept, and has handled what woke it: `time` in all.
+  void waited(Nanos time);
+  // The loop looked for events at these times and found none.
+  void polled(Instant last, Instant now);
+  [[nodiscard]] bool expects_soon(Instant now) const;
+
+ private:
+  int short_waits_ = 0;  // in a row
+  Instant rests_until_{};
+  Nanos rest_ = kFirstRest;
+};
+
+}  // namespace porttape

@@ -1,0 +1,60 @@
+#include "libport/port/patience.hpp"
+
+#include <algorithm>
+#include <chrono>
+
+#include <gtest/gtest.h>
+
+namespace porttape {
+namespace {
+
+using std::chrono::microseconds;
+
+void wait_shortly(Patience& patience, int times) {
+  for (int i = 0; i < times; ++i) patience.waited(microseconds(30));
+}
+
+TEST(Patience, ExpectsNothingAtFirst) { EXPECT_FALSE(Patience().expects_soon(Instant{})); }
+
+TEST(Patience, ExpectsTheNextEventSoonAfterARowOfShortWaits) {
+  Patience patience;
+  wait_shortly(patience, Patience::kShortWaitsInARow - 1);
+  EXPECT_FALSE(patience.expects_soon(Instant{}));
+  wait_shortly(patience, 1);
+  EXPECT_TRUE(patience.expects_soon(Instant{}));
+}
+
+TEST(Patience, OneLongWaitEndsIt) {
+  Patience patience;
+  wait_shortly(patience, Patience::kShortWaitsInARow);
+  patience.waited(Patience::kShortWait + microseconds(1));
+  EXPECT_FALSE(patience.expects_soon(Instant{}));
+  wait_shortly(patience, Patience::kShortWaitsInARow - 1);
+  EXPECT_FALSE(patience.expects_soon(Instant{}));
+}
+
+TEST(Patience, RestsLongerEachTimeAPollLosesTheProcessor) {
+  Patience patience;
+  Instant now{};
+  for (Nanos rest = Patience::kFirstRest; rest < Patience::kLongestRest * 2; rest *= 2) {
+    wait_shortly(patience, Patience::kShortWaitsInARow);
+    ASSERT_TRUE(patience.expects_soon(now));
+    patience.polled(now, now + Patience::kPreempted);
+    now += Patience::kPreempted;
+    wait_shortly(patience, Patience::kShortWaitsInARow);
+    const Nanos expected = std::min(rest, Patience::kLongestRest);
+    EXPECT_FALSE(patience.expects_soon(now + expected - microseconds(1)));
+    now += expected;
+    EXPECT_TRUE(patience.expects_soon(now));
+  }
+}
+
+TEST(Patience, APollWithoutInterruptionCostsNothing) {
+  Patience patience;
+  wait_shortly(patience, Patience::kShortWaitsInARow);
+  patience.polled(Instant{}, Instant{} + microseconds(5));
+  EXPECT_TRUE(patience.expects_soon(Instant{} + microseconds(5)));
+}
+
+}  // namespace
+}  // namespace porttape
