@@ -4,6 +4,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <sys/types.h>
+#include <unistd.h>  // flexiport's users call getopt() without including it
 
 #define FLEXIPORT_EXPORT __attribute__((visibility("default")))
 

@@ -54,6 +54,7 @@ TapeTime RecordingPort::tape_time() const {
 
 void RecordingPort::open() {
   open_ = true;
+  writing_ended_ = false;
   if (started_) {
     if (!tape_) start_tape();
     if (tape_) tape_->open_event(tape_time());
@@ -102,6 +103,11 @@ std::size_t RecordingPort::write_some(ByteView data) {
   return sent;
 }
 
+void RecordingPort::end_writing() {
+  writing_ended_ = true;
+  inner_->end_writing();
+}
+
 bool RecordingPort::discard() {
   const bool dropped = inner_->discard();
   if (dropped && tape_) tape_->flush_event(tape_time(), "both");
@@ -117,13 +123,15 @@ void RecordingPort::on_data(ByteView data) {
 }
 
 void RecordingPort::on_down(const LineDown& down) {
-  if (tape_ && down.reason == LineDown::Reason::lost)
-    tape_->device_lost_event(tape_time(), down.error.message);
+  // A device that listens waits for its next peer, and the driver's line stays; one that ends when the driver
+  // has ended has not left it.
+  const bool left = !inner_->passive() && !(writing_ended_ && down.reason == LineDown::Reason::closed);
+  if (tape_ && left) tape_->device_lost_event(tape_time(), down.error.message, true);
   listener().on_down(down);
 }
 
 void RecordingPort::on_interrupted(const LineDown& down) {
-  if (tape_) tape_->device_lost_event(tape_time(), down.error.message);
+  if (tape_) tape_->device_lost_event(tape_time(), down.error.message, false);
   listener().on_interrupted(down);
 }
 

@@ -34,7 +34,7 @@ class RecordingPort final : public Port, private PortListener {
   void close() override;
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return inner_->congested(); }
-  void end_writing() override { inner_->end_writing(); }
+  void end_writing() override;
   std::size_t write_some(ByteView data) override;
   [[nodiscard]] std::size_t unsent() const override { return inner_->unsent(); }
   bool discard() override;
@@ -73,6 +73,7 @@ class RecordingPort final : public Port, private PortListener {
   std::optional<TapeWriter> tape_;
   Instant zero_{};
   bool open_ = false;
+  bool writing_ended_ = false;  // in this session
   bool started_ = false;
   bool failing_ = false;
   bool failure_told_ = false;

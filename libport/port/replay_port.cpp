@@ -119,6 +119,11 @@ void ReplayPort::write(ByteView data) {
   pump();
 }
 
+void ReplayPort::end_writing() {
+  engine_->on_writing_ended(Loop::now());
+  pump();
+}
+
 void ReplayPort::set_reading(bool on) {
   engine_->set_blocked(!on);
   if (on) pump();

@@ -40,6 +40,7 @@ void Engine::Impl::open(Instant at) {
     pending.hang_up = true;
   }
   exchanged = false;
+  writing_ended = false;
 }
 
 void Engine::Impl::begin_run() {
@@ -141,7 +142,7 @@ ReplayActions Engine::Impl::advance(Instant at, std::size_t max_bytes) {
   ReplayActions out;
   if (driver_open) play(max_bytes, out);
   out.mismatches = std::move(pending.mismatches);
-  out.hang_up = pending.hang_up;
+  out.hang_up = out.hang_up || pending.hang_up;
   out.run_ended = std::move(pending.run_ended);
   out.exit = pending.exit;
   pending = {};
@@ -161,6 +162,10 @@ void Engine::Impl::play(std::size_t max_bytes, ReplayActions& out) {
   }
   if (!blocked && (!player.wake() || *player.wake() > now)) was_blocked = false;
   stop_if_damaged();
+  if (run && writing_ended && player.session_played()) {
+    writing_ended = false;
+    out.hang_up = true;
+  }
   if (run && player.used_up() && !tape_end_told) at_tape_end();
 }
 
@@ -251,6 +256,11 @@ Engine::~Engine() = default;
 void Engine::on_open(Instant now) { impl_->open(now); }
 
 void Engine::on_write(Instant now, ByteView data) { impl_->write(now, data); }
+
+void Engine::on_writing_ended(Instant now) {
+  impl_->now = now;
+  impl_->dirty = impl_->writing_ended = true;
+}
 
 void Engine::on_close(Instant now) { impl_->close(now); }
 

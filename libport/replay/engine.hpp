@@ -22,8 +22,8 @@ struct ReplayActions {
   std::vector<std::size_t> block_ends;
   // New ones, to tell. At most 16 between two calls; the report counts all.
   std::vector<Mismatch> mismatches;
-  // Make the driver see the line break (on-mismatch fail, at-end hangup), once it has read what was
-  // delivered.
+  // Make the driver see the line break (on-mismatch fail, at-end hangup, a recorded hang-up), once it has
+  // read what was delivered.
   bool hang_up = false;
   // A run is over; the next on_open begins another. Comes with hang_up and exit, and with no delivery of the
   // next run.
@@ -64,6 +64,9 @@ class Engine {
 
   void on_open(Instant now);
   void on_write(Instant now, ByteView data);
+  // It writes no more in this session and still reads (a connection closed in one direction): the device ends
+  // its own when the tape has nothing more for it.
+  void on_writing_ended(Instant now);
   void on_close(Instant now);
 
   // When advance() should be called next; nothing while only the driver can move things on.

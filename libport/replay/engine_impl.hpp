@@ -48,7 +48,8 @@ struct Engine::Impl {
   std::optional<RunLedger> run;
   bool any_run = false;
   bool driver_open = false;
-  bool exchanged = false;  // bytes went either way in this session
+  bool writing_ended = false;  // in this session
+  bool exchanged = false;      // bytes went either way in this session
   bool tape_end_told = false;
   Reopen on_open = Reopen::resume;
   bool blocked = false;

@@ -109,6 +109,8 @@ Player::Progress Player::step(Turn& turn) {
       return at_open(turn);
     case RecordKind::close:
       return at_close(turn);
+    case RecordKind::hang_up:
+      return at_hang_up(turn);
     case RecordKind::event:
       break;
   }
@@ -123,8 +125,10 @@ void Player::pass() {
       !head->data.empty()) {
     arrival_started_ = false;
   }
-  if (head != nullptr && (head->kind == RecordKind::open || head->kind == RecordKind::close))
+  if (head != nullptr && (head->kind == RecordKind::open || head->kind == RecordKind::close ||
+                          head->kind == RecordKind::hang_up)) {
     arrival_started_ = false;
+  }
   schedule_.pop();
   arrival_known_ = false;
 }
@@ -193,6 +197,25 @@ void Player::deliver(Turn& turn, Instant when) {
   arrival_continues_ = true;
   schedule_.take(part.size());
   if (part.size() == rest.size()) pass();
+}
+
+// Due as a read would be.
+Player::Progress Player::at_hang_up(Turn& turn) {
+  const TapeTime at = schedule_.head()->at;
+  if (!schedule_.line_closed()) {
+    if (!gate_opens(turn.now, at)) return Progress::waits;
+    const Instant when = config_.timing == Timing::none ? floor_ : std::max(floor_, timeline_.real(at));
+    const bool dropped = turn.mode == Mode::drop_all || (turn.mode == Mode::drop_due && when <= turn.now);
+    if (!dropped) {
+      if (turn.blocked) return wait(std::nullopt);
+      if (turn.mode != Mode::deliver || turn.now < when) return wait(when);
+      turn.out->hang_up = true;
+    }
+    floor_ = when;
+    last_event_ = {at, dropped ? when : turn.now};
+  }
+  pass();
+  return Progress::passed;
 }
 
 Player::Progress Player::at_write(const Turn& turn) {

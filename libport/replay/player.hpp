@@ -68,6 +68,8 @@ class Player {
   [[nodiscard]] bool open_ahead();
   // Whether the walk stands at a recorded close or open with all writes before it complete.
   [[nodiscard]] bool at_recorded_reopen();
+  // Nothing of the session is left to play: all of it came and went.
+  [[nodiscard]] bool session_played() { return nothing_left() || at_recorded_reopen(); }
   // Whether an open was passed by time so recently (`patience`), with nothing written since and something of
   // the tape left, that a close now is taken for the one before it, late.
   [[nodiscard]] bool just_passed_open(Instant now);
@@ -111,6 +113,7 @@ class Player {
 
   Progress step(Turn& turn);
   Progress at_read(Turn& turn);
+  Progress at_hang_up(Turn& turn);
   Progress at_write(const Turn& turn);
   Progress at_timed_write(const Turn& turn);
   Progress at_close(const Turn& turn);

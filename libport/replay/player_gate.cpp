@@ -73,7 +73,8 @@ void Player::become_lenient(Instant now) {
 
 bool Player::nothing_left() {
   while (!schedule_.at_end() &&
-         (schedule_.head()->kind == RecordKind::event || schedule_.head()->kind == RecordKind::close)) {
+         (schedule_.head()->kind == RecordKind::event || schedule_.head()->kind == RecordKind::close ||
+          schedule_.head()->kind == RecordKind::hang_up)) {
     pass();
   }
   if (!schedule_.at_end() || schedule_.error()) return false;
@@ -87,7 +88,10 @@ bool Player::open_ahead() {
 }
 
 bool Player::at_recorded_reopen() {
-  while (!schedule_.at_end() && schedule_.head()->kind == RecordKind::event) pass();
+  while (!schedule_.at_end() &&
+         (schedule_.head()->kind == RecordKind::event || schedule_.head()->kind == RecordKind::hang_up)) {
+    pass();
+  }
   if (schedule_.at_end()) return false;
   const RecordKind kind = schedule_.head()->kind;
   if (kind != RecordKind::open && kind != RecordKind::close) return false;

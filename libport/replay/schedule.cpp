@@ -51,6 +51,7 @@ void Schedule::pop() {
     case RecordKind::close:
       line_closed_ = true;
       break;
+    case RecordKind::hang_up:
     case RecordKind::event:
       break;
   }

@@ -36,8 +36,8 @@ std::string mark_line(TapeTime at, std::string_view text) {
   return beginning(at, "mark") + member("text", text) + "}\n";
 }
 
-std::string device_lost_line(TapeTime at, std::string_view why) {
-  return beginning(at, "device-lost") + member("why", why) + "}\n";
+std::string device_lost_line(TapeTime at, std::string_view why, bool hung_up) {
+  return beginning(at, "device-lost") + member("why", why) + (hung_up ? ",\"hung_up\":true}\n" : "}\n");
 }
 
 std::string flush_line(TapeTime at, std::string_view queue) {

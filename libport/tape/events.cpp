@@ -157,6 +157,8 @@ std::string EventFile::take(std::string_view line) {
   event_.why = text_of(*object, "why");
   event_.bytes = static_cast<std::uint64_t>(number_of(*object, "bytes").value_or(0));
   event_.from = tape_time_us(number_of(*object, "from_us").value_or(0));
+  const json::value* hung_up = object->if_contains("hung_up");
+  event_.hung_up = hung_up != nullptr && hung_up->is_bool() && hung_up->get_bool();
   event_.line = line;
   return {};
 }

@@ -21,6 +21,7 @@ struct TapeEvent {
   std::string why;          // gap
   std::uint64_t bytes = 0;  // gap
   TapeTime from{};          // gap: when it began
+  bool hung_up = false;     // device-lost: the driver's line broke with it
   std::string_view line;    // the whole JSON object, without the newline
 };
 
@@ -75,7 +76,7 @@ class EventFile {
 std::string header_line(const TapeHeader& header);
 std::string event_line(TapeTime at, std::string_view kind);
 std::string mark_line(TapeTime at, std::string_view text);  // a long text is cut to 4096 bytes
-std::string device_lost_line(TapeTime at, std::string_view why);
+std::string device_lost_line(TapeTime at, std::string_view why, bool hung_up);
 std::string flush_line(TapeTime at, std::string_view queue);
 std::string gap_line(TapeTime at, std::uint64_t bytes, TapeTime from, std::string_view why);
 

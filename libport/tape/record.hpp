@@ -13,7 +13,8 @@ namespace porttape {
 // As the driver sees it: `read` is device → driver (the r file), `write` is driver → device (the w file).
 enum class Direction : std::uint8_t { read, write };
 
-enum class RecordKind : std::uint8_t { read, write, open, close, event };
+// `hang_up`: the device went away and the driver's line broke (a device-lost event that says so).
+enum class RecordKind : std::uint8_t { read, write, open, close, hang_up, event };
 
 // One step of a tape. A block larger than the reader's buffer comes in pieces that share its time, so memory
 // stays constant; a block that fits is one piece (piece_offset 0, data.size() == block_length).
@@ -25,10 +26,10 @@ struct Record {
   std::uint64_t file_offset = 0;    // read and write: where the block's header starts in its file
   std::uint32_t block_length = 0;
   std::uint32_t piece_offset = 0;
-  std::string_view
-      event;  // open, close and event: its kind ("mark", "gap", …); valid until the source's next call
-  std::string_view
-      event_line{};  // open, close and event: the whole JSON object; valid until the source's next call
+  std::string_view event;  // open, close, hang_up and event: its kind ("mark", "gap", …); valid until the
+                           // source's next call
+  std::string_view event_line{};  // open, close, hang_up and event: the whole JSON object; valid until the
+                                  // source's next call
 
   [[nodiscard]] bool last_piece() const { return piece_offset + data.size() == block_length; }
 };

@@ -70,9 +70,10 @@ Record record_of(const BlockPiece& piece, RecordKind kind) {
 
 Record record_of(const TapeEvent& event) {
   Record record;
-  record.kind = event.kind == "open"    ? RecordKind::open
-                : event.kind == "close" ? RecordKind::close
-                                        : RecordKind::event;
+  record.kind = event.kind == "open"                           ? RecordKind::open
+                : event.kind == "close"                        ? RecordKind::close
+                : event.kind == "device-lost" && event.hung_up ? RecordKind::hang_up
+                                                               : RecordKind::event;
   record.at = event.at;
   record.event = event.kind;
   record.event_line = event.line;

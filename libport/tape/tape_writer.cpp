@@ -231,9 +231,9 @@ void TapeWriter::mark_event(TapeTime at, std::string_view text) {
   impl_->event(us, mark_line(tape_time_us(us), text));
 }
 
-void TapeWriter::device_lost_event(TapeTime at, std::string_view why) {
+void TapeWriter::device_lost_event(TapeTime at, std::string_view why, bool hung_up) {
   const std::int64_t us = impl_->stamp(at, false);
-  impl_->event(us, device_lost_line(tape_time_us(us), why));
+  impl_->event(us, device_lost_line(tape_time_us(us), why, hung_up));
 }
 
 void TapeWriter::device_back_event(TapeTime at) {

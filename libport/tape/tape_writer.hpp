@@ -65,7 +65,7 @@ class TapeWriter {
   void open_event(TapeTime at);
   void close_event(TapeTime at);
   void mark_event(TapeTime at, std::string_view text);
-  void device_lost_event(TapeTime at, std::string_view why);
+  void device_lost_event(TapeTime at, std::string_view why, bool hung_up);
   void device_back_event(TapeTime at);
   void flush_event(TapeTime at, std::string_view queue);  // in, out or both
   void gap_event(TapeTime at, std::uint64_t bytes, std::string_view why);

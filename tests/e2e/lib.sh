@@ -107,7 +107,7 @@ line_pair() {
   wait_for "$work/$1.far"
 }
 
-# free_ports NAME…: sets each variable to a TCP port of 127.0.0.1 that nobody listens on, outside the range that the
+# free_ports NAME…: sets each variable to a port of 127.0.0.1 that nobody listens on (TCP), outside the range that the
 # system takes for outgoing connections.
 free_ports() {
   local numbers
@@ -121,7 +121,8 @@ for s in sockets: s.close()
 print(*numbers)' "$@")
   for ((n = 0; n < $#; n++)); do printf -v "${@:n+1:1}" %s "${numbers[n]}"; done
 }
-listens_on() { grep -q "$(printf ':%04X 00000000:0000 0A' "$1")" /proc/net/tcp; } # without connecting to it
+# Without connecting to it: TCP, or UDP.
+listens_on() { grep -qE "$(printf ':%04X 00000000:0000 (0A|07)' "$1")" /proc/net/tcp /proc/net/udp; }
 wait_listening() { until_true 20 listens_on "$1" || die "nobody listens on port $1${2:+: $(cat "$2")}"; }
 
 payload() { "$PYTHON" "$devices/tapefile.py" payload "$1"; }

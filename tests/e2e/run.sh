@@ -1,7 +1,7 @@
 #!/bin/bash
 # run.sh MODE NAME [TAPE]: one scenario with real programs. Exit status: 0 right, 1 wrong, 77 a program is missing.
 #   direct NAME         driver and device on a joined pair of ttys, no porttape
-#                       (NAME_tcp: over TCP on the loopback interface; no second tap)
+#                       (NAME_tcp, NAME_udp: on the loopback interface; NAME_unix: a socket; no second tap)
 #   record NAME TAPE    the same through `porttaped record`; the tape must hold what a second tap on the line saw
 #   replay NAME TAPE    the driver against the tape, without the device
 # Environment: PORTTAPED; RECORD_OPTS and REPLAY_OPTS (more options); KEEP=1 keeps the work folders.
@@ -15,19 +15,41 @@ mode=$1 name=$2 tape=${3:-}
 read -ra record_opts <<<"${RECORD_OPTS:-}"
 read -ra replay_opts <<<"${REPLAY_OPTS:-}"
 daemon_log=$work/daemon.log
-is_tcp() { [[ $name == *_tcp ]]; }
-if is_tcp; then free_ports driver_port device_port; fi
+
+# The line: what the scenario's driver and device open, and the same ends as PORTs.
+line=serial
+if [[ $name =~ _(tcp|udp|unix)$ ]]; then line=${BASH_REMATCH[1]}; fi
+# shellcheck disable=SC2154 # free_ports sets them
+case $line in
+  serial)
+    driver=$work/driver device=$work/line.far
+    device_spec=serial:$work/line.near,baud=115200 driver_spec=pty:$driver
+    ;;
+  tcp)
+    free_ports driver device
+    device_spec=tcp:127.0.0.1:$device driver_spec=tcp-listen:127.0.0.1:$driver
+    ;;
+  udp)
+    free_ports driver device
+    device_spec=udp:127.0.0.1:$device,recv_ip=127.0.0.1,recv_port=0 driver_spec=udp-listen:127.0.0.1:$driver
+    ;;
+  unix)
+    driver=$work/driver.socket device=$work/device.socket
+    device_spec=unix:$device driver_spec=unix-listen:$driver
+    ;;
+esac
+wait_line() {
+  case $line in
+    tcp | udp) wait_listening "$driver" "$daemon_log" ;;
+    *) wait_for "$driver" "$daemon_log" ;;
+  esac
+}
 
 # daemon VERB OPTION…: porttaped on both ends of the scenario; returns once it is ready.
 daemon() {
-  local device=serial:$work/line.near,baud=115200 driver=pty:$work/driver
-  if is_tcp; then
-    # shellcheck disable=SC2154 # free_ports sets them
-    device=tcp:127.0.0.1:$device_port driver=tcp-listen:127.0.0.1:$driver_port
-  fi
-  if [[ $1 == record ]]; then set -- "$@" --device "$device"; fi
-  start "$PORTTAPED" "$@" --driver "$driver" 2>"$daemon_log"
-  if is_tcp; then wait_listening "$driver_port" "$daemon_log"; else wait_for "$work/driver" "$daemon_log"; fi
+  if [[ $1 == record ]]; then set -- "$@" --device "$device_spec" --wait-device; fi # the scenario starts it
+  start "$PORTTAPED" "$@" --driver "$driver_spec" 2>"$daemon_log"
+  wait_line
 }
 
 scenario() {
@@ -57,26 +79,27 @@ sys.exit(not missing and not other)' "$1"
 
 case $mode in
   direct)
-    if is_tcp; then
-      scenario "$device_port" "$device_port"
-    else
+    if [[ $line == serial ]]; then
       line_pair line
-      scenario "$work/line.near" "$work/line.far"
+      driver=$work/line.near
+    else
+      driver=$device
     fi
+    scenario "$driver" "$device"
     ;;
   record)
-    is_tcp || line_pair line
+    [[ $line != serial ]] || line_pair line
     daemon record --tape "$tape" --overwrite "${record_opts[@]}"
-    if is_tcp; then scenario "$driver_port" "$device_port"; else scenario "$work/driver" "$work/line.far"; fi
+    scenario "$driver" "$device"
     daemon_ends "$started"
     if [[ $result == 0 ]]; then
       [[ $status == 0 ]] || die "porttaped exit $status: $(tail -5 "$daemon_log")"
-      is_tcp || "$e2e/compare_tap.sh" "$tape" "$work/line" "$name"
+      [[ $line != serial ]] || "$e2e/compare_tap.sh" "$tape" "$work/line" "$name"
     fi
     ;;
   replay)
     daemon replay --tape "$tape" --report "$work/report.json" "${replay_opts[@]}"
-    if is_tcp; then scenario "$driver_port" -; else scenario "$work/driver" -; fi
+    scenario "$driver" -
     daemon_ends "$started"
     if [[ $result == 0 ]] && ! only_oo_differs "$work/report.json"; then
       verdict_is pass "$work/report.json"

@@ -1,6 +1,7 @@
 # shellcheck shell=bash
 # Sourced by scenarios/NAME.sh, which are called with DRIVER DEVICE: the tty that the unmodified driver opens and the one
-# that the simulated device opens, or for NAME_tcp.sh the ports of 127.0.0.1; `-` starts no device. Exit status 0 only if the application's own result is right.
+# that the simulated device opens; for NAME_tcp.sh and NAME_udp.sh the ports of 127.0.0.1, for NAME_unix.sh the sockets.
+# `-` starts no device. Exit status 0 only if the application's own result is right.
 # shellcheck source=lib.sh
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 [[ $# == 2 ]] || { echo "usage: $0 DRIVER DEVICE|-" >&2; exit 64; }
@@ -14,6 +15,10 @@ device() {
   start "$@"
   if [[ $device =~ ^[0-9]+$ ]]; then
     wait_listening "$device"
+    return
+  fi
+  if [[ ! -e $device ]]; then # a socket that it makes
+    wait_for "$device"
     return
   fi
   until_true 20 has_open "$started" "$device" || die "the device does not open $device"

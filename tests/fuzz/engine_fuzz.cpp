@@ -221,7 +221,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const ReplayConfig config = make_config(input);
   const bool sessions = input(2) == 1;
   const std::size_t piece = 1 + input(9);
-  const MemoryTape tape = random_tape(input, {.sessions = sessions, .max_records = 40});
+  const MemoryTape tape = random_tape(input, {.sessions = sessions, .hang_ups = sessions, .max_records = 40});
   Play(tape, config, sessions, piece).run(input);
   return 0;
 }

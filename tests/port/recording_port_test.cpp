@@ -50,11 +50,12 @@ class RecordingPortTest : public testing::Test {
       if (!record) return text + record.error().message;
       if (!*record) return text;
       const Record& r = **record;
-      const std::string what = r.kind == RecordKind::read    ? "r:" + std::string(as_text(r.data))
-                               : r.kind == RecordKind::write ? "w:" + std::string(as_text(r.data))
-                               : r.kind == RecordKind::open  ? "open"
-                               : r.kind == RecordKind::close ? "close"
-                                                             : std::string(r.event);
+      const std::string what = r.kind == RecordKind::read      ? "r:" + std::string(as_text(r.data))
+                               : r.kind == RecordKind::write   ? "w:" + std::string(as_text(r.data))
+                               : r.kind == RecordKind::open    ? "open"
+                               : r.kind == RecordKind::close   ? "close"
+                               : r.kind == RecordKind::hang_up ? "hang-up"
+                                                               : std::string(r.event);
       text += fmt::format("{}@{} ", what, to_us(r.at));
     }
   }
@@ -170,7 +171,36 @@ TEST_F(RecordingPortTest, ALostDeviceIsOnTheTape) {
   pass(10);
   device.down(LineDown::Reason::lost, "unplugged");
   port->finish();
-  EXPECT_EQ(records(tape), "open@0 device-lost@10 close@10 end@10 ");
+  EXPECT_EQ(records(tape), "open@0 hang-up@10 close@10 end@10 ");
+}
+
+TEST_F(RecordingPortTest, ADeviceThatClosesTheLineHangsUpOnTheTape) {
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  pass(10);
+  device.down(LineDown::Reason::closed, "it has closed the connection");
+  pass(10);
+  port->close();
+  port->open();
+  pass(10);
+  device.down(LineDown::Reason::failed, "nobody there");
+  port->finish();
+  EXPECT_EQ(records(tape), "open@0 hang-up@10 close@20 open@20 hang-up@30 close@30 end@30 ");
+}
+
+TEST_F(RecordingPortTest, ADeviceThatClosesAfterTheDriverHasEndedDoesNotHangUp) {
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  port->end_writing();
+  pass(10);
+  device.down(LineDown::Reason::closed, "it has closed the connection");
+  pass(10);
+  port->close();
+  port->open();
+  pass(10);
+  device.down(LineDown::Reason::closed, "it has closed the connection");
+  port->finish();
+  EXPECT_EQ(records(tape), "open@0 close@20 open@20 hang-up@30 close@30 end@30 ");
 }
 
 TEST_F(RecordingPortTest, ADeviceThatComesBackIsOnTheTapeAndTheSessionIsTold) {

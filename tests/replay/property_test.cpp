@@ -69,6 +69,7 @@ class PerfectDriver {
         if (!pipelined && !await()) return false;
         write(entry.data);
         break;
+      case RecordKind::hang_up:
       case RecordKind::event:
         break;
     }

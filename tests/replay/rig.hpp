@@ -51,6 +51,10 @@ class Rig {
     for (const char& character : text) write({&character, 1});
     return *this;
   }
+  Rig& end_writing() {
+    engine.on_writing_ended(now());
+    return settle();
+  }
   Rig& close() {
     engine.on_close(now());
     return settle();

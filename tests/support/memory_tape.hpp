@@ -27,6 +27,7 @@ class MemoryTape {
   MemoryTape& write(std::int64_t us, std::string_view data) { return add(RecordKind::write, us, data); }
   MemoryTape& open(std::int64_t us) { return add(RecordKind::open, us, {}); }
   MemoryTape& close(std::int64_t us) { return add(RecordKind::close, us, {}); }
+  MemoryTape& hang_up(std::int64_t us) { return add(RecordKind::hang_up, us, {}); }
   MemoryTape& event(std::int64_t us, std::string_view kind) { return add(RecordKind::event, us, kind); }
 
   [[nodiscard]] const std::vector<Entry>& entries() const { return entries_; }

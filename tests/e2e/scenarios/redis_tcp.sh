@@ -8,8 +8,10 @@ if has_device; then
   need redis-check-rdb
   ln -s "$(command -v redis-check-rdb)" "$work/redis-server"
 fi
-device "$work/redis-server" --bind 127.0.0.1 --port "$device" --dir "$work" --save '' --appendonly no --logfile "$work/server.log"
-cli() { timeout 60 redis-cli -h 127.0.0.1 -p "$driver" "$@"; }
+address=(--bind 127.0.0.1 --port "$device") server=(-h 127.0.0.1 -p "$driver")
+if [[ $driver == /* ]]; then address=(--port 0 --unixsocket "$device") server=(-s "$driver"); fi
+device "$work/redis-server" "${address[@]}" --dir "$work" --save '' --appendonly no --logfile "$work/server.log"
+cli() { timeout 60 redis-cli "${server[@]}" "$@"; }
 "$PYTHON" -c 'import random; print(random.Random(1).randbytes(500000).hex(), end="")' >"$work/value"
 [[ $(cli -x set key <"$work/value") == OK ]] || die "set gave no OK"
 cli --raw get key | head -c 1000000 >"$work/back"

@@ -1,0 +1,11 @@
+#!/bin/bash
+# driver: socat, a new one for each datagram;  device: a server that answers each datagram in capitals.
+# shellcheck source=scenario.sh
+source "$(dirname "$0")/../scenario.sh"
+need socat tr
+device socat "UDP-RECVFROM:$device,bind=127.0.0.1,fork" 'SYSTEM:tr a-z A-Z'
+for word in ping pong "a longer line, in one datagram" ping; do
+  answer=$(timeout 20 socat -t 0.5 - "UDP:127.0.0.1:$driver" <<<"$word") || die "socat gave $?"
+  [[ $answer == "${word^^}" ]] || die "asked '$word', got '$answer'"
+done
+say "ok: four datagrams and their answers"

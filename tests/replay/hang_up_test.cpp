@@ -1,0 +1,103 @@
+// A device that goes away, and a driver that ends only its own direction.
+
+#include <gtest/gtest.h>
+
+#include "tests/replay/rig.hpp"
+
+namespace porttape::test {
+namespace {
+
+ReplayConfig with(Timing timing) {
+  ReplayConfig config;
+  config.timing = timing;
+  return config;
+}
+
+// A device that closes the connection after each answer, twice.
+MemoryTape two_calls() {
+  MemoryTape tape;
+  for (const std::int64_t start : {0, 1'000'000}) {
+    tape.open(start).write(start + 1'000, "Q").read(start + 2'000, "A").hang_up(start + 2'500);
+    tape.close(start + 3'000);
+  }
+  return tape;
+}
+
+TEST(HangUp, ComesTheRecordedTimeAfterTheAnswerInEverySession) {
+  Rig rig(two_calls());
+  for (int i = 0; i < 2; ++i) {
+    rig.hung_up = false;
+    rig.open().wait(50'000).write("Q").wait(1'499);
+    EXPECT_EQ(rig.read(), "A");
+    EXPECT_FALSE(rig.hung_up);
+    rig.wait(1);
+    EXPECT_TRUE(rig.hung_up);
+    rig.close().wait(100);
+  }
+  EXPECT_EQ(rig.runs, 1);
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+}
+
+TEST(HangUp, WaitsForWhatTheDriverWroteBeforeIt) {
+  Rig rig(MemoryTape().open(0).write(1'000, "QUIT").hang_up(1'200).close(2'000));
+  rig.open().wait(10'000'000);
+  EXPECT_FALSE(rig.hung_up);
+  rig.write("QUIT").wait(199);
+  EXPECT_FALSE(rig.hung_up);
+  rig.wait(1);
+  EXPECT_TRUE(rig.hung_up);
+  EXPECT_EQ(rig.close().verdict(), Verdict::pass);
+}
+
+TEST(HangUp, WaitsWhileTheLineTakesNothing) {
+  Rig rig(two_calls());
+  rig.open().write("Q").wait(1'000).blocked(true).wait(10'000);
+  EXPECT_FALSE(rig.hung_up);
+  rig.blocked(false);
+  EXPECT_TRUE(rig.hung_up);
+}
+
+TEST(HangUp, ByTheRecordedClockComesAtItsTime) {
+  Rig rig(two_calls(), with(Timing::recorded));
+  rig.open().wait(2'499);
+  EXPECT_FALSE(rig.hung_up);
+  rig.wait(1);
+  EXPECT_TRUE(rig.hung_up);
+}
+
+TEST(HangUp, WithoutDelaysComesAtOnce) {
+  Rig rig(two_calls(), with(Timing::none));
+  rig.open().write("Q");
+  EXPECT_EQ(rig.read(), "A");
+  EXPECT_TRUE(rig.hung_up);
+}
+
+TEST(HangUp, AnEarlierCloseOfTheDriverIsTheRecordedOne) {
+  Rig rig(two_calls());
+  rig.open().write("Q").wait(1'000).close();
+  EXPECT_FALSE(rig.hung_up);
+  rig.open().write("Q").wait(1'000).close();
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+  EXPECT_EQ(rig.runs, 1);
+}
+
+TEST(HangUp, OfADriverThatHasEndedItsWritingComesAfterTheLastAnswer) {
+  Rig rig(MemoryTape().open(0).write(1'000, "Q").read(2'000, "A").read(9'000, "B").close(10'000));
+  rig.open().write("Q").end_writing().wait(7'999);
+  EXPECT_EQ(rig.read(), "A");
+  EXPECT_FALSE(rig.hung_up);
+  rig.wait(1);
+  EXPECT_EQ(rig.read(), "B");
+  EXPECT_TRUE(rig.hung_up);
+  EXPECT_EQ(rig.close().verdict(), Verdict::pass);
+}
+
+TEST(HangUp, OfADriverThatOwesAWriteDoesNotCome) {
+  Rig rig(MemoryTape().open(0).write(1'000, "Q").read(2'000, "A").close(10'000));
+  rig.open().end_writing().wait(10'000'000);
+  EXPECT_FALSE(rig.hung_up);
+  EXPECT_EQ(rig.close().verdict(), Verdict::incomplete);
+}
+
+}  // namespace
+}  // namespace porttape::test
