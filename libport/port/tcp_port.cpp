@@ -66,9 +66,12 @@ Result<UniqueFd> TcpPort::make_listener() {
   for (const SocketAddress& address : *addresses) {
     auto [fd, failure] = listener_at(address);
     if (fd) {
-      const std::string where = local_address(fd.get()).text();
-      context_.log->info("listening on {}", where);
-      if (port_number() == 0) std::cout << where << std::endl;
+      const SocketAddress bound = local_address(fd.get());
+      context_.log->info("listening on {}", bound.text());
+      if (port_number() == 0) {
+        std::cout << bound.text() << std::endl;
+        options_.values["port"] = std::to_string(bound.port());
+      }
       return std::move(fd);
     }
     error = failure;

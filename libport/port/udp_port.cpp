@@ -74,7 +74,10 @@ Result<void> UdpPort::bind_socket() {
   const SocketAddress bound = local_address(fd_.get());
   family_ = bound.family();
   context_.log->info("receiving datagrams on {}", bound.text());
-  if (options_.integer("recv_port") == 0) std::cout << bound.text() << std::endl;
+  if (options_.integer("recv_port") == 0) {
+    std::cout << bound.text() << std::endl;
+    options_.values["recv_port"] = std::to_string(bound.port());
+  }
   watch_.emplace(
       *context_.loop, fd_.get(), [this] { on_readable(); }, [this] { on_writable(); });
   return {};

@@ -1,10 +1,12 @@
 #include "libport/tape/tape_files.hpp"
 
-#include <array>
+#include <atomic>
 #include <cerrno>
 #include <fcntl.h>
+#include <string>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <utility>
 
 namespace porttape {
 namespace {
@@ -67,14 +69,10 @@ Error cannot_make(const Place& place, int error) {
   return make_error(Errc::io, "cannot make " + place.path.string() + ": " + errno_text(error));
 }
 
-Result<void> remove_old(const Places& places) {
-  for (const Place& place : places) {
-    if (!place.exists) continue;
-    if (::unlinkat(place.folder.get(), place.file().c_str(), 0) != 0 && errno != ENOENT) {
-      return make_error(Errc::io, "cannot replace " + place.path.string() + ": " + errno_text(errno));
-    }
-  }
-  return {};
+// Beside the file it is to replace, and not to be taken for a tape.
+fs::path replacement_name(const fs::path& name) {
+  static std::atomic<unsigned> count{0};
+  return "." + name.string() + ".new-" + std::to_string(::getpid()) + "-" + std::to_string(count++);
 }
 
 }  // namespace
@@ -85,22 +83,50 @@ Result<void> check_tape_files(const TapePaths& paths, bool overwrite) {
   return {};
 }
 
-Result<TapeSinks> create_tape_files(const TapePaths& paths, bool overwrite) {
-  const auto places = look_at(paths, overwrite);
+struct NewTapeFiles::Entry {
+  Place place;
+  fs::path name;  // in the folder; the final one unless a file is to be replaced
+  bool made = false;
+};
+
+NewTapeFiles::NewTapeFiles() : entries_(std::make_unique<Entries>()) {}
+NewTapeFiles::NewTapeFiles(NewTapeFiles&&) noexcept = default;
+
+NewTapeFiles::~NewTapeFiles() {
+  if (!entries_) return;
+  for (const Entry& entry : *entries_) {
+    if (entry.made) ::unlinkat(entry.place.folder.get(), entry.name.c_str(), 0);
+  }
+}
+
+Result<NewTapeFiles> NewTapeFiles::make(const TapePaths& paths, bool overwrite) {
+  auto places = look_at(paths, overwrite);
   if (!places) return places.error();
-  if (const auto removed = remove_old(*places); !removed) return removed.error();
+  NewTapeFiles files;
   std::array<std::unique_ptr<TapeSink>, 3> sinks;
   for (std::size_t i = 0; i < sinks.size(); ++i) {
-    const Place& place = places->at(i);
+    Entry& entry = files.entries_->at(i);
+    entry.place = std::move(places->at(i));
+    entry.name = entry.place.exists ? replacement_name(entry.place.file()) : entry.place.file();
     int error = 0;
-    sinks.at(i) = FileSink::create(place.folder.get(), place.file(), error);
-    if (sinks.at(i)) continue;
-    for (std::size_t made = 0; made < i; ++made) {
-      ::unlinkat(places->at(made).folder.get(), places->at(made).file().c_str(), 0);
-    }
-    return cannot_make(place, error);
+    sinks.at(i) = FileSink::create(entry.place.folder.get(), entry.name, error);
+    if (!sinks.at(i)) return cannot_make(entry.place, error);
+    entry.made = true;
   }
-  return TapeSinks{std::move(sinks[0]), std::move(sinks[1]), std::move(sinks[2])};
+  files.sinks = {std::move(sinks[0]), std::move(sinks[1]), std::move(sinks[2])};
+  return files;
+}
+
+Result<void> NewTapeFiles::publish() {
+  for (Entry& entry : *entries_) {
+    const int folder = entry.place.folder.get();
+    const fs::path final_name = entry.place.file();
+    if (entry.name != final_name && ::renameat(folder, entry.name.c_str(), folder, final_name.c_str()) != 0) {
+      return make_error(Errc::io, "cannot replace " + entry.place.path.string() + ": " + errno_text(errno));
+    }
+    entry.made = false;  // it stays
+  }
+  return {};
 }
 
 }  // namespace porttape

@@ -173,13 +173,13 @@ Result<void> TapeWriter::check(const TapePaths& paths, const TapeWriterOptions& 
 
 Result<TapeWriter> TapeWriter::create(const TapePaths& paths, const TapeHeader& header,
                                       const TapeWriterOptions& options) {
-  auto sinks = create_tape_files(paths, options.overwrite);
-  if (!sinks) return sinks.error();
-  auto writer = on_sinks(std::move(*sinks), header, options);
+  auto files = NewTapeFiles::make(paths, options.overwrite);
+  if (!files) return files.error();
+  auto writer = on_sinks(std::move(files->sinks), header, options);
   if (!writer) {
-    for (const auto* path : {&paths.read, &paths.write, &paths.events}) ::unlink(path->c_str());
     return make_error(Errc::io, "cannot write " + paths.events.string() + ": " + writer.error().message);
   }
+  if (const auto published = files->publish(); !published) return published.error();
   return writer;
 }
 

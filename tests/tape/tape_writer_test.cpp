@@ -1,5 +1,9 @@
 #include "libport/tape/tape_writer.hpp"
 
+#include <csignal>
+#include <filesystem>
+#include <iterator>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -239,6 +243,46 @@ TEST(TapeFiles, OverwriteReplacesOnlyRegularFilesAndOnlyIfAllAre) {
   std::filesystem::create_directory(paths.write);
   EXPECT_FALSE(TapeWriter::create(paths, kHeader, {.overwrite = true}));
   EXPECT_EQ(text_of(paths.read), "old");
+}
+
+// No byte may be written to files, as on a full disk.
+class FullDisk {
+ public:
+  FullDisk() {
+    ::getrlimit(RLIMIT_FSIZE, &before_);
+    handler_ = ::signal(SIGXFSZ, SIG_IGN);
+    const rlimit none{0, before_.rlim_max};
+    ::setrlimit(RLIMIT_FSIZE, &none);
+  }
+  FullDisk(const FullDisk&) = delete;
+  FullDisk& operator=(const FullDisk&) = delete;
+  ~FullDisk() {
+    ::setrlimit(RLIMIT_FSIZE, &before_);
+    ::signal(SIGXFSZ, handler_);
+  }
+
+ private:
+  rlimit before_{};
+  void (*handler_)(int) = SIG_DFL;
+};
+
+TEST(TapeFiles, OverwriteThatCannotMakeANewTapeLeavesTheOldOne) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  {
+    TapeWriter old = make_writer(paths);
+    old.read_block(tape_time_us(5), as_bytes("kept"));
+  }
+  const std::string before = text_of(paths.read);
+  {
+    const FullDisk full;
+    EXPECT_EQ(TapeWriter::create(paths, kHeader, {.overwrite = true}).error().code, Errc::io);
+  }
+  EXPECT_EQ(text_of(paths.read), before);
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(dir.path()), {}), 3);
+  EXPECT_TRUE(TapeWriter::create(paths, kHeader, {.overwrite = true}));
+  EXPECT_EQ(text_of(paths.read), "");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(dir.path()), {}), 3);
 }
 
 TEST(TapeFiles, OverwriteMakesANewFileAndLeavesHardLinksAlone) {

@@ -37,6 +37,15 @@ TEST_F(TestVerb, PassesWhenTheCommandDoesAsRecorded) {
   EXPECT_THAT(ran.out, HasSubstr("pass"));
 }
 
+TEST_F(TestVerb, APortThatTheSystemChoosesIsGivenToTheCommand) {
+  const Ran ran =
+      run({"test", "--tape", tape, "--driver", "tcp-listen:127.0.0.1:0", "--timeout", "20", "--", "/bin/bash",
+           "-c",
+           "place={port}; exec 3<>/dev/tcp/${place%:*}/${place#*:}; echo ask >&3; read answer <&3; "
+           "test \"$answer\" = 42"});
+  EXPECT_EQ(ran.status, 0) << ran.out << ran.err;
+}
+
 TEST_F(TestVerb, AWrongRequestIsADataMismatch) {
   const Ran ran = test("exec 3<>{port}; echo axk >&3; read answer <&3");
   EXPECT_EQ(ran.status, 3);
