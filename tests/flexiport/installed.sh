@@ -11,11 +11,27 @@ cmake -S "$here/consumer" -B "$work/build" -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE
   -DCMAKE_CXX_FLAGS="${CXXFLAGS:-}" >"$work/said" 2>&1 || die "configure: $(cat "$work/said")"
 cmake --build "$work/build" >"$work/said" 2>&1 || die "build: $(cat "$work/said")"
 
-port=$((20000 + $$ % 20000))
-for part in errors serial log tcp udp tcplog; do
-  mkdir "$work/$part"
-  timeout 100 "$work/build/api_program" "$part" "$work/$part" "$((port += 2))" || die "$part"
-done
+# every_part PROGRAM: all that it does, each part with two ports of its own.
+every_part() {
+  local part
+  for part in errors serial log tcp udp tcplog; do
+    rm -rf "${work:?}/$part"
+    mkdir "$work/$part"
+    port=$(two_free_ports) || die "no two free ports in a row"
+    timeout 100 "$1" "$part" "$work/$part" "$port" || die "$part"
+  done
+}
+two_free_ports() {
+  local n port next
+  for ((n = 0; n < 50; n++)); do
+    free_ports port
+    next=$((port + 1))
+    listens_on "$next" || { echo "$port"; return; }
+  done
+  return 1
+}
+
+every_part "$work/build/api_program"
 
 PKG_CONFIG_PATH=$(dirname "$(find "$prefix" -name flexiport.pc)")
 export PKG_CONFIG_PATH
@@ -23,7 +39,7 @@ read -ra flags < <(pkg-config --cflags --libs flexiport)
 read -ra own <<<"${CXXFLAGS:-}"
 "$CXX" -std=c++11 "${own[@]}" -Wall -Wextra -Werror "$here/consumer/api_program.cpp" -o "$work/by_pkg_config" "${flags[@]}" ||
   die "pkg-config gives ${flags[*]}"
-LD_LIBRARY_PATH=$(pkg-config --variable=libdir flexiport) "$work/by_pkg_config" errors "$work" 1 || die "by pkg-config"
+LD_LIBRARY_PATH=$(pkg-config --variable=libdir flexiport) every_part "$work/by_pkg_config"
 
 sample=$here/../../sample-logs/nmea.log
 payload "${sample}r" >"$work/expected"

@@ -34,10 +34,10 @@ on() {
     same "$client over a pty" "$DEVICE_BIN/$client" "type=serial,device=$work/port,timeout=5" "$@"
     stop "$daemon"
 
-    port=$((20000 + ($$ + RANDOM) % 20000))
+    free_ports port
     start "$PORTTAPED" replay --tape "$tape" --driver "tcp-listen:127.0.0.1:$port" 2>"$work/log"
     daemon=$started
-    until_true 20 eval "(: </dev/tcp/127.0.0.1/$port) 2>/dev/null" || die "no port: $(cat "$work/log")"
+    wait_listening "$port" "$work/log"
     same "$client over TCP" "$DEVICE_BIN/$client" "type=tcp,port=$port,timeout=5" "$@"
     stop "$daemon"
   done
