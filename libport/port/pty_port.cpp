@@ -24,6 +24,9 @@ constexpr Nanos kFirstLooks = std::chrono::milliseconds(10);
 constexpr Nanos kLaterLooks = std::chrono::milliseconds(100);
 constexpr Nanos kSettlingTime = std::chrono::seconds(1);
 
+// A pty that could not be made (too many open files, say) is tried again.
+constexpr Nanos kRenewAgain = std::chrono::milliseconds(500);
+
 Result<Pty::Access> access_of(const PortOptions& options) {
   Pty::Access access{0, options.text("owner"), options.text("group")};
   const std::string mode = options.text("mode");
@@ -56,7 +59,8 @@ PtyPort::PtyPort(const PortContext& context, const PortOptions& options)
     : context_(context),
       options_(options),
       hang_up_timer_(*context.loop, [this] { on_hang_up_timer(); }),
-      look_timer_(*context.loop, [this] { on_look_timer(); }) {}
+      look_timer_(*context.loop, [this] { on_look_timer(); }),
+      renew_timer_(*context.loop, [this] { renew_line(); }) {}
 
 PtyPort::~PtyPort() = default;
 
@@ -97,8 +101,13 @@ void PtyPort::replace_line() {
   peer_ = false;
   // One of the old line's callbacks may be running: it goes on the next turn of the loop.
   context_.loop->post([old = std::shared_ptr<Line>(std::move(line_))] {});
+  renew_line();
+}
+
+void PtyPort::renew_line() {
   if (Result<void> made = make_line(); !made) {
-    context_.log->error("{}; the line is gone until the program is started again", made.error().message);
+    context_.log->error("{}; {} is dead until that is mended", made.error().message, name());
+    renew_timer_.set_after(kRenewAgain);
     return;
   }
   if (link_) {
@@ -186,6 +195,7 @@ void PtyPort::peer_reopened() {
 }
 
 void PtyPort::on_wake() {
+  if (!line_) return;
   take_events();
   look();
 }

@@ -52,6 +52,7 @@ class PtyPort final : public Port {
   Result<void> make_line();
   void announce_path() const;
   void replace_line();
+  void renew_line();
   void look();  // whether a peer is there that no event told of
   void on_wake();
   void take_events();
@@ -68,9 +69,10 @@ class PtyPort final : public Port {
   PortContext context_;
   PortOptions options_;
   std::optional<PtyLink> link_;
-  std::unique_ptr<Line> line_;
+  std::unique_ptr<Line> line_;  // null before prepare(), and while no new pty can be made
   Timer hang_up_timer_;
-  Timer look_timer_;  // no event tells of changed settings
+  Timer look_timer_;   // no event tells of changed settings
+  Timer renew_timer_;  // while there is no line
   Instant arrived_{};
   std::array<Byte, kReadSize> buffer_{};
   int openers_ = 0;  // an estimate (inotify merges events); only decides whether CLOSE, OPEN was a reopen

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <filesystem>
 #include <sys/ioctl.h>
+#include <sys/resource.h>
 #include <termios.h>
 #include <unistd.h>
 
@@ -208,6 +209,23 @@ TEST_F(PtyPortTest, HangUpEndsTheDriversLineAndTheLinkLivesOn) {
   const UniqueFd again = driver();
   EXPECT_TRUE(again);
   until("up hung_up up ");
+}
+
+TEST_F(PtyPortTest, ANewPtyThatCannotBeMadeIsTriedAgain) {
+  start();
+  const UniqueFd first = driver();
+  until("up ");
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &before), 0);
+  const rlimit none{3, before.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &none), 0);
+  port.hang_up(false);
+  until("up hung_up ");
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &before), 0);
+  EXPECT_NE(book.text().find("is dead until"), std::string::npos) << book.text();
+  const auto opens = [this] { return static_cast<bool>(driver()); };
+  run_until(loop, opens);
+  EXPECT_TRUE(opens());
 }
 
 TEST_F(PtyPortTest, HangUpAfterReadingLosesNothing) {
