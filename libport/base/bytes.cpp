@@ -11,26 +11,9 @@ void append_hex(std::string& out, Byte byte) {
 }
 
 void append_printable(std::string& out, Byte byte) {
-  switch (byte) {
-    case '\n':
-      out += "\\n";
-      return;
-    case '\r':
-      out += "\\r";
-      return;
-    case '\t':
-      out += "\\t";
-      return;
-    case '\\':
-      out += "\\\\";
-      return;
-    case '"':
-      out += "\\\"";
-      return;
-    default:
-      break;
-  }
-  if (byte >= 0x20 && byte < 0x7F) {
+  if (const std::string_view escape = short_escape(byte); !escape.empty()) {
+    out += escape;
+  } else if (byte >= 0x20 && byte < 0x7F) {
     out += static_cast<char>(byte);
   } else {
     out += "\\x";
@@ -39,6 +22,23 @@ void append_printable(std::string& out, Byte byte) {
 }
 
 }  // namespace
+
+std::string_view short_escape(Byte byte) {
+  switch (byte) {
+    case '\n':
+      return "\\n";
+    case '\r':
+      return "\\r";
+    case '\t':
+      return "\\t";
+    case '\\':
+      return "\\\\";
+    case '"':
+      return "\\\"";
+    default:
+      return {};
+  }
+}
 
 std::string to_hex(ByteView bytes) {
   std::string out;

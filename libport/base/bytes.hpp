@@ -27,4 +27,7 @@ std::string to_hex(ByteView bytes);
 // Printable ASCII as it is, the rest as \n \r \t \\ \" or \xNN: one line, safe inside double quotes.
 std::string to_printable(ByteView bytes);
 
+// \n \r \t \\ \" as two characters, what C and JSON write alike; empty for every other byte.
+std::string_view short_escape(Byte byte);
+
 }  // namespace porttape

@@ -32,27 +32,10 @@ std::size_t utf8_length(std::string_view text) {
 }
 
 void append_escaped(std::string& out, char c) {
-  switch (c) {
-    case '"':
-      out += "\\\"";
-      return;
-    case '\\':
-      out += "\\\\";
-      return;
-    case '\n':
-      out += "\\n";
-      return;
-    case '\r':
-      out += "\\r";
-      return;
-    case '\t':
-      out += "\\t";
-      return;
-    default:
-      break;
-  }
   const auto byte = static_cast<Byte>(c);
-  if (byte < 0x20 || byte == 0x7F) {
+  if (const std::string_view escape = short_escape(byte); !escape.empty()) {
+    out += escape;
+  } else if (byte < 0x20 || byte == 0x7F) {
     out += "\\u00" + to_hex({&byte, 1});
   } else {
     out += c;

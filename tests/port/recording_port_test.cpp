@@ -174,33 +174,25 @@ TEST_F(RecordingPortTest, ALostDeviceIsOnTheTape) {
   EXPECT_EQ(records(tape), "open@0 hang-up@10 close@10 end@10 ");
 }
 
-TEST_F(RecordingPortTest, ADeviceThatClosesTheLineHangsUpOnTheTape) {
+TEST_F(RecordingPortTest, ADeviceThatEndsTheLineHangsUpOnTheTapeUnlessTheDriverEndedFirst) {
   ASSERT_TRUE(port->prepare().has_value());
-  port->open();
-  pass(10);
-  device.down(LineDown::Reason::closed, "it has closed the connection");
-  pass(10);
-  port->close();
-  port->open();
-  pass(10);
-  device.down(LineDown::Reason::failed, "nobody there");
+  const auto session = [this](bool driver_ends, LineDown::Reason reason) {
+    port->open();
+    if (driver_ends) port->end_writing();
+    pass(10);
+    device.down(reason, "it has gone");
+    port->close();
+    pass(90);
+  };
+  session(false, LineDown::Reason::closed);
+  session(false, LineDown::Reason::failed);
+  session(true, LineDown::Reason::closed);
+  session(true, LineDown::Reason::lost);
+  session(false, LineDown::Reason::closed);
   port->finish();
-  EXPECT_EQ(records(tape), "open@0 hang-up@10 close@20 open@20 hang-up@30 close@30 end@30 ");
-}
-
-TEST_F(RecordingPortTest, ADeviceThatClosesAfterTheDriverHasEndedDoesNotHangUp) {
-  ASSERT_TRUE(port->prepare().has_value());
-  port->open();
-  port->end_writing();
-  pass(10);
-  device.down(LineDown::Reason::closed, "it has closed the connection");
-  pass(10);
-  port->close();
-  port->open();
-  pass(10);
-  device.down(LineDown::Reason::closed, "it has closed the connection");
-  port->finish();
-  EXPECT_EQ(records(tape), "open@0 close@20 open@20 hang-up@30 close@30 end@30 ");
+  EXPECT_EQ(records(tape),
+            "open@0 hang-up@10 close@10 open@100 hang-up@110 close@110 open@200 close@210 "
+            "open@300 hang-up@310 close@310 open@400 hang-up@410 close@410 end@500 ");
 }
 
 TEST_F(RecordingPortTest, ADeviceThatComesBackIsOnTheTapeAndTheSessionIsTold) {
