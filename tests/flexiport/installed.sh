@@ -3,11 +3,11 @@
 # against the package: by find_package(Flexiport), by pkg-config, and find_package(Porttape).
 # shellcheck source=../e2e/lib.sh
 source "$(dirname "$0")/../e2e/lib.sh"
-need cmake pkg-config "${CXX:=c++}"
+need cmake ninja pkg-config "${CXX:=c++}"
 here=$(cd "$(dirname "$0")" && pwd)
 prefix=$work/prefix
 cmake --install "$BUILD" --prefix "$prefix" >"$work/said" 2>&1 || die "install: $(cat "$work/said")"
-cmake -S "$here/consumer" -B "$work/build" -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_CXX_COMPILER="$CXX" \
+cmake -G Ninja -S "$here/consumer" -B "$work/build" -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_CXX_COMPILER="$CXX" \
   -DCMAKE_CXX_FLAGS="${CXXFLAGS:-}" >"$work/said" 2>&1 || die "configure: $(cat "$work/said")"
 cmake --build "$work/build" >"$work/said" 2>&1 || die "build: $(cat "$work/said")"
 
