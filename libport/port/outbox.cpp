@@ -32,7 +32,7 @@ void Outbox::flush() {
   sent_ += send(ByteView(pending_).subspan(sent_));
   if (congested()) return;
   discard();
-  on_drained_();
+  if (!broken_) on_drained_();
 }
 
 void Outbox::discard() {
@@ -52,6 +52,7 @@ std::size_t Outbox::send(ByteView data) {
     } else if (n < 0 && errno == EINTR) {
       continue;
     } else if (n < 0 && errno != EAGAIN) {
+      broken_ = true;
       on_error_(errno, data.size() - sent);
       return data.size();  // a broken line takes everything and keeps nothing
     } else {

@@ -9,8 +9,8 @@
 namespace porttape {
 
 // The sending half of a stream descriptor: writes at once what the kernel takes and keeps the rest. Bounded
-// by its users, who stop while congested(). A write error is reported with the number of bytes that it cost.
-// Loop thread only.
+// by its users, who stop while congested(). A write error is reported with the number of bytes that it cost;
+// no on_drained comes after it. Loop thread only.
 class Outbox {
  public:
   enum class Kind { file, socket };  // of the descriptor; a socket whose peer is gone must not raise SIGPIPE
@@ -38,6 +38,7 @@ class Outbox {
   std::function<void(int, std::size_t)> on_error_;
   Bytes pending_;
   std::size_t sent_ = 0;
+  bool broken_ = false;
 };
 
 }  // namespace porttape

@@ -46,9 +46,15 @@ class PortListener {
     (void)ends;
     on_data(data);
   }
-  // The peer sends no more but still reads (half-close). True: answers may come, the line stays up until they
-  // have; the port decides when that is. False: it goes down at once.
-  virtual bool on_ended() { return false; }
+  // The peer sends no more but still reads (half-close). What of its answers?
+  enum class Answers {
+    none,              // the line goes down at once
+    until_hang_up,     // hang_up() will follow the last one
+    until_it_is_quiet  // nobody will say which is the last: the port decides
+  };
+  virtual Answers on_ended() { return Answers::none; }
+  // The peer is gone while it is not being read. True: what it has left will be read before long.
+  virtual bool wants_rest() { return false; }
   // The line is interrupted, and the port brings it up again by itself (`alwaysopen`): the session goes on,
   // nothing should be written until on_resumed(). Also between close() and open().
   virtual void on_interrupted(const LineDown&) {}
@@ -92,8 +98,8 @@ class Port {
   [[nodiscard]] virtual bool congested() const = 0;
 
   // No more bytes will be written until close(): the peer sees the end of what was sent, and may still send.
-  // Nothing to do for lines that have no half-close.
-  virtual void end_writing() {}
+  // True: it will end the line itself (on_down) when it has sent all. False: the line has no half-close.
+  virtual bool end_writing() { return false; }
 
   // For callers that wait: takes only what can be sent at once and gives how much that was. After less than
   // all, on_drained() comes when more can go.
@@ -120,8 +126,15 @@ class Port {
   // was written.
   virtual void hang_up(bool after_reading) = 0;
 
-  // Passes on what has come in but was not read yet. For the end of a session.
+  // Passes on what has come in by now and was not read yet, as far as reading is on. For the end of a
+  // session.
   virtual void read_pending() {}
+
+  // So many bytes of the session reached nobody at the line's other end. For a port with a tape.
+  virtual void note_gap(std::uint64_t bytes, std::string_view why) {
+    (void)bytes;
+    (void)why;
+  }
 
   // Starts the next tape. Nothing to do for ports without one.
   virtual void rotate() {}

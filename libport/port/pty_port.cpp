@@ -1,5 +1,6 @@
 #include "libport/port/pty_port.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <chrono>
@@ -23,6 +24,8 @@ constexpr Nanos kUnreadPoll =
 constexpr Nanos kFirstLooks = std::chrono::milliseconds(10);
 constexpr Nanos kLaterLooks = std::chrono::milliseconds(100);
 constexpr Nanos kSettlingTime = std::chrono::seconds(1);
+
+constexpr std::size_t kMostHeld = std::size_t{128} * 1024;
 
 // A pty that could not be made (too many open files, say) is tried again.
 constexpr Nanos kRenewAgain = std::chrono::milliseconds(500);
@@ -135,7 +138,13 @@ void PtyPort::look() {
 void PtyPort::close() {
   accepting_ = false;
   up_ = false;
-  if (line_) line_->outbox.discard();
+  if (line_) drop_unsent();
+}
+
+void PtyPort::drop_unsent() {
+  const std::size_t bytes = line_->outbox.pending();
+  line_->outbox.discard();
+  if (bytes > 0) listener().on_dropped(bytes, "the driver did not take them");
 }
 
 void PtyPort::write(ByteView data) {
@@ -174,7 +183,7 @@ void PtyPort::peer_left() {
   look_timer_.cancel();
   context_.log->debug("{}: closed", name());
   line_->master_watch.watch_readable(false);
-  line_->outbox.discard();
+  drop_unsent();
   if (Result<void> settled = line_->pty.settle(); !settled) {
     context_.log->debug("{}; a new pty takes its place", settled.error().message);
     replace_line();
@@ -188,7 +197,7 @@ void PtyPort::peer_left() {
 // answered.
 void PtyPort::peer_reopened() {
   context_.log->debug("{}: closed and opened again", name());
-  line_->outbox.discard();
+  drop_unsent();
   openers_ = 1;
   set_up(false);
   set_up(true);
@@ -250,13 +259,13 @@ void PtyPort::handle_packet(ByteView packet) {
 }
 
 void PtyPort::read_pending() {
-  const bool reading = std::exchange(reading_, true);
-  while (peer_ && line_) {
+  // What a pty can hold, so that a driver that goes on writing does not keep us.
+  for (std::size_t left = kMostHeld; left > 0 && peer_ && line_ && reading_;) {
     const ssize_t size = ::read(line_->pty.master(), buffer_.data(), buffer_.size());
     if (size <= 0) break;
+    left -= std::min(left, static_cast<std::size_t>(size));
     handle_packet(ByteView(buffer_).first(static_cast<std::size_t>(size)));
   }
-  reading_ = reading;
 }
 
 void PtyPort::hang_up(bool after_reading) {

@@ -62,6 +62,7 @@ class PtyPort final : public Port {
   void peer_arrived();
   void peer_left();
   void peer_reopened();
+  void drop_unsent();
   void set_up(bool up, LineDown::Reason reason = LineDown::Reason::closed);
   void on_hang_up_timer();
   void on_look_timer();

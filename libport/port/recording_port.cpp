@@ -103,9 +103,13 @@ std::size_t RecordingPort::write_some(ByteView data) {
   return sent;
 }
 
-void RecordingPort::end_writing() {
+bool RecordingPort::end_writing() {
   writing_ended_ = true;
-  inner_->end_writing();
+  return inner_->end_writing();
+}
+
+void RecordingPort::note_gap(std::uint64_t bytes, std::string_view why) {
+  if (tape_) tape_->gap_event(tape_time(), bytes, why);
 }
 
 bool RecordingPort::discard() {

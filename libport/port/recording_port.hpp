@@ -34,7 +34,8 @@ class RecordingPort final : public Port, private PortListener {
   void close() override;
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return inner_->congested(); }
-  void end_writing() override;
+  bool end_writing() override;
+  void note_gap(std::uint64_t bytes, std::string_view why) override;
   std::size_t write_some(ByteView data) override;
   [[nodiscard]] std::size_t unsent() const override { return inner_->unsent(); }
   bool discard() override;
@@ -54,7 +55,8 @@ class RecordingPort final : public Port, private PortListener {
   void on_drained() override { listener().on_drained(); }
   void on_down(const LineDown& down) override;
   void on_finished(int exit_status) override { listener().on_finished(exit_status); }
-  bool on_ended() override { return listener().on_ended(); }
+  Answers on_ended() override { return listener().on_ended(); }
+  bool wants_rest() override { return listener().wants_rest(); }
   void on_interrupted(const LineDown& down) override;
   void on_resumed() override;
   void on_dropped(std::uint64_t bytes, std::string_view why) override;

@@ -119,9 +119,10 @@ void ReplayPort::write(ByteView data) {
   pump();
 }
 
-void ReplayPort::end_writing() {
+bool ReplayPort::end_writing() {
   engine_->on_writing_ended(Loop::now());
   pump();
+  return true;
 }
 
 void ReplayPort::set_reading(bool on) {

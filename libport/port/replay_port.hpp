@@ -38,7 +38,7 @@ class ReplayPort final : public Port {
   void open() override;
   void close() override;
   void write(ByteView data) override;
-  void end_writing() override;
+  bool end_writing() override;
   [[nodiscard]] bool congested() const override { return false; }
   // What is due counts as read, where the tape is stamped at arrival and answers follow their questions. Else
   // nothing is dropped: the tape holds what its driver read, or plays by a clock that a slow reader lags

@@ -256,9 +256,12 @@ bool SerialPort::read_once() {
 }
 
 void SerialPort::read_pending() {
-  while (line_) {
+  int left = 0;
+  if (!line_ || ::ioctl(line_->fd.get(), FIONREAD, &left) != 0) return;
+  while (line_ && reading_ && left > 0) {
     const ssize_t size = ::read(line_->fd.get(), buffer_.data(), buffer_.size());
     if (size <= 0) return;
+    left -= static_cast<int>(size);
     listener().on_data(ByteView(buffer_).first(static_cast<std::size_t>(size)));
   }
 }

@@ -148,7 +148,7 @@ void StreamPort::begin_line(UniqueFd fd) {
   set_up(fd.get());
   context_.log->debug("{}: connected", name());
   line_ = std::make_unique<Line>(*this, std::move(fd));
-  line_->watch.watch_readable(reading_);
+  watch_reading();
 }
 
 void StreamPort::write(ByteView data) {
@@ -156,11 +156,16 @@ void StreamPort::write(ByteView data) {
     drop(data.size(), "the line is not up");
     return;
   }
+  if (options_.flag("readonly")) {
+    drop(data.size(), "the port is for reading only");
+    return;
+  }
   if (line_->phase == Phase::half_closed) line_->since = Loop::now();
   line_->outbox.write(data);
 }
 
 std::size_t StreamPort::write_some(ByteView data) {
+  if (options_.flag("readonly")) return data.size();
   if (!line_ || line_->phase >= Phase::sending || line_->end_wanted) return 0;
   if (line_->phase == Phase::half_closed) line_->since = Loop::now();
   return line_->outbox.write_some(data);
@@ -181,15 +186,17 @@ bool StreamPort::discard() {
   return true;
 }
 
-void StreamPort::end_writing() {
-  if (!line_ || line_->end_wanted || always_open()) return;  // the next session writes on this connection
-  line_->end_wanted = true;
+bool StreamPort::end_writing() {
+  if (!line_ || always_open()) return false;  // the next session writes on this connection
+  if (std::exchange(line_->end_wanted, true)) return true;
   if (!congested()) (void)::shutdown(line_->fd.get(), SHUT_WR);
+  return true;
 }
 
 void StreamPort::set_reading(bool on) {
+  if (reading_ == on) return;
   reading_ = on;
-  if (line_ && line_->phase == Phase::up) line_->watch.watch_readable(on);
+  if (line_ && line_->phase == Phase::up) watch_reading();
 }
 
 // One read a turn of the loop, so that a fast peer keeps nobody else waiting.
@@ -200,19 +207,29 @@ void StreamPort::on_readable() {
     if (errno != EAGAIN && errno != EINTR) line_broken(errno);
   } else if (size == 0) {
     peer_ended();
-  } else if (line_->phase == Phase::up) {
-    listener().on_data(ByteView(buffer).first(static_cast<std::size_t>(size)));
   } else {
-    drop(static_cast<std::uint64_t>(size), "they came after the line was hung up");
+    received(ByteView(buffer).first(static_cast<std::size_t>(size)));
+  }
+}
+
+void StreamPort::received(ByteView data) {
+  if (line_->phase != Phase::up) {
+    drop(data.size(), "they came after the line was hung up");
+  } else if (options_.flag("writeonly")) {
+    drop(data.size(), "the port is for writing only");
+  } else {
+    listener().on_data(data);
   }
 }
 
 void StreamPort::read_pending() {
-  while (line_ && line_->phase == Phase::up) {
+  std::size_t left = line_ ? unread(line_->fd.get()) : 0;
+  while (line_ && line_->phase == Phase::up && reading_ && left > 0) {
     const std::span<Byte> buffer = context_.loop->read_buffer();
-    const ssize_t size = ::recv(line_->fd.get(), buffer.data(), buffer.size(), 0);
+    const ssize_t size = ::recv(line_->fd.get(), buffer.data(), std::min(left, buffer.size()), 0);
     if (size <= 0) return;
-    listener().on_data(ByteView(buffer).first(static_cast<std::size_t>(size)));
+    left -= static_cast<std::size_t>(size);
+    received(ByteView(buffer).first(static_cast<std::size_t>(size)));
   }
 }
 

@@ -20,8 +20,11 @@ namespace porttape {
 // peers and is passive.
 //
 // Listening: one peer at a time; the next ones wait in the backlog. A peer that has only ended its sending
-// direction is kept while the listener wants that (on_ended): until it is seen to be gone, or nothing was
-// written to it for two seconds (a tenth of one when another waits and the peer is on another machine).
+// direction is kept while the listener wants that (on_ended), at most until it is seen to be gone. Where
+// nobody will say which answer is the last, it is kept until nothing was written to it for two seconds; when
+// another one waits and it is on another machine, where a half-close looks like a close, a tenth of a second,
+// or two seconds if somebody will say. A peer that dies while it is not read is noticed, and kept for 30 s if
+// its bytes are wanted (wants_rest).
 //
 // Connecting: `timeout` is the limit when positive, else ten seconds. `wait` tries a peer that is missing
 // again and again, after 100 ms, 200 ms, … 5 s. `alwaysopen` connects in prepare(), keeps the connection
@@ -41,7 +44,7 @@ class StreamPort : public Port {
   std::size_t write_some(ByteView data) override;
   [[nodiscard]] std::size_t unsent() const override;
   bool discard() override;
-  void end_writing() override;
+  bool end_writing() override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;
@@ -77,7 +80,9 @@ class StreamPort : public Port {
     Outbox outbox;
     Phase phase = Phase::up;
     bool end_wanted = false;  // end_writing() was called
-    Instant since{};          // half_closed: the last write; leaving: its begin
+    bool quiet_ends = false;  // half_closed: the peer counts as gone when nothing was written for a while
+    Instant since{};          // half_closed: the last write
+    std::optional<Instant> gone_since;  // not read, and seen to be gone
   };
 
   void connect();
@@ -85,13 +90,17 @@ class StreamPort : public Port {
   void on_acceptable();
   void begin_line(UniqueFd fd);
   void on_readable();
+  void received(ByteView data);
   void peer_ended();
   void on_drained();
   void on_line_timer();
   void watch_half_closed();
+  void watch_unread();
+  void watch_reading();
   void line_broken(int error_number);
   void finish_line(const LineDown& down);
   void drop_line(bool orderly);
+  static std::size_t unread(int fd);
   std::uint64_t read_away(int fd);
   void drop(std::uint64_t bytes, const char* why);
   void retry_later();

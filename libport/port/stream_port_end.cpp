@@ -4,6 +4,7 @@
 #include <chrono>
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <utility>
 
@@ -21,6 +22,9 @@ using std::chrono::seconds;
 // at.
 constexpr Nanos kQuiet = seconds(2);
 constexpr Nanos kQuietWithNext = milliseconds(100);
+// One that is not being read: how often it is looked at, and how long what it left may take once it is gone.
+constexpr Nanos kLookUnread = milliseconds(250);
+constexpr Nanos kRestLimit = seconds(30);
 constexpr Nanos kFirstLook = milliseconds(1);
 constexpr Nanos kLook = milliseconds(20);
 // How long a peer that was hung up may take to close its end.
@@ -34,15 +38,27 @@ bool has_event(int fd, short events) {
 
 }  // namespace
 
+std::size_t StreamPort::unread(int fd) {
+  int bytes = 0;
+  return ::ioctl(fd, FIONREAD, &bytes) == 0 && bytes > 0 ? static_cast<std::size_t>(bytes) : 0;
+}
+
 void StreamPort::peer_ended() {
   const bool hung_up = line_->phase >= Phase::sending;
   line_->watch.watch_readable(false);
-  if (!hung_up && passive() && peer_state(line_->fd.get()) != PeerState::gone && listener().on_ended()) {
-    context_.log->debug("{}: the peer sends no more", name());
+  if (!hung_up && passive() && peer_state(line_->fd.get()) != PeerState::gone) {
+    // Before it is asked, since the last answer may come from within the question.
     line_->phase = Phase::half_closed;
     line_->since = Loop::now();
-    line_timer_.set_after(kFirstLook);  // a close may still be under way on the other side
-    return;
+    const Line* line = line_.get();
+    const PortListener::Answers answers = listener().on_ended();
+    if (line_.get() != line || line_->phase != Phase::half_closed) return;
+    if (answers != PortListener::Answers::none) {
+      context_.log->debug("{}: the peer sends no more", name());
+      line_->quiet_ends = answers == PortListener::Answers::until_it_is_quiet;
+      line_timer_.set_after(kFirstLook);  // a close may still be under way on the other side
+      return;
+    }
   }
   finish_line({.reason = hung_up ? LineDown::Reason::hung_up : LineDown::Reason::closed,
                .error = make_error(Errc::device_lost, fmt::format("{} has closed the connection", name())),
@@ -84,13 +100,39 @@ void StreamPort::on_line_timer() {
     watch_half_closed();
   } else if (line_->phase == Phase::leaving) {
     finish_line({.reason = LineDown::Reason::hung_up, .error = {}});
+  } else if (line_->phase == Phase::up && !reading_) {
+    watch_unread();
+  }
+}
+
+// Without reading, no event tells that the peer is gone.
+void StreamPort::watch_reading() {
+  line_->watch.watch_readable(reading_);
+  line_->gone_since.reset();
+  if (reading_ || !passive()) {
+    line_timer_.cancel();
+  } else {
+    line_timer_.set_after(kLookUnread);
+  }
+}
+
+void StreamPort::watch_unread() {
+  const int fd = line_->fd.get();
+  const bool gone = has_event(fd, 0) || (has_event(fd, POLLRDHUP) && peer_state(fd) == PeerState::gone);
+  if (gone && !line_->gone_since) line_->gone_since = Loop::now();
+  if (gone && (!listener().wants_rest() || Loop::now() - *line_->gone_since >= kRestLimit)) {
+    finish_line({.reason = LineDown::Reason::closed, .error = {}});
+  } else {
+    line_timer_.set_after(kLookUnread);
   }
 }
 
 void StreamPort::watch_half_closed() {
   const PeerState peer = has_event(line_->fd.get(), 0) ? PeerState::gone : peer_state(line_->fd.get());
   const bool hurry = peer == PeerState::unknown && has_event(listener_fd_.get(), POLLIN);
-  const bool quiet = !congested() && Loop::now() - line_->since >= (hurry ? kQuietWithNext : kQuiet);
+  const bool counts = line_->quiet_ends || hurry;
+  const Nanos limit = line_->quiet_ends && hurry ? kQuietWithNext : kQuiet;
+  const bool quiet = counts && !congested() && Loop::now() - line_->since >= limit;
   if (peer == PeerState::gone || quiet) {
     finish_line({.reason = LineDown::Reason::closed, .error = {}});
   } else {
@@ -143,6 +185,7 @@ void StreamPort::drop_line(bool orderly) {
   if (orderly) {
     drop(read_away(line->fd.get()), "they were not read when the line was closed");
   } else {
+    drop(unread(line->fd.get()), "they were not read when the line broke");
     const linger at_once{1, 0};
     (void)::setsockopt(line->fd.get(), SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
   }

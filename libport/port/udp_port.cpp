@@ -1,7 +1,10 @@
 #include "libport/port/udp_port.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
+#include <chrono>
+#include <cstring>
 #include <fmt/format.h>
 #include <iostream>
 #include <netinet/in.h>
@@ -17,7 +20,10 @@ namespace {
 constexpr std::size_t kLargest = 65507;  // bytes in an IPv4 datagram
 constexpr int kReadsATurn = 32;
 constexpr int kMostDiscarded = 65536;
-constexpr int kReceiveBuffer = 1 << 20;  // the kernel drops what does not fit, without a word
+constexpr int kMostPending = 4096;
+constexpr int kReceiveBuffer = 1 << 20;  // the kernel drops what does not fit, and counts it (SO_RXQ_OVFL)
+// A line that was hung up (its device cannot be reached, say) comes up for the next datagram after this.
+constexpr Nanos kRestAfterHangUp = std::chrono::milliseconds(100);
 
 std::uint16_t port_of(const PortOptions& options, const char* option) {
   return static_cast<std::uint16_t>(options.integer(option));
@@ -38,7 +44,9 @@ Result<std::vector<SocketAddress>> addresses_to_bind(const PortOptions& options,
 }  // namespace
 
 UdpPort::UdpPort(const PortContext& context, const PortOptions& options)
-    : context_(context), options_(options) {}
+    : context_(context), options_(options), rest_timer_(*context.loop, [this] {
+        if (opened_ && !up_) watch_->watch_readable(true);
+      }) {}
 
 UdpPort::~UdpPort() = default;
 
@@ -58,6 +66,8 @@ Result<void> UdpPort::bind_socket() {
   for (const SocketAddress& address : *addresses) {
     UniqueFd fd(::socket(address.family(), SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
     (void)::setsockopt(fd.get(), SOL_SOCKET, SO_RCVBUF, &kReceiveBuffer, sizeof kReceiveBuffer);
+    const int on = 1;
+    (void)::setsockopt(fd.get(), SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
     if (fd && ::bind(fd.get(), address.get(), address.size) == 0) {
       fd_ = std::move(fd);
       break;
@@ -138,9 +148,21 @@ void UdpPort::close() {
   opened_ = up_ = false;
   lookup_.reset();
   peer_.reset();
+  rest_timer_.cancel();
   queue_gone();
   if (watch_) watch_->watch_readable(false);
-  if (empty_ > 0) context_.log->warn("{}: {} empty datagrams were dropped", name(), std::exchange(empty_, 0));
+  tell_empty();
+}
+
+void UdpPort::tell_empty() {
+  if (empty_ > 0)
+    tell_lost(std::exchange(empty_, 0), "empty datagrams, which a tape cannot hold, were dropped");
+}
+
+void UdpPort::tell_lost(std::uint64_t datagrams, const char* how) {
+  const std::string text = fmt::format("{} {}", datagrams, how);
+  context_.log->warn("{}: {}", name(), text);
+  listener().on_dropped(0, text);
 }
 
 void UdpPort::queue_gone() {
@@ -152,8 +174,8 @@ void UdpPort::queue_gone() {
 }
 
 void UdpPort::write(ByteView data) {
-  if (!peer_) {
-    listener().on_dropped(data.size(), "the line is not up");
+  if (!peer_ || options_.flag("readonly")) {
+    listener().on_dropped(data.size(), peer_ ? "the port is for reading only" : "the line is not up");
     return;
   }
   for (; !data.empty(); data = data.subspan(std::min(kLargest, data.size()))) {
@@ -221,34 +243,70 @@ void UdpPort::on_readable() {
 bool UdpPort::receive_one() {
   const std::span<Byte> buffer = context_.loop->read_buffer();
   SocketAddress sender;
-  sender.size = sizeof sender.storage;
-  const ssize_t size = ::recvfrom(fd_.get(), buffer.data(), buffer.size(), 0,
-                                  reinterpret_cast<sockaddr*>(&sender.storage), &sender.size);
+  iovec part{buffer.data(), buffer.size()};
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(std::uint32_t))> control{};
+  msghdr message{};
+  message.msg_name = &sender.storage;
+  message.msg_namelen = sizeof sender.storage;
+  message.msg_iov = &part;
+  message.msg_iovlen = 1;
+  message.msg_control = control.data();
+  message.msg_controllen = control.size();
+  const ssize_t size = ::recvmsg(fd_.get(), &message, 0);
   if (size < 0) return errno == EINTR || errno == ECONNREFUSED;
+  sender.size = message.msg_namelen;
   if (passive()) peer_ = sender;
+  note_overflow(message);
   if (size == 0) {
     ++empty_;
+  } else if (options_.flag("writeonly")) {
+    listener().on_dropped(static_cast<std::uint64_t>(size), "the port is for writing only");
   } else {
     listener().on_data(ByteView(buffer).first(static_cast<std::size_t>(size)));
   }
   return true;
 }
 
+// The kernel's count of datagrams that found no room; it comes with the first one after them.
+void UdpPort::note_overflow(msghdr& message) {
+  for (cmsghdr* part = CMSG_FIRSTHDR(&message); part != nullptr; part = CMSG_NXTHDR(&message, part)) {
+    if (part->cmsg_level != SOL_SOCKET || part->cmsg_type != SO_RXQ_OVFL) continue;
+    std::uint32_t count = 0;
+    std::memcpy(&count, CMSG_DATA(part), sizeof count);
+    if (const std::uint32_t fresh = count - std::exchange(overflow_, count); fresh > 0)
+      tell_lost(fresh, "datagrams came faster than they were read and are lost");
+  }
+}
+
 void UdpPort::read_pending() {
-  while (up_ && receive_one()) {
+  for (int n = 0; n < kMostPending && up_ && reading_ && receive_one(); ++n) {
   }
 }
 
 void UdpPort::hang_up(bool) {
   queue_gone();
   if (!std::exchange(up_, false)) return;
+  tell_empty();
   peer_.reset();
   watch_->watch_readable(false);
+  drop_waiting();
   context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
     if (alive.expired()) return;
     listener().on_down({.reason = LineDown::Reason::hung_up, .error = {}});
-    if (opened_ && passive() && !up_) watch_->watch_readable(true);
+    if (opened_ && passive() && !up_) rest_timer_.set_after(kRestAfterHangUp);
   });
+}
+
+// What waits was meant for the line that is hung up; left there, it would open the next one.
+void UdpPort::drop_waiting() {
+  const std::span<Byte> buffer = context_.loop->read_buffer();
+  std::uint64_t bytes = 0;
+  for (int n = 0; n < kMostDiscarded; ++n) {
+    const ssize_t size = ::recv(fd_.get(), buffer.data(), buffer.size(), 0);
+    if (size < 0) break;
+    bytes += static_cast<std::uint64_t>(size);
+  }
+  if (bytes > 0) listener().on_dropped(bytes, "the line was hung up");
 }
 
 }  // namespace porttape

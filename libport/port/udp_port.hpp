@@ -6,6 +6,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <sys/socket.h>
 
 #include "libport/base/unique_fd.hpp"
 #include "libport/port/context.hpp"
@@ -14,6 +15,7 @@
 #include "libport/port/port.hpp"
 #include "libport/port/port_options.hpp"
 #include "libport/port/socket_address.hpp"
+#include "libport/port/timer.hpp"
 
 namespace porttape {
 
@@ -24,9 +26,10 @@ namespace porttape {
 // is passive: it comes up when the first datagram comes, and sends to whoever sent the latest. UDP has no
 // close: it is up until close() or hang_up().
 //
-// Empty datagrams are dropped (a tape cannot hold them). Datagrams that the system does not take (too large,
-// nobody there) are dropped and told by on_dropped; the line stays up. More than 65507 bytes in one write(),
-// which no datagram can hold, go as several.
+// Empty datagrams are dropped (a tape cannot hold them), the kernel drops what comes faster than it is read;
+// on_dropped tells both, without bytes. Datagrams that the system does not take (too large, no route) are
+// dropped and told by on_dropped; the line stays up. That nobody listens at the destination is not seen. More
+// than 65507 bytes in one write(), which no datagram can hold, go as several.
 class UdpPort final : public Port {
  public:
   UdpPort(const PortContext& context, const PortOptions& options);
@@ -56,6 +59,10 @@ class UdpPort final : public Port {
   void send_or_queue(ByteView datagram);
   bool send_one(ByteView datagram);  // false: later
   void queue_gone();
+  void drop_waiting();
+  void note_overflow(msghdr& message);
+  void tell_empty();
+  void tell_lost(std::uint64_t datagrams, const char* how);
 
   PortContext context_;
   PortOptions options_;
@@ -65,8 +72,10 @@ class UdpPort final : public Port {
   std::unique_ptr<NameLookup> lookup_;
   std::optional<SocketAddress> peer_;
   std::deque<Bytes> queue_;
-  std::set<int> told_errors_;  // each once a session
-  std::uint64_t empty_ = 0;    // datagrams dropped since open()
+  std::set<int> told_errors_;   // each once a session
+  std::uint64_t empty_ = 0;     // datagrams dropped since open()
+  std::uint32_t overflow_ = 0;  // datagrams lost in the kernel since bind, as told last
+  Timer rest_timer_;
   bool opened_ = false;
   bool up_ = false;
   bool reading_ = true;

@@ -16,7 +16,9 @@ namespace {
 
 constexpr int kBacklog = 128;
 
-UniqueFd make_socket() { return UniqueFd(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)); }
+UniqueFd make_socket(int type = SOCK_STREAM) {
+  return UniqueFd(::socket(AF_UNIX, type | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+}
 
 Result<mode_t> mode_of(const PortOptions& options) {
   const std::string text = options.text("mode");
@@ -48,7 +50,8 @@ Result<void> UnixPort::free_place(const SocketAddress& address) const {
         Errc::usage,
         fmt::format("socket '{}' exists and is not a socket; it is left alone, choose another path", path_));
   }
-  const UniqueFd probe = make_socket();
+  // Of another type, so that whoever listens there sees no connection: EPROTOTYPE.
+  const UniqueFd probe = make_socket(SOCK_DGRAM);
   if (::connect(probe.get(), address.get(), address.size) == 0 || errno != ECONNREFUSED) {
     return make_error(Errc::usage,
                       fmt::format("socket '{}' is in use; end that program or choose another path", path_));

@@ -162,7 +162,7 @@ void Engine::Impl::play(std::size_t max_bytes, ReplayActions& out) {
   }
   if (!blocked && (!player.wake() || *player.wake() > now)) was_blocked = false;
   stop_if_damaged();
-  if (run && writing_ended && player.session_played()) {
+  if (run && writing_ended && !blocked && (player.session_played() || !player.wake())) {
     writing_ended = false;
     out.hang_up = true;
   }

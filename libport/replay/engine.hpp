@@ -65,7 +65,7 @@ class Engine {
   void on_open(Instant now);
   void on_write(Instant now, ByteView data);
   // It writes no more in this session and still reads (a connection closed in one direction): the device ends
-  // its own when the tape has nothing more for it.
+  // its own when all that the tape has for it without further writes was delivered.
   void on_writing_ended(Instant now);
   void on_close(Instant now);
 

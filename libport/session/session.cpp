@@ -24,15 +24,18 @@ struct Session::DriverSide final : PortListener {
   void on_up() override { session.driver_up(); }
   void on_data(ByteView data) override { session.driver_data(data); }
   void on_drained() override {
-    session.device_->set_reading(true);
+    session.read_device();
     session.continue_end();
   }
   void on_down(const LineDown& down) override { session.driver_down(down); }
   void on_finished(int exit_status) override { session.finished(exit_status); }
-  bool on_ended() override { return session.driver_ended(); }
+  Answers on_ended() override { return session.driver_ended(); }
+  bool wants_rest() override { return session.device_up_; }
   void on_interrupted(const LineDown& down) override { session.driver_interrupted(down); }
-  void on_resumed() override { session.device_->set_reading(true); }
-  void on_dropped(std::uint64_t bytes, std::string_view why) override { session.dropped(bytes, why); }
+  void on_resumed() override { session.read_device(); }
+  void on_dropped(std::uint64_t bytes, std::string_view why) override {
+    session.dropped_by_driver(bytes, why);
+  }
   Session& session;
 };
 
@@ -101,15 +104,33 @@ void Session::device_up() {
   device_up_ = true;
   context_.log->debug("{}: up", device_->name());
   interrupted_ = false;
-  driver_->set_reading(true);
+  read_driver();
 }
 
-// True: its answers are still wanted.
-bool Session::driver_ended() {
-  if (!device_up_ || interrupted_) return false;
+// At the end nothing more is taken in: what is there goes out.
+void Session::read_driver() {
+  if (ending_ == Ending::no) driver_->set_reading(true);
+}
+void Session::read_device() {
+  if (ending_ == Ending::no) device_->set_reading(true);
+}
+
+PortListener::Answers Session::driver_ended() {
+  if (!device_up_ || interrupted_) return PortListener::Answers::none;
   context_.log->debug("{}: the driver sends no more", driver_->name());
-  device_->end_writing();
-  return true;
+  return device_->end_writing() ? PortListener::Answers::until_hang_up
+                                : PortListener::Answers::until_it_is_quiet;
+}
+
+void Session::dropped_by_driver(std::uint64_t bytes, std::string_view why) {
+  dropped(bytes, why);
+  driver_dropped_ += bytes;
+  driver_dropped_why_ = why;
+}
+
+// One gap a session, since drops come by the piece.
+void Session::note_gap() {
+  if (driver_dropped_ > 0) device_->note_gap(std::exchange(driver_dropped_, 0), driver_dropped_why_);
 }
 
 void Session::dropped(std::uint64_t bytes, std::string_view why) {
@@ -143,7 +164,7 @@ void Session::device_interrupted(const LineDown& down) {
 void Session::device_resumed() {
   context_.log->info("{}: is back", device_->name());
   interrupted_ = false;
-  if (driver_up_ && device_up_ && !device_->congested()) driver_->set_reading(true);
+  if (driver_up_ && device_up_ && !device_->congested()) read_driver();
 }
 
 void Session::device_arrivals(ByteView data, std::span<const std::size_t> ends) {
@@ -175,7 +196,7 @@ void Session::driver_down(const LineDown& down) {
   context_.log->info("{}: {}", driver_->name(),
                      down.reason == LineDown::Reason::hung_up ? "hung up" : "the driver has closed it");
   driver_up_ = false;
-  device_->set_reading(true);
+  read_device();
   if (ending_ == Ending::leaving) {
     end();
   } else if (!driver_->passive()) {
@@ -200,6 +221,7 @@ void Session::close_device() {
   drain_timer_.cancel();
   device_open_ = false;
   device_up_ = false;
+  note_gap();
   device_->close();
   tell_dropped();
   if (driver_up_ && ending_ == Ending::no) open_device();
@@ -209,7 +231,7 @@ void Session::device_drained() {
   if (closing_device_) {
     close_device();
   } else if (device_up_ && !interrupted_) {
-    driver_->set_reading(true);
+    read_driver();
   }
   continue_end();
 }
@@ -225,6 +247,7 @@ void Session::device_down(const LineDown& down) {
     case LineDown::Reason::failed:
     case LineDown::Reason::lost:
       context_.log->error("{}", down.error.message);
+      if (!driver_->passive()) exit_status_ = exit_status_of(down.error.code);  // no next driver will come
       break;
     case LineDown::Reason::closed:
       context_.log->info("{}: closed by the device", device_->name());
@@ -258,6 +281,8 @@ void Session::begin_end(bool limited) {
     driver_->read_pending();
     device_->read_pending();
   }
+  driver_->set_reading(false);
+  device_->set_reading(false);
   limited_ = limited;
   if (limited_) end_timer_.set_after(kSendLimit);
   continue_end();
@@ -282,10 +307,11 @@ void Session::end() {
   ending_ = Ending::ended;
   end_timer_.cancel();
   drain_timer_.cancel();
+  driver_->close();
+  note_gap();
   if (device_open_) device_->close();
   const int device_status = device_->finish();
   if (exit_status_ == 0) exit_status_ = device_status;
-  driver_->close();
   driver_->finish();
   tell_dropped();
   context_.loop->post([this] { on_end_(exit_status_); });

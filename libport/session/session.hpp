@@ -56,7 +56,9 @@ class Session {
 
   void driver_up();
   void driver_data(ByteView data);
-  bool driver_ended();
+  PortListener::Answers driver_ended();
+  void read_driver();
+  void read_device();
   void driver_interrupted(const LineDown& down);
   void driver_down(const LineDown& down);
   void driver_gone(const LineDown& down);
@@ -68,6 +70,8 @@ class Session {
   void device_drained();
   void device_down(const LineDown& down);
   void dropped(std::uint64_t bytes, std::string_view why);
+  void dropped_by_driver(std::uint64_t bytes, std::string_view why);
+  void note_gap();
   void tell_dropped();
   void finished(int exit_status);
 
@@ -88,6 +92,8 @@ class Session {
   Counters counters_;
   std::uint64_t dropped_ = 0;  // not told in the log yet
   std::string dropped_why_;
+  std::uint64_t driver_dropped_ = 0;  // on the driver's side, not noted on the tape yet
+  std::string driver_dropped_why_;
   int exit_status_ = 0;
   Ending ending_ = Ending::no;
   bool limited_ = false;  // the end waits for slow peers only so long

@@ -73,7 +73,7 @@ TEST_F(ListeningPort, AHalfClosedPeerThatThenClosesIsNoticed) {
 
 TEST_F(ListeningPort, AHalfClosedPeerIsNotKeptWhereNobodyWantsIt) {
   make_listening();
-  log.keep_ended = false;
+  log.answers = PortListener::Answers::none;
   Socket peer = up();
   peer.end_sending();
   until("up ended closed ");
@@ -86,6 +86,68 @@ TEST_F(ListeningPort, AQuietHalfClosedPeerIsClosedInTheEnd) {
   peer.end_sending();
   until("up ended closed ");
   until_got(peer, "", "end");
+}
+
+TEST_F(ListeningPort, AHalfClosedPeerIsKeptWhereItsEndWillBeTold) {
+  make_listening();
+  log.answers = PortListener::Answers::until_hang_up;
+  Socket peer = up();
+  peer.end_sending();
+  until("up ended ");
+  bool waited = false;
+  Timer longer_than_quiet(loop, [&] { waited = true; });
+  longer_than_quiet.set_after(std::chrono::milliseconds(2300));
+  run_until(loop, [&] { return waited; });
+  EXPECT_EQ(log.events, "up ended ");
+  port->write(as_bytes("late answer"));
+  port->hang_up(true);
+  until_got(peer, "late answer", "end");
+}
+
+TEST_F(ListeningPort, APeerThatDiesUnreadIsNoticed) {
+  make_listening();
+  port->set_reading(false);
+  Socket first = up();
+  first.send("unread");
+  first.close();
+  until("up closed ");
+  EXPECT_EQ(log.dropped, 6U);
+  up().reset();
+  until("up closed up closed ");
+}
+
+TEST_F(ListeningPort, WhatADeadPeerLeftIsReadWhereItIsWanted) {
+  make_listening();
+  log.wanted = true;
+  port->set_reading(false);
+  Socket peer = up();
+  peer.send("last words");
+  peer.close();
+  bool waited = false;
+  Timer looked_at(loop, [&] { waited = true; });
+  looked_at.set_after(std::chrono::milliseconds(600));
+  run_until(loop, [&] { return waited; });
+  EXPECT_EQ(log.events, "up ");
+  port->set_reading(true);
+  until("up closed ");
+  EXPECT_EQ(log.data, "last words");
+}
+
+TEST_F(ListeningPort, ReadonlyAndWriteonlyHold) {
+  make_listening(",readonly");
+  Socket peer = up();
+  port->write(as_bytes("no"));
+  peer.send("yes");
+  until_data("yes");
+  EXPECT_EQ(log.dropped, 2U);
+  log = {};
+  make_listening(",writeonly");
+  Socket other = up();
+  other.send("no");
+  run_until(loop, [&] { return log.dropped == 2; });
+  port->write(as_bytes("yes"));
+  until_got(other, "yes");
+  EXPECT_EQ(log.data, "");
 }
 
 TEST_F(ListeningPort, HangingUpLetsThePeerReadFirst) {

@@ -56,6 +56,38 @@ TEST_F(UdpPortTest, EachWriteIsADatagram) {
   EXPECT_EQ(one(peer), "three");
 }
 
+TEST_F(UdpPortTest, AHungUpLineDropsWhatOpenedItAndRests) {
+  make_listening();
+  const SocketAddress there = *numeric_address("127.0.0.1", number);
+  const auto send = [&](std::string_view text) {
+    ASSERT_EQ(::sendto(peer.fd(), text.data(), text.size(), 0, there.get(), there.size),
+              static_cast<ssize_t>(text.size()));
+  };
+  port->set_reading(false);  // as a session does until its device is up
+  send("first");
+  run_until(loop, [&] { return log.events == "up "; });
+  port->hang_up(false);
+  run_until(loop, [&] { return log.events == "up hung_up "; });
+  EXPECT_EQ(log.dropped, 5U);
+  send("second");
+  run_until(loop, [&] { return log.events == "up hung_up up "; });
+  port->set_reading(true);
+  run_until(loop, [&] { return log.data == "second"; });
+}
+
+TEST_F(UdpPortTest, DatagramsThatTheKernelDropsAreTold) {
+  make_listening();
+  const SocketAddress there = *numeric_address("127.0.0.1", number);
+  const std::string datagram(60'000, 'd');
+  for (int n = 0; n < 200; ++n)
+    (void)::sendto(peer.fd(), datagram.data(), datagram.size(), 0, there.get(), there.size);
+  // The count comes with a datagram that found room again.
+  run_until(loop, [&] {
+    (void)::sendto(peer.fd(), "x", 1, 0, there.get(), there.size);
+    return book.text().find("came faster than they were read") != std::string::npos;
+  });
+}
+
 TEST_F(UdpPortTest, TheLargestDatagramStaysWholeBothWays) {
   make_sending();
   const std::string largest(65507, 'x');

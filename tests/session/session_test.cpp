@@ -207,7 +207,7 @@ TEST_F(SessionTest, ADriverThatSendsNoMoreStillGetsItsAnswer) {
   start();
   driver.up();
   driver.send("ask");
-  EXPECT_TRUE(driver.end());
+  EXPECT_EQ(driver.end(), PortListener::Answers::until_hang_up);
   EXPECT_EQ(device.calls, "prepare open end_writing ");
   device.send("answer");
   EXPECT_EQ(driver.written, "answer");
@@ -219,7 +219,52 @@ TEST_F(SessionTest, ADriverThatSendsNoMoreIsNotKeptForADeviceThatIsNotThere) {
   device.up_at_once = false;
   start();
   driver.up();
-  EXPECT_FALSE(driver.end());
+  EXPECT_EQ(driver.end(), PortListener::Answers::none);
+}
+
+TEST_F(SessionTest, WhereTheDeviceHasNoHalfCloseQuietEndsTheDriver) {
+  device.half_closes = false;
+  start();
+  driver.up();
+  EXPECT_EQ(driver.end(), PortListener::Answers::until_it_is_quiet);
+}
+
+TEST_F(SessionTest, WhatTheDriversSideDropsIsOneGapASession) {
+  start();
+  driver.up();
+  driver.drop(3);
+  driver.drop(4);
+  EXPECT_EQ(device.gaps, 0U);
+  driver.down(Reason::closed);
+  EXPECT_EQ(device.gaps, 7U);
+  EXPECT_EQ(session->counters().dropped_bytes, 7U);
+  device.drop(5);
+  driver.up();
+  driver.down(Reason::closed);
+  EXPECT_EQ(device.gaps, 7U) << "the device's port notes its own";
+}
+
+TEST_F(SessionTest, AtTheEndNothingMoreIsTakenIn) {
+  start();
+  driver.up();
+  device.congested = true;
+  driver.send("much");
+  EXPECT_FALSE(driver.reading);
+  session->stop();
+  EXPECT_FALSE(device.reading);
+  device.drain();
+  EXPECT_FALSE(driver.reading);
+}
+
+TEST_F(SessionTest, AMissingDeviceIsTheEndForADriverThatIsConnectedTo) {
+  driver.passive = false;
+  driver.up_at_once = true;
+  device.up_at_once = false;
+  start();
+  device.down(Reason::failed);
+  driver.down(Reason::hung_up);
+  run_ready();
+  EXPECT_EQ(end_status, exit_status::kDevice);
 }
 
 TEST_F(SessionTest, AnInterruptedDeviceKeepsTheDriverWaiting) {

@@ -25,7 +25,9 @@ class MemoryPort final : public Port {
     bool reading = true;
     bool passive = false;
     bool datagrams = false;
-    bool up_at_once = true;  // open() brings the line up
+    bool half_closes = true;  // what end_writing() gives
+    std::uint64_t gaps = 0;   // bytes of note_gap()
+    bool up_at_once = true;   // open() brings the line up
     Result<void> prepared;
     int status = 0;
 
@@ -38,7 +40,7 @@ class MemoryPort final : public Port {
     void down(LineDown::Reason reason, std::string why = {}) {
       port->listener().on_down({.reason = reason, .error = make_error(Errc::device_lost, std::move(why))});
     }
-    bool end() { return port->listener().on_ended(); }
+    PortListener::Answers end() { return port->listener().on_ended(); }
     void interrupt() { port->listener().on_interrupted({.reason = LineDown::Reason::lost, .error = {}}); }
     void resume() { port->listener().on_resumed(); }
     void drop(std::uint64_t bytes) { port->listener().on_dropped(bytes, "a test wants it"); }
@@ -63,7 +65,11 @@ class MemoryPort final : public Port {
     peer_->written += as_text(data);
     ++peer_->writes;
   }
-  void end_writing() override { peer_->calls += "end_writing "; }
+  bool end_writing() override {
+    peer_->calls += "end_writing ";
+    return peer_->half_closes;
+  }
+  void note_gap(std::uint64_t bytes, std::string_view) override { peer_->gaps += bytes; }
   [[nodiscard]] bool keeps_datagrams() const override { return peer_->datagrams; }
   [[nodiscard]] bool congested() const override { return peer_->congested; }
   void set_reading(bool on) override { peer_->reading = on; }

@@ -28,10 +28,11 @@ class PortLog final : public PortListener {
                                                         : "hung_up ";
     error = down.error;
   }
-  bool on_ended() override {
+  Answers on_ended() override {
     events += "ended ";
-    return keep_ended;
+    return answers;
   }
+  bool wants_rest() override { return wanted; }
   void on_interrupted(const LineDown& down) override {
     events += "interrupted ";
     error = down.error;
@@ -44,7 +45,8 @@ class PortLog final : public PortListener {
   std::string data;
   Error error;
   std::uint64_t dropped = 0;
-  bool keep_ended = true;  // the answer to on_ended
+  Answers answers = Answers::until_it_is_quiet;  // what on_ended gives
+  bool wanted = false;                           // what wants_rest gives
 };
 
 // A peer that reads whatever comes.
