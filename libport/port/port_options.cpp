@@ -95,6 +95,8 @@ Result<void> check_together(const PortOptions& options) {
   if (tcp && options.integer("port") == 0 && !options.flag("listen")) {
     return usage("option 'port': '0' is not valid; accepted: a whole number from 1 to 65535");
   }
+  if (const auto file = options.values.find("file"); file != options.values.end() && file->second.empty())
+    return usage("option 'file' is empty; accepted: the name of a tape");
   if (!path) return {};
   if (options.text("path").empty()) return usage("option 'path' is missing; accepted: the path of a socket");
   if (const Result<SocketAddress> address = unix_address(options.text("path")); !address)

@@ -27,17 +27,30 @@ Enum choice(const std::string& value, const std::pair<std::string_view, Enum> (&
   return choices[0].second;
 }
 
-// Opens on the tape: the events file is small, so that it may be read through.
-Result<std::uint64_t> count_opens(const TapePaths& tape) {
-  Result<TapeReader> events = TapeReader::open(tape, TapeReader::Select::events_only);
-  if (!events) return events.error();
-  std::uint64_t opens = 0;
-  for (;;) {
-    const auto record = events->next();
-    if (!record) return record.error();
-    if (!*record) return opens;
-    if ((*record)->kind == RecordKind::open) ++opens;
+// What the engine is to know of a tape beforehand. The events file is small, so that it may be read through;
+// the whole tape is only where it has hang-ups.
+Result<Engine::TapeFacts> facts_of(const TapePaths& tape) {
+  Engine::TapeFacts facts;
+  bool hangs_up = false;
+  for (const auto select : {TapeReader::Select::events_only, TapeReader::Select::merged}) {
+    if (select == TapeReader::Select::merged && !hangs_up) break;
+    Result<TapeReader> reader = TapeReader::open(tape, select);
+    if (!reader) return reader.error();
+    facts.opens = 0;
+    std::uint64_t writes = 0;
+    for (;;) {
+      const auto next = reader->next();
+      if (!next) return next.error();
+      if (!*next) break;
+      const Record& record = **next;
+      if (record.kind == RecordKind::open) ++facts.opens;
+      if (record.kind == RecordKind::write) writes += record.data.size();
+      if (record.kind != RecordKind::hang_up) continue;
+      hangs_up = true;
+      if (select == TapeReader::Select::merged) facts.hang_ups.push_back(writes);
+    }
   }
+  return facts;
 }
 
 }  // namespace
@@ -85,8 +98,8 @@ Result<void> ReplayPort::prepare() {
   if (!schedule) return schedule.error();
   Result<TapeReader> writes = TapeReader::open(options_.tape, TapeReader::Select::writes_only);
   if (!writes) return writes.error();
-  const Result<std::uint64_t> opens = count_opens(options_.tape);
-  if (!opens) return opens.error();
+  Result<Engine::TapeFacts> facts = facts_of(options_.tape);
+  if (!facts) return facts.error();
   if (!options_.report_file.empty()) {
     if (Result<void> place = check_report_place(options_.report_file); !place) return place;
   }
@@ -94,8 +107,8 @@ Result<void> ReplayPort::prepare() {
   writes_ = std::move(*writes);
   const std::optional<TapeHeader> header = schedule_->header();
   datagrams_ = header && header->device.starts_with("udp");
-  const Engine::TapeFacts facts{.stamped_at_arrival = schedule_->has_events(), .opens = *opens};
-  engine_ = std::make_unique<Engine>(options_.config, facts, *schedule_, *writes_);
+  facts->stamped_at_arrival = schedule_->has_events();
+  engine_ = std::make_unique<Engine>(options_.config, *facts, *schedule_, *writes_);
   return {};
 }
 

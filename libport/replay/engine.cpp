@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <limits>
 #include <utility>
 
 #include "libport/replay/engine_impl.hpp"
@@ -23,6 +24,7 @@ ReplayConfig effective(ReplayConfig config) {
 Engine::Impl::Impl(const ReplayConfig& replay_config, const TapeFacts& facts, RecordSource& schedule,
                    RecordSource& write_source)
     : config(effective(replay_config)),
+      hang_ups(facts.hang_ups),
       writes(write_source),
       matcher(write_source, config.burst_gap),
       player(config, facts, schedule, matcher) {}
@@ -39,8 +41,7 @@ void Engine::Impl::open(Instant at) {
   } else if (config.at_end == AtEnd::hangup) {
     pending.hang_up = true;
   }
-  exchanged = false;
-  writing_ended = false;
+  exchanged = writing_ended = device_gone = false;
 }
 
 void Engine::Impl::begin_run() {
@@ -78,12 +79,15 @@ void Engine::Impl::write(Instant at, ByteView data) {
   if (!run || data.empty()) return;
   run->written(data.size());
   exchanged = true;
+  if (device_gone) return;
   const bool recorded = config.timing == Timing::recorded;
   if (recorded && !matcher.comparing() && now - matcher.last_write() >= config.quiet) {
     matcher.realign_to_time(player.timeline().tape(now - config.jitter));
   }
   while (run && !data.empty()) {
-    const Matcher::Step step = matcher.write(now, data);
+    const std::uint64_t room = room_before_hang_up();
+    if (room == 0) break;
+    const Matcher::Step step = matcher.write(now, data.first(std::min<std::uint64_t>(room, data.size())));
     data = data.subspan(step.used);
     if (step.outcome == Matcher::Outcome::block) {
       if (const auto fault = player.check_recorded(step, now)) tell_fault(*fault);
@@ -95,6 +99,12 @@ void Engine::Impl::write(Instant at, ByteView data) {
     }
   }
   stop_if_damaged();
+}
+
+std::uint64_t Engine::Impl::room_before_hang_up() {
+  const std::size_t next = player.schedule().hang_ups_passed();
+  const bool ahead = matcher.comparing() && next < hang_ups.size() && hang_ups[next] >= matcher.position();
+  return ahead ? hang_ups[next] - matcher.position() : std::numeric_limits<std::uint64_t>::max();
 }
 
 void Engine::Impl::close(Instant at) {
@@ -154,6 +164,7 @@ void Engine::Impl::play(std::size_t max_bytes, ReplayActions& out) {
     const std::size_t before = out.deliver.size();
     const auto fault = player.play(now, max_bytes, blocked, out);
     const std::size_t fresh = out.deliver.size() - before;
+    device_gone = device_gone || out.hang_up;
     run->delivered(fresh);
     exchanged = exchanged || fresh > 0;
     if (fresh > 0 && before == 0 && !was_blocked) run->lateness(now - *player.delivered_due());

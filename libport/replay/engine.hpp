@@ -55,6 +55,9 @@ class Engine {
     // `open` events on the whole tape: a close with one ahead does not end the run. With 0, only an open that
     // the walk already stands at is seen to be ahead.
     std::uint64_t opens = 0;
+    // For each recorded hang-up the recorded bytes of writes before it: what the driver writes beyond, until
+    // it closes, went to nobody when it was recorded, and is not compared.
+    std::vector<std::uint64_t> hang_ups{};
   };
 
   Engine(const ReplayConfig& config, const TapeFacts& facts, RecordSource& schedule, RecordSource& writes);

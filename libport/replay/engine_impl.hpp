@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "libport/replay/engine.hpp"
 #include "libport/replay/matcher.hpp"
@@ -37,10 +38,12 @@ struct Engine::Impl {
   void tell_difference(ByteView got);
   void tell_fault(const Player::TimingFault& fault);
   void stop_if_damaged();
+  [[nodiscard]] std::uint64_t room_before_hang_up();
   [[nodiscard]] bool fails() const { return config.on_mismatch == OnMismatch::fail; }
   [[nodiscard]] bool can_realign() const { return config.strictness == 0 || !fails(); }
 
   ReplayConfig config;
+  std::vector<std::uint64_t> hang_ups;
   RecordSource& writes;  // lent to the hint search; otherwise the matcher's
   Matcher matcher;
   Player player;
@@ -49,6 +52,7 @@ struct Engine::Impl {
   bool any_run = false;
   bool driver_open = false;
   bool writing_ended = false;  // in this session
+  bool device_gone = false;    // in this session: hung up as recorded
   bool exchanged = false;      // bytes went either way in this session
   bool tape_end_told = false;
   Reopen on_open = Reopen::resume;

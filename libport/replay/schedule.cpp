@@ -10,6 +10,7 @@ void Schedule::rewind() {
   taken_ = 0;
   passed_ = {};
   opens_passed_ = 0;
+  hang_ups_passed_ = 0;
   exchange_ = 0;
   answered_ = true;
   line_closed_ = false;
@@ -52,6 +53,8 @@ void Schedule::pop() {
       line_closed_ = true;
       break;
     case RecordKind::hang_up:
+      ++hang_ups_passed_;
+      break;
     case RecordKind::event:
       break;
   }

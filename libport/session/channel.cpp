@@ -127,6 +127,10 @@ Result<ChannelPorts> channel_ports(const ChannelSpec& spec) {
   Result<PortOptions> device =
       spec.mode == ChannelMode::replay ? replay_device(*values) : named_port("device", values->at("device"));
   if (!device) return device.error();
+  // Datagrams have no close that could end the one run.
+  if (spec.mode == ChannelMode::replay && driver->type == "udp" && device->flag("once") &&
+      !values->contains("at-end"))
+    device->values["at-end"] = "exit";
   if (values->contains("wait-device") && find_port_type(device->type)->find("wait") != nullptr)
     device->values["wait"] = "1";
   if (spec.mode == ChannelMode::record) device = recording_device(*values, std::move(*device));

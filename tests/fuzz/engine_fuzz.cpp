@@ -64,7 +64,7 @@ class Play {
         writes_(tape.all(RecordKind::write)),
         schedule_(tape, MemorySource::Select::merged, piece),
         write_source_(tape, MemorySource::Select::writes_only, piece),
-        engine_(config, {sessions, tape.opens()}, schedule_, write_source_) {}
+        engine_(config, {sessions, tape.opens(), tape.hang_ups()}, schedule_, write_source_) {}
 
   void run(Input& input) {
     while (!input.done()) {

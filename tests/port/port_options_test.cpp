@@ -58,6 +58,7 @@ TEST(PortOptions, ErrorsNameOptionValueAndWhatIsAccepted) {
   EXPECT_NE(error_of("serial:/dev/x,speed=9").find("unknown option 'speed'"), std::string::npos);
   EXPECT_NE(error_of("modem:/dev/x").find("unknown type 'modem'"), std::string::npos);
   EXPECT_NE(error_of("").find("missing"), std::string::npos);
+  EXPECT_NE(error_of("type=tcplog,port=5,file=").find("'file' is empty"), std::string::npos);
 }
 
 TEST(PortOptions, NumbersAreCheckedToTheLastCharacter) {

@@ -81,6 +81,27 @@ TEST(HangUp, AnEarlierCloseOfTheDriverIsTheRecordedOne) {
   EXPECT_EQ(rig.runs, 1);
 }
 
+TEST(HangUp, WhatTheDriverWroteToADeviceThatWasGoneIsNotCompared) {
+  Rig rig(two_calls());
+  for (int i = 0; i < 2; ++i) {
+    rig.hung_up = false;
+    rig.open().write("Q and more than the device took").wait(1'500);
+    EXPECT_EQ(rig.read(), "A");
+    EXPECT_TRUE(rig.hung_up);
+    rig.write("and more").close();
+  }
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+}
+
+TEST(HangUp, OfADeviceThatWasNeverThereJudgesNothing) {
+  Rig rig(MemoryTape().open(0).hang_up(300).close(400).open(1'000).write(1'100, "Q").read(1'200, "A"));
+  rig.open().write("anybody there?").wait(300);
+  EXPECT_TRUE(rig.hung_up);
+  rig.close().open().write("Q").wait(100);
+  EXPECT_EQ(rig.read(), "A");
+  EXPECT_EQ(rig.close().verdict(), Verdict::pass);
+}
+
 TEST(HangUp, OfADriverThatHasEndedItsWritingComesAfterTheLastAnswer) {
   Rig rig(MemoryTape().open(0).write(1'000, "Q").read(2'000, "A").read(9'000, "B").close(10'000));
   rig.open().write("Q").end_writing().wait(7'999);

@@ -37,7 +37,7 @@ class Rig {
       : tape_(std::move(tape)),
         schedule(tape_, MemorySource::Select::merged, piece),
         writes(tape_, MemorySource::Select::writes_only, piece),
-        engine(config, {stamped_at_arrival, tape_.opens()}, schedule, writes) {}
+        engine(config, {stamped_at_arrival, tape_.opens(), tape_.hang_ups()}, schedule, writes) {}
 
   Rig& open() {
     engine.on_open(now());

@@ -44,6 +44,19 @@ TEST(Channel, ATapeThatIsNotThereIsAnError) {
   EXPECT_EQ(ports.error().code, Errc::usage);
 }
 
+TEST(Channel, OneRunOverDatagramsEndsWithTheTape) {
+  const std::string tape = PORTTAPE_SAMPLE_DIR "/nmea.log";
+  const auto at_end = [&](const std::string& driver, std::map<std::string, std::string> more) {
+    more.insert({{"tape", tape}, {"driver", driver}});
+    const auto ports = ports_of(ChannelMode::replay, std::move(more));
+    return ports ? ports->device.text("at-end") : ports.error().message;
+  };
+  EXPECT_EQ(at_end("udp-listen:127.0.0.1:2000", {{"once", "1"}}), "exit");
+  EXPECT_EQ(at_end("udp-listen:127.0.0.1:2000", {{"once", "1"}, {"at-end", "idle"}}), "idle");
+  EXPECT_EQ(at_end("udp-listen:127.0.0.1:2000", {}), "idle");
+  EXPECT_EQ(at_end("pty", {{"once", "1"}}), "idle");
+}
+
 TEST(Channel, ReplayHasTheVerbsDefaultsNotFlexiports) {
   const auto options = channel_options(ChannelMode::replay);
   const auto value = [&](std::string_view name) {

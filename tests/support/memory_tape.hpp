@@ -38,6 +38,16 @@ class MemoryTape {
     }
     return out;
   }
+  // Bytes of writes before each hang-up.
+  [[nodiscard]] std::vector<std::uint64_t> hang_ups() const {
+    std::vector<std::uint64_t> offsets;
+    std::uint64_t writes = 0;
+    for (const Entry& entry : entries_) {
+      if (entry.kind == RecordKind::write) writes += entry.data.size();
+      if (entry.kind == RecordKind::hang_up) offsets.push_back(writes);
+    }
+    return offsets;
+  }
   [[nodiscard]] std::uint64_t opens() const {
     return static_cast<std::uint64_t>(std::count_if(
         entries_.begin(), entries_.end(), [](const Entry& entry) { return entry.kind == RecordKind::open; }));
