@@ -1,7 +1,13 @@
 #include <algorithm>
 #include <flexiport/backedport.h>
+#include <flexiport/logreaderport.h>
+#include <flexiport/logwriterport.h>
+#include <flexiport/serialport.h>
+#include <flexiport/tcpport.h>
+#include <flexiport/udpport.h>
 #include <memory>
 #include <span>
+#include <typeinfo>
 #include <utility>
 
 #include <spdlog/sinks/stdout_sinks.h>
@@ -52,7 +58,13 @@ BackedPort::BackedPort(const std::string& name, const std::string& type,
   if (_alwaysOpen) own["alwaysopen"] = "1";
   if (!_canWrite) own["readonly"] = "1";
   if (!_canRead) own["writeonly"] = "1";
-  Result<std::unique_ptr<BlockingPort>> port = BlockingPort::create(std::move(own), make_log(name, _debug));
+  Result<std::unique_ptr<BlockingPort>> port = [&] {
+    try {
+      return BlockingPort::create(std::move(own), make_log(name, _debug));
+    } catch (const std::exception& error) {  // out of descriptors or memory
+      throw PortException(std::string("The port cannot be made: ") + error.what());
+    }
+  }();
   if (!port) raise(port.error());
   backing->port = std::move(*port);
   backing->port->set_timeout(to_micros(_timeout));
@@ -64,6 +76,13 @@ BackedPort::BackedPort(const std::string& name, const std::string& type,
 }
 
 BackedPort::~BackedPort() { delete _backing; }
+
+// A program's own class may have its own Read() or Write(): what is made of those must call them.
+bool BackedPort::derived() const {
+  return typeid(*this) != typeid(SerialPort) && typeid(*this) != typeid(TCPPort) &&
+         typeid(*this) != typeid(UDPPort) && typeid(*this) != typeid(LogReaderPort) &&
+         typeid(*this) != typeid(LogWriterPort) && !_backing->other;
+}
 
 bool BackedPort::ProcessOption(const std::string& option, const std::string& value) {
   if (!Port::ProcessOption(option, value)) _backing->options[option] = value;
@@ -97,16 +116,19 @@ ssize_t BackedPort::ReadFull(void* const buffer, size_t count) {
 }
 
 ssize_t BackedPort::ReadString(std::string& buffer) {
+  if (derived()) return Port::ReadString(buffer);
   CheckPort(true);
   return read_value(_backing->port->read_string(buffer));
 }
 
 ssize_t BackedPort::ReadUntil(void* const buffer, size_t count, uint8_t terminator) {
+  if (derived()) return Port::ReadUntil(buffer, count, terminator);
   CheckPort(true);
   return read_value(_backing->port->read_until(room(buffer, count), terminator));
 }
 
 ssize_t BackedPort::ReadStringUntil(std::string& buffer, char terminator) {
+  if (derived()) return Port::ReadStringUntil(buffer, terminator);
   CheckPort(true);
   return read_value(_backing->port->read_string_until(buffer, terminator));
 }
@@ -116,11 +138,13 @@ ssize_t BackedPort::ReadLine(char* const buffer, size_t count) { return Port::Re
 ssize_t BackedPort::ReadLine(std::string& buffer) { return ReadStringUntil(buffer, '\n'); }
 
 ssize_t BackedPort::Skip(size_t count) {
+  if (derived()) return Port::Skip(count);
   CheckPort(true);
   return read_value(_backing->port->skip(count));
 }
 
 ssize_t BackedPort::SkipUntil(uint8_t terminator, unsigned int count) {
+  if (derived()) return Port::SkipUntil(terminator, count);
   CheckPort(true);
   return read_value(_backing->port->skip_until(terminator, count));
 }
@@ -143,6 +167,7 @@ ssize_t BackedPort::Write(const void* const buffer, size_t count) {
 }
 
 ssize_t BackedPort::WriteFull(const void* const buffer, size_t count) {
+  if (derived()) return Port::WriteFull(buffer, count);
   CheckPort(false);
   return write_value(_backing->port->write_full(bytes(buffer, count)));
 }

@@ -45,6 +45,9 @@ class FLEXIPORT_EXPORT BackedPort : public Port {
   virtual void CheckPort(bool read);
 
   Backing* _backing;
+
+ private:
+  bool derived() const;
 };
 
 }  // namespace flexiport

@@ -14,6 +14,7 @@ struct Backing {
   std::unique_ptr<porttape::BlockingPort> port;
   std::map<std::string, std::string> options;  // of the port, until it is made
   bool opened_by_option = false;               // alwaysopen: the first Open() finds it open
+  bool other = false;                          // of a type that flexiport has no class for
 };
 
 inline porttape::Micros to_micros(const Timeout& timeout) {

@@ -1,3 +1,4 @@
+#include <flexiport/backedport.h>
 #include <flexiport/flexiport.h>
 #include <flexiport/logreaderport.h>
 #include <flexiport/logwriterport.h>
@@ -5,10 +6,21 @@
 #include <flexiport/tcpport.h>
 #include <flexiport/udpport.h>
 
+#include "libport/flexiport/backing.hpp"
+
 namespace flexiport {
 namespace {
 
 constexpr const char* kSeparators = ", \t\n";
+
+// The types that flexiport has no class for.
+class OtherPort final : public BackedPort {
+ public:
+  OtherPort(const std::string& type, const std::map<std::string, std::string>& options)
+      : BackedPort(type, type, options) {
+    _backing->other = true;
+  }
+};
 
 }  // namespace
 
@@ -22,7 +34,7 @@ Port* CreatePort(std::map<std::string, std::string> options) {
   if (type == "udp") return new UDPPort(options);
   if (type == "logreader") return new LogReaderPort(options);
   if (type.ends_with("log")) return new LogWriterPort(options);
-  throw PortException("Unknown port type: " + type);
+  return new OtherPort(type, options);
 }
 
 Port* CreatePort(std::string options) {

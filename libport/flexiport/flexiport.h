@@ -14,8 +14,8 @@ class Port;
 // What every function of this library throws.
 class FLEXIPORT_EXPORT PortException : public std::exception {
  public:
-  explicit PortException(const char* errorDesc) throw() : _errorDesc(errorDesc) {}
-  explicit PortException(const std::string& errorDesc) throw() : _errorDesc(errorDesc) {}
+  PortException(const char* errorDesc) throw() : _errorDesc(errorDesc) {}
+  PortException(const std::string& errorDesc) throw() : _errorDesc(errorDesc) {}
   virtual ~PortException() throw() {}
 
   virtual const char* what() const throw() { return _errorDesc.c_str(); }

@@ -17,6 +17,9 @@ using Options = std::map<std::string, std::string>;
 std::string recorded_type(const Options& options) {
   const auto type = options.find("type");
   if (type == options.end()) throw PortException("No port type specified.");
+  if (!type->second.ends_with("log")) {
+    throw PortException("Not a port with a log: " + type->second + " (seriallog, tcplog, udplog, …)");
+  }
   return type->second;
 }
 
@@ -55,6 +58,7 @@ SerialPort::SerialPort(std::map<std::string, std::string> options) : BackedPort(
 SerialPort::~SerialPort() = default;
 
 void SerialPort::SetBaudRate(unsigned int baud) {
+  if (baud == 0) throw PortException("Bad baud rate: 0");
   if (const porttape::Result<void> set = _backing->port->set_baud(baud); !set) raise(set.error());
   _baud = baud;
 }

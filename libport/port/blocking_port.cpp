@@ -80,13 +80,15 @@ Result<void> BlockingPort::open() {
   if (open_) return make_error(Errc::usage, "the port is already open");
   input_.clear();
   down_.reset();
-  up_ = came_up_ = false;
+  up_ = came_up_ = ended_ = reopen_owed_ = false;
   reading_ = true;
   if (Result<void> made = make(); !made) return made;
   port_->set_reading(true);
   port_->open();
   if (wait([this] { return came_up_ || down_; }, kForever) == Wake::stalled) {
-    return make_error(Errc::io, port_->name() + " does not come up");
+    Error error = make_error(Errc::io, port_->name() + " does not come up");
+    release();
+    return error;
   }
   if (!came_up_) {  // a line may also be up and down again by now
     const Error error = down_->error;
@@ -126,6 +128,7 @@ int BlockingPort::finish() {
 
 void BlockingPort::on_up() {
   up_ = came_up_ = true;
+  ended_ = false;
   drained_ = true;
   retry_after_ = kFirstRetry;
 }
@@ -133,6 +136,7 @@ void BlockingPort::on_up() {
 void BlockingPort::on_data(ByteView data) {
   if (!can_read_) return;
   input_.append(data, port_->keeps_datagrams());
+  if (quiet_limit_ > Nanos{0}) limit_.set_after(quiet_limit_);
   if (reading_ && input_.size() >= input_limit_) {
     reading_ = false;
     port_->set_reading(false);
@@ -157,6 +161,13 @@ void BlockingPort::on_down(const LineDown& down) {
     return;
   }
   down_ = down;
+  // The next peer's bytes must not join this one's: it is taken when the caller has seen the end.
+  if (port_->passive()) port_->close();
+}
+
+PortListener::Answers BlockingPort::on_ended() {
+  ended_ = true;
+  return Answers::until_hang_up;
 }
 
 // The tape is used up, or cannot be written and must not fail: the end of the line.
@@ -170,10 +181,10 @@ void BlockingPort::on_finished(int exit_status) {
   on_down(down);
 }
 
+// The new line's bytes must not join what is left of the old one's.
 void BlockingPort::reopen() {
-  down_.reset();
-  if (port_->passive()) return;  // waits for its next peer by itself
-  port_->close();
+  if (!std::exchange(reopen_owed_, false)) return;
+  input_.clear();
   retry_after_ = kFirstRetry;
   retry_.set_after(Nanos{0});
 }

@@ -41,9 +41,10 @@ struct Transfer {
 // Drive it: create(), open(), read and write, close(); then open() again, or let it go. One thread at a time;
 // nothing happens between calls, except in the kernel.
 //
-// *Timeouts* are of the whole call, in microseconds of the monotonic clock: kForever waits for ever, 0 does
-// not wait. The option `timeout` sets them in seconds (-1, the default: for ever). read_full, write_full and
-// an open() of a port that waits for its peer ignore them.
+// *Timeouts* are in microseconds of the monotonic clock: kForever waits for ever, 0 does not wait. A call
+// that reads up to some end times out when nothing has come for so long, the others after so long in all. The
+// option `timeout` sets them in seconds (-1, the default: for ever). read_full, write_full and an open() of a
+// port that waits for its peer ignore them.
 //
 // *Errors*: using a port that is not open, or against its permissions, is Errc::usage; a device that cannot
 // be opened Errc::device_missing; one that went away Errc::device_lost. A write that the tape of a logreader
@@ -52,7 +53,9 @@ struct Transfer {
 //
 // *When the line goes down* what came before it can still be read; then one call ends as `closed` and the
 // port is no longer open. With `alwaysopen` it stays open, and calls wait, within their timeout, until the
-// line is back.
+// line is back; it comes back, and a port that listens takes its next peer, once the rest was read, or passed
+// over by a call that it does not satisfy. To a peer that has ended only its own
+// direction writes still go, until a read has ended as `closed`.
 //
 // *Input* that was not asked for yet is kept, at most kInputLimit bytes; beyond that the peer has to wait. A
 // call that times out takes nothing: what had come is there for the next one. The exceptions are skip() and
@@ -135,6 +138,7 @@ class BlockingPort final : private PortListener {
   void on_drained() override { drained_ = true; }
   void on_down(const LineDown& down) override;
   void on_finished(int exit_status) override;
+  Answers on_ended() override;
 
   Result<void> make();
   void release();
@@ -173,6 +177,9 @@ class BlockingPort final : private PortListener {
   bool drained_ = false;
   bool reading_ = true;
   bool timed_out_ = false;
+  bool reopen_owed_ = false;  // alwaysopen: once what the old line left is read or passed over
+  bool ended_ = false;        // the peer sends no more
+  Nanos quiet_limit_{};       // of the wait under way: input starts it again
   std::uint64_t read_bytes_ = 0;
   std::uint64_t written_bytes_ = 0;
 };

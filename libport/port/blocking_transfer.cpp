@@ -45,12 +45,20 @@ Result<void> BlockingPort::check_write() const {
 Result<Transfer> BlockingPort::wait_for_input(const Condition& enough, std::size_t room, Micros timeout) {
   if (Result<void> may = check_read(); !may) return may.error();
   if (enough()) return Transfer{};
+  reopen();
   input_limit_ = std::max(kInputLimit, room);
   consumed();
-  const Wake wake = wait([&] { return enough() || down_ || !open_; }, timeout);
+  quiet_limit_ = timeout;
+  const Wake wake = wait([&] { return enough() || down_ || ended_ || !open_; }, timeout);
+  quiet_limit_ = {};
   input_limit_ = kInputLimit;
   if (enough()) return Transfer{};
-  if (down_) return line_ended();
+  if (down_ && down_->error.code == Errc::damaged_tape) {
+    Error error = down_->error;
+    line_ended();
+    return error;
+  }
+  if (down_ || ended_) return line_ended();
   if (!open_) return Transfer{0, Transfer::End::closed};
   if (wake == Wake::timed_out) return Transfer{0, Transfer::End::timed_out};
   const std::string awaited = port_->awaits();
@@ -61,7 +69,11 @@ Result<Transfer> BlockingPort::wait_for_input(const Condition& enough, std::size
 Transfer BlockingPort::line_ended() {
   if (!open_) return {0, Transfer::End::closed};
   if (always_open_) {
-    reopen();
+    reopen_owed_ = true;
+    down_.reset();
+    up_ = ended_ = false;
+    port_->close();
+    if (input_.empty()) reopen();
   } else {
     open_ = false;
     release();
@@ -73,6 +85,7 @@ Transfer BlockingPort::take(std::size_t count, std::span<Byte> into) {
   std::copy_n(input_.view().begin(), count, into.begin());
   input_.consume(count);
   read_bytes_ += count;
+  if (input_.empty()) reopen();
   consumed();
   return {count};
 }
@@ -135,10 +148,9 @@ Result<Transfer> BlockingPort::read_string_until(std::string& into, char end) {
 }
 
 Result<Transfer> BlockingPort::skip(std::size_t count) {
-  const Remaining left(timeout_);
   std::size_t skipped = 0;
   while (skipped < count) {
-    const Result<Transfer> waited = wait_for_input([&] { return !input_.empty(); }, 1, left());
+    const Result<Transfer> waited = wait_for_input([&] { return !input_.empty(); }, 1, timeout_);
     if (!waited || !waited->done()) return waited;
     const std::size_t piece = std::min(input_.size(), count - skipped);
     input_.consume(piece);
@@ -150,10 +162,9 @@ Result<Transfer> BlockingPort::skip(std::size_t count) {
 }
 
 Result<Transfer> BlockingPort::skip_until(Byte end, unsigned times) {
-  const Remaining left(timeout_);
   std::size_t skipped = 0;
   while (times > 0) {
-    const Result<Transfer> waited = wait_for_input([&] { return !input_.empty(); }, 1, left());
+    const Result<Transfer> waited = wait_for_input([&] { return !input_.empty(); }, 1, timeout_);
     if (!waited || !waited->done()) return waited;
     const std::optional<std::size_t> found = input_.find(end);
     const std::size_t piece = found ? *found + 1 : input_.size();
@@ -186,6 +197,11 @@ Error BlockingPort::broken() const {
 
 Result<Transfer> BlockingPort::write(ByteView data) {
   if (Result<void> may = check_write(); !may) return may.error();
+  if (port_->keeps_datagrams() && data.size() > Port::kLargestDatagram) {
+    return make_error(Errc::usage, fmt::format("{} bytes do not fit a datagram, which holds at most {}",
+                                               data.size(), Port::kLargestDatagram));
+  }
+  reopen();
   const Remaining left(timeout_);
   poll();
   std::size_t sent = 0;

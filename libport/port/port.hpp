@@ -146,6 +146,7 @@ class Port {
   // Whether it waits for the next peer by itself when one has closed.
   [[nodiscard]] virtual bool passive() const { return false; }
 
+  static constexpr std::size_t kLargestDatagram = 65507;  // bytes in one of IPv4
   // Whether each write() reaches the peer as one datagram and each on_data() is one.
   [[nodiscard]] virtual bool keeps_datagrams() const { return false; }
 

@@ -191,8 +191,14 @@ void ReplayPort::perform(ReplayActions& actions) {
         {.reason = LineDown::Reason::hung_up, .error = std::move(error), .after_reading = !mismatch});
   }
   const bool exit = actions.exit;
+  const std::string trouble = actions.run_ended ? actions.run_ended->trouble.value_or("") : "";
   if (actions.run_ended) take_report(std::move(*actions.run_ended));
   if (exit && report_) listener().on_finished(options_.once ? status() : exit_status::kPass);
+  if (!trouble.empty()) {
+    listener().on_down({.reason = LineDown::Reason::lost,
+                        .error = make_error(Errc::damaged_tape, trouble),
+                        .after_reading = true});
+  }
 }
 
 void ReplayPort::take_report(RunReport report) {

@@ -46,7 +46,7 @@ std::size_t StreamPort::unread(int fd) {
 void StreamPort::peer_ended() {
   const bool hung_up = line_->phase >= Phase::sending;
   line_->watch.watch_readable(false);
-  if (!hung_up && passive() && peer_state(line_->fd.get()) != PeerState::gone) {
+  if (!hung_up && !line_->end_wanted && peer_state(line_->fd.get()) != PeerState::gone) {
     // Before it is asked, since the last answer may come from within the question.
     line_->phase = Phase::half_closed;
     line_->since = Loop::now();

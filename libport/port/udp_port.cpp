@@ -17,7 +17,6 @@
 namespace porttape {
 namespace {
 
-constexpr std::size_t kLargest = 65507;  // bytes in an IPv4 datagram
 constexpr int kReadsATurn = 32;
 constexpr int kMostDiscarded = 65536;
 constexpr int kMostPending = 4096;
@@ -178,8 +177,8 @@ void UdpPort::write(ByteView data) {
     listener().on_dropped(data.size(), peer_ ? "the port is for reading only" : "the line is not up");
     return;
   }
-  for (; !data.empty(); data = data.subspan(std::min(kLargest, data.size()))) {
-    send_or_queue(data.first(std::min(kLargest, data.size())));
+  for (; !data.empty(); data = data.subspan(std::min(kLargestDatagram, data.size()))) {
+    send_or_queue(data.first(std::min(kLargestDatagram, data.size())));
   }
 }
 

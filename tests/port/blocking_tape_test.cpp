@@ -134,6 +134,15 @@ TEST_F(BlockingReplayTest, WhatFellDueBetweenCallsCameInTime) {
   EXPECT_EQ(told(port->write(as_bytes("second"))), "6 ") << "measured from when the answer was due";
 }
 
+TEST_F(BlockingReplayTest, DamageIsAnErrorAfterWhatIsSound) {
+  tape({{0, "sound"}, {10, "also"}, {5, "back in time"}}, {{1, "ask"}});
+  open("timeout=1,strictness=1,timing=none");
+  EXPECT_EQ(told(port->write(as_bytes("ask"))), "3 ");
+  EXPECT_EQ(read_some(*port), "9 soundalso");
+  EXPECT_THAT(read_some(*port), HasSubstr("is damaged at offset"));
+  EXPECT_FALSE(port->is_open());
+}
+
 TEST_F(BlockingReplayTest, FlushKeepsATapeOfWhatWasRead) {
   tape({{0, "answer"}}, {});
   open("timeout=1");
