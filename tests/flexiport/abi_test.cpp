@@ -1,8 +1,11 @@
-// The binary interface: order of virtual functions, place of data members.
+// The binary interface (order of virtual functions, place of data members), and classes derived from the
+// ports.
 
 #include <flexiport/flexiport.h>
+#include <flexiport/logreaderport.h>
 #include <flexiport/port.h>
 #include <fstream>
+#include <memory>
 #include <string>
 
 #include <gtest/gtest.h>
@@ -68,6 +71,47 @@ TEST(FlexiportAbi, VirtualFunctionsAreCalledThroughTheOldOrder) {
             "can_read 00\n"
             "can_write 00\n"
             "open 0\n");
+}
+
+// Reads what the device sent with every letter moved on by one.
+class Shifted : public flexiport::LogReaderPort {
+ public:
+  using LogReaderPort::LogReaderPort;
+  ssize_t Read(void* const buffer, size_t count) override {
+    const ssize_t size = LogReaderPort::Read(buffer, count);
+    for (ssize_t i = 0; i < size; ++i) ++static_cast<char*>(buffer)[i];
+    return size;
+  }
+};
+
+TEST(Flexiport, AnOverriddenReadIsWhatTheOthersCall) {
+  const porttape::test::TempDir dir;
+  const std::string file = dir / "t.log";
+  const std::string sent = "abc;rest";
+  std::ofstream tape(file + "r", std::ios::binary);
+  tape << std::string("\0\0\0\0\0\0\0\0\0\0\0", 11) << static_cast<char>(sent.size()) << sent;
+  tape.close();
+  std::ofstream(file + "w").close();
+  Shifted port({{"type", "logreader"}, {"file", file}, {"timeout", "5"}});
+  port.Open();
+  std::string text;
+  EXPECT_EQ(port.ReadStringUntil(text, ';' + 1), 4);
+  EXPECT_EQ(text, "bcd<");
+  EXPECT_EQ(port.ReadString(text), 4);
+  EXPECT_EQ(text, "sftu");
+}
+
+TEST(Flexiport, TypesThatItHasNoClassForAreThere) {
+  const std::unique_ptr<flexiport::Port> pty(flexiport::CreatePort("type=pty,timeout=0"));
+  EXPECT_EQ(pty->GetPortType(), "pty");
+  const std::unique_ptr<flexiport::Port> unix_socket(flexiport::CreatePort("type=unix,path=/nowhere/x"));
+  EXPECT_THROW(unix_socket->Open(), flexiport::PortException);
+  try {
+    delete flexiport::CreatePort("type=modem");
+    FAIL() << "a type that is not there";
+  } catch (const flexiport::PortException& error) {
+    EXPECT_NE(std::string(error.what()).find("serial"), std::string::npos) << error.what();
+  }
 }
 
 }  // namespace
