@@ -23,7 +23,7 @@ namespace porttape {
 // direction is kept while the listener wants that (on_ended), at most until it is seen to be gone. Where
 // nobody will say which answer is the last, it is kept until nothing was written to it for two seconds; when
 // another one waits and it is on another machine, where a half-close looks like a close, a tenth of a second,
-// or two seconds if somebody will say. A peer that dies while it is not read is noticed, and kept for 30 s if
+// or two seconds if somebody will say. A peer that dies while it is not read is noticed, and kept for 10 s if
 // its bytes are wanted (wants_rest).
 //
 // Connecting: `timeout` is the limit when positive, else ten seconds. `wait` tries a peer that is missing

@@ -22,9 +22,10 @@ using std::chrono::seconds;
 // at.
 constexpr Nanos kQuiet = seconds(2);
 constexpr Nanos kQuietWithNext = milliseconds(100);
-// One that is not being read: how often it is looked at, and how long what it left may take once it is gone.
+// One that is not being read: how often it is looked at, and how long nothing of what it left may be read
+// once it is gone.
 constexpr Nanos kLookUnread = milliseconds(250);
-constexpr Nanos kRestLimit = seconds(30);
+constexpr Nanos kRestLimit = seconds(10);
 constexpr Nanos kFirstLook = milliseconds(1);
 constexpr Nanos kLook = milliseconds(20);
 // How long a peer that was hung up may take to close its end.
@@ -118,7 +119,8 @@ void StreamPort::watch_reading() {
 
 void StreamPort::watch_unread() {
   const int fd = line_->fd.get();
-  const bool gone = has_event(fd, 0) || (has_event(fd, POLLRDHUP) && peer_state(fd) == PeerState::gone);
+  // The end of a peer that died while it had more to send waits behind those bytes: the kernel knows.
+  const bool gone = has_event(fd, 0) || peer_state(fd) == PeerState::gone;
   if (gone && !line_->gone_since) line_->gone_since = Loop::now();
   if (gone && (!listener().wants_rest() || Loop::now() - *line_->gone_since >= kRestLimit)) {
     finish_line({.reason = LineDown::Reason::closed, .error = {}});

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <fmt/format.h>
 #include <iostream>
+#include <linux/sock_diag.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <utility>
@@ -150,10 +151,11 @@ void UdpPort::close() {
   rest_timer_.cancel();
   queue_gone();
   if (watch_) watch_->watch_readable(false);
-  tell_empty();
+  tell_losses();
 }
 
-void UdpPort::tell_empty() {
+void UdpPort::tell_losses() {
+  ask_for_overflow();
   if (empty_ > 0)
     tell_lost(std::exchange(empty_, 0), "empty datagrams, which a tape cannot hold, were dropped");
 }
@@ -255,7 +257,7 @@ bool UdpPort::receive_one() {
   if (size < 0) return errno == EINTR || errno == ECONNREFUSED;
   sender.size = message.msg_namelen;
   if (passive()) peer_ = sender;
-  note_overflow(message);
+  look_for_overflow(message);
   if (size == 0) {
     ++empty_;
   } else if (options_.flag("writeonly")) {
@@ -266,15 +268,27 @@ bool UdpPort::receive_one() {
   return true;
 }
 
-// The kernel's count of datagrams that found no room; it comes with the first one after them.
-void UdpPort::note_overflow(msghdr& message) {
+// The kernel's count of datagrams that found no room comes with the first one after them.
+void UdpPort::look_for_overflow(msghdr& message) {
   for (cmsghdr* part = CMSG_FIRSTHDR(&message); part != nullptr; part = CMSG_NXTHDR(&message, part)) {
     if (part->cmsg_level != SOL_SOCKET || part->cmsg_type != SO_RXQ_OVFL) continue;
     std::uint32_t count = 0;
     std::memcpy(&count, CMSG_DATA(part), sizeof count);
-    if (const std::uint32_t fresh = count - std::exchange(overflow_, count); fresh > 0)
-      tell_lost(fresh, "datagrams came faster than they were read and are lost");
+    note_overflow(count);
   }
+}
+
+// Where none came after them.
+void UdpPort::ask_for_overflow() {
+  std::array<std::uint32_t, SK_MEMINFO_VARS> values{};
+  socklen_t size = sizeof values;
+  if (fd_ && ::getsockopt(fd_.get(), SOL_SOCKET, SO_MEMINFO, values.data(), &size) == 0)
+    note_overflow(values[SK_MEMINFO_DROPS]);
+}
+
+void UdpPort::note_overflow(std::uint32_t count) {
+  if (const std::uint32_t fresh = count - std::exchange(overflow_, count); fresh > 0)
+    tell_lost(fresh, "datagrams came faster than they were read and are lost");
 }
 
 void UdpPort::read_pending() {
@@ -285,7 +299,7 @@ void UdpPort::read_pending() {
 void UdpPort::hang_up(bool) {
   queue_gone();
   if (!std::exchange(up_, false)) return;
-  tell_empty();
+  tell_losses();
   peer_.reset();
   watch_->watch_readable(false);
   drop_waiting();

@@ -60,8 +60,10 @@ class UdpPort final : public Port {
   bool send_one(ByteView datagram);  // false: later
   void queue_gone();
   void drop_waiting();
-  void note_overflow(msghdr& message);
-  void tell_empty();
+  void look_for_overflow(msghdr& message);
+  void ask_for_overflow();
+  void note_overflow(std::uint32_t count);
+  void tell_losses();
   void tell_lost(std::uint64_t datagrams, const char* how);
 
   PortContext context_;

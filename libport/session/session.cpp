@@ -196,7 +196,6 @@ void Session::driver_down(const LineDown& down) {
   context_.log->info("{}: {}", driver_->name(),
                      down.reason == LineDown::Reason::hung_up ? "hung up" : "the driver has closed it");
   driver_up_ = false;
-  read_device();
   if (ending_ == Ending::leaving) {
     end();
   } else if (!driver_->passive()) {
@@ -204,6 +203,7 @@ void Session::driver_down(const LineDown& down) {
   } else if (device_open_ && device_up_ && device_->congested()) {
     closing_device_ = true;
     drain_timer_.set_after(kDrainLimit);
+    read_device();
   } else if (device_open_) {
     close_device();
   }
@@ -223,6 +223,7 @@ void Session::close_device() {
   device_up_ = false;
   note_gap();
   device_->close();
+  read_device();  // only now: a tape that was held back would pour the rest into the closed line
   tell_dropped();
   if (driver_up_ && ending_ == Ending::no) open_device();
 }
