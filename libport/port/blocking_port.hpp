@@ -54,8 +54,8 @@ struct Transfer {
 // *When the line goes down* what came before it can still be read; then one call ends as `closed` and the
 // port is no longer open. With `alwaysopen` it stays open, and calls wait, within their timeout, until the
 // line is back; it comes back, and a port that listens takes its next peer, once the rest was read, or passed
-// over by a call that it does not satisfy. To a peer that has ended only its own
-// direction writes still go, until a read has ended as `closed`.
+// over by a call that it does not satisfy. To a peer that has ended only its own direction writes still go,
+// until a read has ended as `closed`.
 //
 // *Input* that was not asked for yet is kept, at most kInputLimit bytes; beyond that the peer has to wait. A
 // call that times out takes nothing: what had come is there for the next one. The exceptions are skip() and

@@ -87,10 +87,12 @@ Result<PortOptions> replay_device(std::map<std::string, std::string> values) {
 }
 
 Result<PortOptions> recording_device(const std::map<std::string, std::string>& values, PortOptions device) {
-  device.type += "log";
-  if (find_port_type(device.type) == nullptr) {
-    return usage(fmt::format("option 'device': a port of type {} cannot be recorded", device.name()));
+  const std::string recorded = device.type + "log";
+  if (find_port_type(recorded) == nullptr) {
+    return usage(fmt::format("option 'device': a port of type {} cannot be recorded{}", device.type,
+                             device.type.ends_with("log") ? "; give it to bridge" : ""));
   }
+  device.type = recorded;
   device.values["file"] = new_tape(values.at("tape")).name();
   if (values.contains("overwrite")) device.values["overwrite"] = "1";
   if (values.contains("fail-closed")) device.values["failclosed"] = "1";

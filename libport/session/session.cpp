@@ -107,12 +107,11 @@ void Session::device_up() {
   read_driver();
 }
 
-// At the end nothing more is taken in: what is there goes out.
 void Session::read_driver() {
-  if (ending_ == Ending::no) driver_->set_reading(true);
+  if (taking_in_) driver_->set_reading(true);
 }
 void Session::read_device() {
-  if (ending_ == Ending::no) device_->set_reading(true);
+  if (taking_in_) device_->set_reading(true);
 }
 
 PortListener::Answers Session::driver_ended() {
@@ -130,7 +129,9 @@ void Session::dropped_by_driver(std::uint64_t bytes, std::string_view why) {
 
 // One gap a session, since drops come by the piece.
 void Session::note_gap() {
-  if (driver_dropped_ > 0) device_->note_gap(std::exchange(driver_dropped_, 0), driver_dropped_why_);
+  if (driver_dropped_why_.empty()) return;
+  const std::string why = std::exchange(driver_dropped_why_, {});
+  device_->note_gap(std::exchange(driver_dropped_, 0), why);
 }
 
 void Session::dropped(std::uint64_t bytes, std::string_view why) {
@@ -177,6 +178,10 @@ void Session::device_arrivals(ByteView data, std::span<const std::size_t> ends) 
 }
 
 void Session::driver_data(ByteView data) {
+  if (!taking_in_) {  // still read, since that is how its close is seen
+    dropped_by_driver(data.size(), "they came after the end");
+    return;
+  }
   counters_.from_driver_bytes += data.size();
   device_->write(data);
   if (device_->congested()) driver_->set_reading(false);
@@ -282,7 +287,7 @@ void Session::begin_end(bool limited) {
     driver_->read_pending();
     device_->read_pending();
   }
-  driver_->set_reading(false);
+  taking_in_ = false;
   device_->set_reading(false);
   limited_ = limited;
   if (limited_) end_timer_.set_after(kSendLimit);

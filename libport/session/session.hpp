@@ -90,6 +90,7 @@ class Session {
   Timer end_timer_;
   Timer drain_timer_;
   Counters counters_;
+  bool taking_in_ = true;      // until the end: then what is there goes out, and no more comes in
   std::uint64_t dropped_ = 0;  // not told in the log yet
   std::string dropped_why_;
   std::uint64_t driver_dropped_ = 0;  // on the driver's side, not noted on the tape yet

@@ -44,6 +44,14 @@ TEST(Channel, ATapeThatIsNotThereIsAnError) {
   EXPECT_EQ(ports.error().code, Errc::usage);
 }
 
+TEST(Channel, APortWithATapeOfItsOwnIsNotRecordedAgain) {
+  const auto ports = ports_of(ChannelMode::record,
+                              {{"device", "type=tcplog,port=5,file=q"}, {"driver", "pty"}, {"tape", "q"}});
+  ASSERT_FALSE(ports.has_value());
+  EXPECT_NE(ports.error().message.find("type tcplog cannot be recorded"), std::string::npos)
+      << ports.error().message;
+}
+
 TEST(Channel, OneRunOverDatagramsEndsWithTheTape) {
   const std::string tape = PORTTAPE_SAMPLE_DIR "/nmea.log";
   const auto at_end = [&](const std::string& driver, std::map<std::string, std::string> more) {

@@ -254,6 +254,9 @@ TEST_F(SessionTest, AtTheEndNothingMoreIsTakenIn) {
   EXPECT_FALSE(device.reading);
   device.drain();
   EXPECT_FALSE(driver.reading);
+  driver.send("late");
+  EXPECT_EQ(device.written, "much");
+  EXPECT_EQ(session->counters().dropped_bytes, 4U);
 }
 
 TEST_F(SessionTest, AMissingDeviceIsTheEndForADriverThatIsConnectedTo) {
