@@ -1,5 +1,6 @@
 #include "libport/port/tty.hpp"
 
+#include <algorithm>
 #include <array>
 #include <asm/termbits.h>  // termios2; not to be mixed with <termios.h>
 #include <cerrno>
@@ -18,6 +19,24 @@ constexpr unsigned kLastPtsMajor = 143;
 
 constexpr std::array<tcflag_t, 4> kDataBitFlags = {CS5, CS6, CS7, CS8};
 
+struct Rate {
+  unsigned baud;
+  tcflag_t code;
+};
+constexpr std::array<Rate, 28> kStandardRates = {
+    {{50, B50},           {75, B75},           {110, B110},         {134, B134},         {150, B150},
+     {200, B200},         {300, B300},         {600, B600},         {1200, B1200},       {1800, B1800},
+     {2400, B2400},       {4800, B4800},       {9600, B9600},       {19200, B19200},     {38400, B38400},
+     {57600, B57600},     {115200, B115200},   {230400, B230400},   {460800, B460800},   {500000, B500000},
+     {576000, B576000},   {921600, B921600},   {1000000, B1000000}, {1152000, B1152000}, {1500000, B1500000},
+     {2000000, B2000000}, {3000000, B3000000}, {4000000, B4000000}}};
+
+// A standard rate by its own code, since older programs that look at the line know no other.
+tcflag_t rate_code(unsigned baud) {
+  const auto* const rate = std::ranges::find(kStandardRates, baud, &Rate::baud);
+  return rate == kStandardRates.end() ? static_cast<tcflag_t>(BOTHER) : rate->code;
+}
+
 Error tty_error(std::string_view what) {
   return make_error(Errc::io, fmt::format("{}: {}", what, errno_text(errno)));
 }
@@ -35,7 +54,7 @@ termios2 with_settings(termios2 tio, const LineSettings& wanted) {
   set_raw_flags(tio);
   tio.c_cflag &= ~static_cast<tcflag_t>(CSIZE | CSTOPB | PARENB | PARODD | CMSPAR | CRTSCTS | CBAUD |
                                         (CBAUD << IBSHIFT));
-  tio.c_cflag |= CREAD | CLOCAL | BOTHER | kDataBitFlags[wanted.data_bits - 5];
+  tio.c_cflag |= CREAD | CLOCAL | rate_code(wanted.baud) | kDataBitFlags[wanted.data_bits - 5];
   if (wanted.stop_bits == 2) tio.c_cflag |= CSTOPB;
   if (wanted.parity != Parity::none) tio.c_cflag |= PARENB;
   if (wanted.parity == Parity::odd) tio.c_cflag |= PARODD;

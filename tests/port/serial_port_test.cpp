@@ -5,7 +5,9 @@
 #include <fstream>
 #include <memory>
 #include <sys/file.h>
+#include <termios.h>
 #include <unistd.h>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -46,6 +48,19 @@ class SerialPortTest : public testing::Test {
   PortLog log;
   std::unique_ptr<SerialPort> port;
 };
+
+TEST_F(SerialPortTest, AStandardRateIsWhatOtherProgramsSee) {
+  for (const auto& [baud, code] : {std::pair("9600", B9600), std::pair("115200", B115200)}) {
+    make_port({{"baud", baud}});
+    ASSERT_TRUE(port->prepare().has_value());
+    port->open();
+    termios tio{};
+    ASSERT_EQ(::tcgetattr(device.get(), &tio), 0);
+    EXPECT_EQ(::cfgetospeed(&tio), static_cast<speed_t>(code));
+    EXPECT_EQ(::cfgetispeed(&tio), static_cast<speed_t>(code));
+    port.reset();
+  }
+}
 
 TEST_F(SerialPortTest, BytesGoBothWaysUnchanged) {
   make_port({{"baud", "250000"}});
