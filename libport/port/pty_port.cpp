@@ -123,6 +123,7 @@ void PtyPort::renew_line() {
 void PtyPort::open() {
   accepting_ = true;
   if (peer_) {
+    watch_reading();
     set_up(true);
   } else {
     look();
@@ -138,8 +139,13 @@ void PtyPort::look() {
 void PtyPort::close() {
   accepting_ = false;
   up_ = false;
-  if (line_) drop_unsent();
+  if (!line_) return;
+  drop_unsent();
+  watch_reading();
 }
+
+// Between close() and open() a peer's bytes wait for the next session.
+void PtyPort::watch_reading() { line_->master_watch.watch_readable(peer_ && accepting_ && reading_); }
 
 void PtyPort::drop_unsent() {
   const std::size_t bytes = line_->outbox.pending();
@@ -153,7 +159,7 @@ void PtyPort::write(ByteView data) {
 
 void PtyPort::set_reading(bool on) {
   reading_ = on;
-  if (peer_ && line_) line_->master_watch.watch_readable(on);
+  if (line_) watch_reading();
 }
 
 void PtyPort::set_up(bool up, LineDown::Reason reason) {
@@ -170,7 +176,7 @@ void PtyPort::peer_arrived() {
   peer_ = true;
   openers_ = 1;
   context_.log->debug("{}: opened", name());
-  line_->master_watch.watch_readable(reading_);
+  watch_reading();
   arrived_ = Loop::now();
   look_timer_.set_after(kFirstLooks);
   set_up(true);
@@ -211,7 +217,9 @@ void PtyPort::on_wake() {
 
 // Makes sessions of what programs did since the last look.
 void PtyPort::take_events() {
+  const Line* const line = line_.get();
   for (const Pty::Event event : line_->pty.take_events()) {
+    if (line_.get() != line) return;  // hung up from within: these were the old line's
     if (event == Pty::Event::closed) {
       if (openers_ > 0) --openers_;
     } else if (!peer_) {
@@ -226,8 +234,9 @@ void PtyPort::take_events() {
 }
 
 void PtyPort::on_readable() {
+  if (!line_) return;
   // More than one read only when the first was full: an extra read for EAGAIN would cost each short exchange.
-  while (peer_ && reading_ && read_once()) {
+  while (peer_ && accepting_ && reading_ && read_once()) {
   }
 }
 
@@ -235,7 +244,9 @@ bool PtyPort::read_once() {
   const ssize_t size = ::read(line_->pty.master(), buffer_.data(), buffer_.size());
   if (size > 0) {
     // A reopen may have come before these bytes without having woken us yet.
+    const Line* const line = line_.get();
     take_events();
+    if (line_.get() != line) return false;
     handle_packet(ByteView(buffer_).first(static_cast<std::size_t>(size)));
     return static_cast<std::size_t>(size) == buffer_.size();
   }

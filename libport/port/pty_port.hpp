@@ -56,6 +56,7 @@ class PtyPort final : public Port {
   void look();  // whether a peer is there that no event told of
   void on_wake();
   void take_events();
+  void watch_reading();
   void on_readable();
   bool read_once();  // true when there may be more
   void handle_packet(ByteView packet);

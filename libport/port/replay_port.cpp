@@ -40,8 +40,9 @@ Result<Engine::TapeFacts> facts_of(const TapePaths& tape) {
     std::uint64_t writes = 0;
     for (;;) {
       const auto next = reader->next();
-      if (!next) return next.error();
-      if (!*next) break;
+      // Damage is told when the play comes to it.
+      if (!next && select == TapeReader::Select::events_only) return next.error();
+      if (!next || !*next) break;
       const Record& record = **next;
       if (record.kind == RecordKind::open) ++facts.opens;
       if (record.kind == RecordKind::write) writes += record.data.size();
@@ -183,12 +184,14 @@ void ReplayPort::perform(ReplayActions& actions) {
     context_.log->warn("{}: {}", options_.tape.name(), to_text(mismatch));
   }
   if (actions.hang_up) {
-    // At the tape's end the driver reads what is left first; at a mismatch the line breaks where it stands.
-    const bool mismatch = !actions.mismatches.empty() || (actions.run_ended && actions.run_ended->mismatch);
+    // At the tape's end and where it hangs up, the driver reads what is left first; at a mismatch that fails
+    // the run the line breaks where it stands.
+    const bool failed = options_.config.on_mismatch == OnMismatch::fail &&
+                        (!actions.mismatches.empty() || (actions.run_ended && actions.run_ended->mismatch));
     Error error;
-    if (!actions.mismatches.empty()) error.message = to_text(actions.mismatches.front());
+    if (failed && !actions.mismatches.empty()) error.message = to_text(actions.mismatches.front());
     listener().on_down(
-        {.reason = LineDown::Reason::hung_up, .error = std::move(error), .after_reading = !mismatch});
+        {.reason = LineDown::Reason::hung_up, .error = std::move(error), .after_reading = !failed});
   }
   const bool exit = actions.exit;
   const std::string trouble = actions.run_ended ? actions.run_ended->trouble.value_or("") : "";

@@ -103,7 +103,7 @@ Result<void> SerialPort::prepare() {
 
 void SerialPort::begin_line(UniqueFd fd) {
   line_ = std::make_unique<Line>(*this, std::move(fd));
-  line_->watch.watch_readable(reading_);
+  watch_reading();
   context_.log->debug("{}: open", name());
 }
 
@@ -236,8 +236,10 @@ Result<void> SerialPort::set_baud(unsigned baud) {
 
 void SerialPort::set_reading(bool on) {
   reading_ = on;
-  if (line_) line_->watch.watch_readable(on);
+  if (line_) watch_reading();
 }
+
+void SerialPort::watch_reading() { line_->watch.watch_readable(reading_ && !options_.flag("writeonly")); }
 
 void SerialPort::on_readable() {
   while (line_ && reading_ && read_once()) {
@@ -283,7 +285,10 @@ void SerialPort::lost(int error_number) {
 
 void SerialPort::hang_up(bool) {
   if (line_) drop_line();
-  up_ = false;
+  if (!std::exchange(up_, false)) return;
+  context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
+    if (!alive.expired()) listener().on_down({.reason = LineDown::Reason::hung_up, .error = {}});
+  });
 }
 
 }  // namespace porttape

@@ -54,6 +54,7 @@ class SerialPort final : public Port {
   Result<void> set_line(int fd) const;
   void begin_line(UniqueFd fd);
   void try_open();
+  void watch_reading();
   void on_readable();
   bool read_once();
   void lost(int error_number);

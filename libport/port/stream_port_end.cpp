@@ -47,6 +47,8 @@ std::size_t StreamPort::unread(int fd) {
 void StreamPort::peer_ended() {
   const bool hung_up = line_->phase >= Phase::sending;
   line_->watch.watch_readable(false);
+  // It may still read what is queued; a dead one shows when that is sent.
+  if (line_->phase == Phase::sending && peer_state(line_->fd.get()) != PeerState::gone) return;
   if (!hung_up && !line_->end_wanted && peer_state(line_->fd.get()) != PeerState::gone) {
     // Before it is asked, since the last answer may come from within the question.
     line_->phase = Phase::half_closed;
@@ -122,7 +124,8 @@ void StreamPort::watch_unread() {
   // The end of a peer that died while it had more to send waits behind those bytes: the kernel knows.
   const bool gone = has_event(fd, 0) || peer_state(fd) == PeerState::gone;
   if (gone && !line_->gone_since) line_->gone_since = Loop::now();
-  if (gone && (!listener().wants_rest() || Loop::now() - *line_->gone_since >= kRestLimit)) {
+  if (gone &&
+      (unread(fd) == 0 || !listener().wants_rest() || Loop::now() - *line_->gone_since >= kRestLimit)) {
     finish_line({.reason = LineDown::Reason::closed, .error = {}});
   } else {
     line_timer_.set_after(kLookUnread);

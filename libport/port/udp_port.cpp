@@ -286,9 +286,12 @@ void UdpPort::ask_for_overflow() {
     note_overflow(values[SK_MEMINFO_DROPS]);
 }
 
+// Datagrams that wait carry the count of when they came, which may be older than one asked for.
 void UdpPort::note_overflow(std::uint32_t count) {
-  if (const std::uint32_t fresh = count - std::exchange(overflow_, count); fresh > 0)
-    tell_lost(fresh, "datagrams came faster than they were read and are lost");
+  const auto fresh = static_cast<std::int32_t>(count - overflow_);
+  if (fresh <= 0) return;
+  overflow_ = count;
+  tell_lost(static_cast<std::uint64_t>(fresh), "datagrams came faster than they were read and are lost");
 }
 
 void UdpPort::read_pending() {

@@ -144,6 +144,7 @@ void Engine::Impl::settle(Player::Lost lost) {
 ReplayActions Engine::Impl::advance(Instant at, std::size_t max_bytes) {
   now = std::max(now, at);
   dirty = false;
+  if (!run && driver_open && std::exchange(writing_ended, false)) pending.hang_up = true;
   // The end of a run is told alone, so that nothing of the next run is mixed in.
   if (pending.run_ended || !run) {
     dirty = run.has_value();

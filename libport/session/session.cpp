@@ -30,7 +30,7 @@ struct Session::DriverSide final : PortListener {
   void on_down(const LineDown& down) override { session.driver_down(down); }
   void on_finished(int exit_status) override { session.finished(exit_status); }
   Answers on_ended() override { return session.driver_ended(); }
-  bool wants_rest() override { return session.device_up_; }
+  bool wants_rest() override { return session.device_open_ && session.taking_in_; }
   void on_interrupted(const LineDown& down) override { session.driver_interrupted(down); }
   void on_resumed() override { session.read_device(); }
   void on_dropped(std::uint64_t bytes, std::string_view why) override {
@@ -212,6 +212,7 @@ void Session::driver_down(const LineDown& down) {
   } else if (device_open_) {
     close_device();
   }
+  continue_end();
 }
 
 // A driver's port that does not wait for the next peer has done its part.
@@ -231,6 +232,7 @@ void Session::close_device() {
   read_device();  // only now: a tape that was held back would pour the rest into the closed line
   tell_dropped();
   if (driver_up_ && ending_ == Ending::no) open_device();
+  continue_end();
 }
 
 void Session::device_drained() {
@@ -257,14 +259,18 @@ void Session::device_down(const LineDown& down) {
       break;
     case LineDown::Reason::closed:
       context_.log->info("{}: closed by the device", device_->name());
-      if (device_->passive()) return;  // the driver waits for the next peer
+      if (device_->passive()) return continue_end();  // the driver waits for the next peer
       break;
     case LineDown::Reason::hung_up:
       context_.log->info("{}: hangs up", device_->name());
       break;
   }
   driver_->set_reading(true);
-  driver_->hang_up(down.after_reading);
+  if (ending_ == Ending::no) {
+    driver_->hang_up(down.after_reading);
+  } else {
+    continue_end();  // which hangs up
+  }
 }
 
 void Session::finished(int exit_status) {
@@ -290,7 +296,12 @@ void Session::begin_end(bool limited) {
   taking_in_ = false;
   device_->set_reading(false);
   limited_ = limited;
-  if (limited_) end_timer_.set_after(kSendLimit);
+  if (limited_) {
+    end_timer_.set_after(kSendLimit);
+  } else if (!driver_up_) {  // its last bytes are on their way
+    limited_ = true;
+    end_timer_.set_after(kDrainLimit);
+  }
   continue_end();
 }
 

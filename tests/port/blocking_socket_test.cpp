@@ -1,4 +1,5 @@
 // Blocking ports on sockets: peers that come, go, and half-close.
+#include <atomic>
 #include <fmt/format.h>
 #include <memory>
 #include <poll.h>
@@ -37,8 +38,9 @@ class BlockingListener : public testing::Test {
   void open(const std::string& more) {
     number = Socket::bound().port();
     port = made(fmt::format("type=tcp,listen,timeout=5,port={}{}", number, more));
-    std::thread peer([this] {
-      for (;;) {
+    std::atomic<bool> given_up = false;
+    std::thread peer([this, &given_up] {
+      while (!given_up) {
         try {
           first = Socket::connect_to(number);
           return;
@@ -48,6 +50,7 @@ class BlockingListener : public testing::Test {
       }
     });
     const Result<void> opened = port->open();
+    if (!opened) given_up = true;
     peer.join();
     ASSERT_TRUE(opened.has_value()) << opened.error().message;
   }

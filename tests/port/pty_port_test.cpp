@@ -17,6 +17,22 @@
 namespace porttape {
 namespace {
 
+// Nothing can be opened while it is there.
+class NoDescriptors {
+ public:
+  NoDescriptors() {
+    ::getrlimit(RLIMIT_NOFILE, &before_);
+    const rlimit none{3, before_.rlim_max};
+    ::setrlimit(RLIMIT_NOFILE, &none);
+  }
+  NoDescriptors(const NoDescriptors&) = delete;
+  NoDescriptors& operator=(const NoDescriptors&) = delete;
+  ~NoDescriptors() { ::setrlimit(RLIMIT_NOFILE, &before_); }
+
+ private:
+  rlimit before_{};
+};
+
 class PtyPortTest : public testing::Test {
  protected:
   PtyPortTest() : link((dir.path() / "port").string()), port(PortContext{&loop, book.log()}, options()) {
@@ -211,6 +227,24 @@ TEST_F(PtyPortTest, HangUpEndsTheDriversLineAndTheLinkLivesOn) {
   until("up hung_up up ");
 }
 
+TEST_F(PtyPortTest, BetweenCloseAndOpenAPeersBytesWait) {
+  start();
+  UniqueFd first = driver();
+  until("up ");
+  first.reset();
+  until("up closed ");
+  port.close();
+  const UniqueFd second = driver();
+  ASSERT_EQ(::write(second.get(), "early", 5), 5);
+  while (loop.poll_one()) {
+  }
+  loop.restart();
+  EXPECT_EQ(log.data, "");
+  port.open();
+  run_until(loop, [&] { return log.data == "early"; });
+  EXPECT_EQ(log.events, "up closed up ");
+}
+
 TEST_F(PtyPortTest, ANewPtyThatCannotBeMadeIsTriedAgain) {
 #ifdef __SANITIZE_ADDRESS__
   GTEST_SKIP() << "the sanitizers need descriptors themselves";
@@ -218,13 +252,11 @@ TEST_F(PtyPortTest, ANewPtyThatCannotBeMadeIsTriedAgain) {
   start();
   const UniqueFd first = driver();
   until("up ");
-  rlimit before{};
-  ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &before), 0);
-  const rlimit none{3, before.rlim_max};
-  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &none), 0);
-  port.hang_up(false);
-  until("up hung_up ");
-  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &before), 0);
+  {
+    const NoDescriptors none;
+    port.hang_up(false);
+    until("up hung_up ");
+  }
   EXPECT_NE(book.text().find("is dead until"), std::string::npos) << book.text();
   const auto opens = [this] { return static_cast<bool>(driver()); };
   run_until(loop, opens);

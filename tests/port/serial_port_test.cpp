@@ -62,6 +62,29 @@ TEST_F(SerialPortTest, AStandardRateIsWhatOtherProgramsSee) {
   }
 }
 
+TEST_F(SerialPortTest, AHangUpIsTold) {
+  make_port();
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  port->hang_up(true);
+  EXPECT_EQ(log.events, "up ");
+  run_until(loop, [&] { return log.events == "up hung_up "; });
+}
+
+TEST_F(SerialPortTest, OneThatIsForWritingOnlyIsNotLostWhenTheDeviceSends) {
+  make_port({{"writeonly", "1"}});
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  ASSERT_EQ(::write(device.get(), "noise", 5), 5);
+  port->write(as_bytes("ask"));
+  while (loop.poll_one()) {
+  }
+  EXPECT_EQ(log.events, "up ");
+  EXPECT_EQ(log.data, "");
+  char buffer[64];
+  EXPECT_EQ(::read(device.get(), buffer, sizeof buffer), 3);
+}
+
 TEST_F(SerialPortTest, BytesGoBothWaysUnchanged) {
   make_port({{"baud", "250000"}});
   ASSERT_TRUE(port->prepare().has_value());

@@ -113,6 +113,18 @@ TEST(HangUp, OfADriverThatHasEndedItsWritingComesAfterTheLastAnswer) {
   EXPECT_EQ(rig.close().verdict(), Verdict::pass);
 }
 
+TEST(HangUp, OfADriverThatHasEndedComesToOneThatHasNoRunLeft) {
+  ReplayConfig config;
+  config.on_reopen = OnReopen::continue_;
+  Rig rig(MemoryTape().open(0).write(1'000, "Q").read(2'000, "A").close(3'000), config);
+  rig.open().write("Q").wait(1'000).close();
+  ASSERT_EQ(rig.verdict(), Verdict::pass);
+  rig.open().write("more");
+  EXPECT_FALSE(rig.hung_up);
+  rig.end_writing();
+  EXPECT_TRUE(rig.hung_up);
+}
+
 TEST(HangUp, OfADriverThatHasEndedAndOwesAWriteComesAtOnce) {
   Rig rig(MemoryTape().open(0).write(1'000, "Q").read(2'000, "A").close(10'000));
   rig.open().end_writing();

@@ -244,6 +244,19 @@ TEST_F(SessionTest, WhatTheDriversSideDropsIsOneGapASession) {
   EXPECT_EQ(device.gaps, 7U) << "the device's port notes its own";
 }
 
+TEST_F(SessionTest, ADriverThatLeavesWhileTheEndWaitsForItsQueueEndsIt) {
+  start();
+  driver.up();
+  driver.congested = true;
+  device.finish(exit_status::kIncomplete);
+  run_ready();
+  EXPECT_FALSE(end_status.has_value());
+  driver.congested = false;  // its queue went with it, and no drain is told
+  driver.down(Reason::closed);
+  run_ready();
+  EXPECT_EQ(end_status, exit_status::kIncomplete);
+}
+
 TEST_F(SessionTest, AtTheEndNothingMoreIsTakenIn) {
   start();
   driver.up();
