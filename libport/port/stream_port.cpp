@@ -46,6 +46,8 @@ StreamPort::Line::Line(StreamPort& port, UniqueFd connected)
 StreamPort::StreamPort(const PortContext& context, const PortOptions& options)
     : context_(context),
       options_(options),
+      readonly_(options.flag("readonly")),
+      writeonly_(options.flag("writeonly")),
       retry_timer_(*context.loop,
                    [this] {
                      if (passive()) {
@@ -156,7 +158,7 @@ void StreamPort::write(ByteView data) {
     drop(data.size(), "the line is not up");
     return;
   }
-  if (options_.flag("readonly")) {
+  if (readonly_) {
     drop(data.size(), "the port is for reading only");
     return;
   }
@@ -165,7 +167,7 @@ void StreamPort::write(ByteView data) {
 }
 
 std::size_t StreamPort::write_some(ByteView data) {
-  if (options_.flag("readonly")) return data.size();
+  if (readonly_) return data.size();
   if (!line_ || line_->phase >= Phase::sending || line_->end_wanted) return 0;
   if (line_->phase == Phase::half_closed) line_->since = Loop::now();
   return line_->outbox.write_some(data);
@@ -215,7 +217,7 @@ void StreamPort::on_readable() {
 void StreamPort::received(ByteView data) {
   if (line_->phase != Phase::up) {
     drop(data.size(), "they came after the line was hung up");
-  } else if (options_.flag("writeonly")) {
+  } else if (writeonly_) {
     drop(data.size(), "the port is for writing only");
   } else {
     listener().on_data(data);

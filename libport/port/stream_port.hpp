@@ -107,6 +107,8 @@ class StreamPort : public Port {
   [[nodiscard]] bool keeps_trying() const { return options_.flag("wait") || always_open(); }
   [[nodiscard]] bool always_open() const { return options_.flag("alwaysopen") && !passive(); }
 
+  const bool readonly_;
+  const bool writeonly_;
   UniqueFd listener_fd_;
   std::optional<FdWatch> listener_watch_;
   std::unique_ptr<Connector> connector_;

@@ -19,7 +19,7 @@ namespace porttape {
 namespace {
 
 constexpr int kReadsATurn = 32;
-constexpr int kMostDiscarded = 65536;
+constexpr std::uint64_t kMostDiscarded = 65536;
 constexpr int kMostPending = 4096;
 constexpr int kReceiveBuffer = 1 << 20;  // the kernel drops what does not fit, and counts it (SO_RXQ_OVFL)
 // A line that was hung up (its device cannot be reached, say) comes up for the next datagram after this.
@@ -44,7 +44,11 @@ Result<std::vector<SocketAddress>> addresses_to_bind(const PortOptions& options,
 }  // namespace
 
 UdpPort::UdpPort(const PortContext& context, const PortOptions& options)
-    : context_(context), options_(options), rest_timer_(*context.loop, [this] {
+    : context_(context),
+      options_(options),
+      readonly_(options.flag("readonly")),
+      writeonly_(options.flag("writeonly")),
+      rest_timer_(*context.loop, [this] {
         if (opened_ && !up_) watch_->watch_readable(true);
       }) {}
 
@@ -130,10 +134,20 @@ void UdpPort::resolved(const Result<std::vector<SocketAddress>>& addresses) {
 
 // What came while nobody had the line open is not for this session.
 void UdpPort::discard_old() {
+  if (const Waiting old = read_away(); old.datagrams > 0)
+    context_.log->info("{}: {} datagrams came while it was closed", name(), old.datagrams);
+}
+
+UdpPort::Waiting UdpPort::read_away() {
   const std::span<Byte> buffer = context_.loop->read_buffer();
-  std::uint64_t datagrams = 0;
-  while (::recv(fd_.get(), buffer.data(), buffer.size(), 0) >= 0) ++datagrams;
-  if (datagrams > 0) context_.log->info("{}: {} datagrams came while it was closed", name(), datagrams);
+  Waiting waiting;
+  while (waiting.datagrams < kMostDiscarded) {
+    const ssize_t size = ::recv(fd_.get(), buffer.data(), buffer.size(), 0);
+    if (size < 0) break;
+    ++waiting.datagrams;
+    waiting.bytes += static_cast<std::uint64_t>(size);
+  }
+  return waiting;
 }
 
 void UdpPort::come_up() {
@@ -175,7 +189,7 @@ void UdpPort::queue_gone() {
 }
 
 void UdpPort::write(ByteView data) {
-  if (!peer_ || options_.flag("readonly")) {
+  if (!peer_ || readonly_) {
     listener().on_dropped(data.size(), peer_ ? "the port is for reading only" : "the line is not up");
     return;
   }
@@ -214,9 +228,7 @@ void UdpPort::on_writable() {
 bool UdpPort::discard() {
   queue_.clear();
   watch_->watch_writable(false);
-  const std::span<Byte> buffer = context_.loop->read_buffer();
-  for (int n = 0; n < kMostDiscarded && ::recv(fd_.get(), buffer.data(), buffer.size(), 0) >= 0; ++n) {
-  }
+  (void)read_away();
   return true;
 }
 
@@ -260,7 +272,7 @@ bool UdpPort::receive_one() {
   look_for_overflow(message);
   if (size == 0) {
     ++empty_;
-  } else if (options_.flag("writeonly")) {
+  } else if (writeonly_) {
     listener().on_dropped(static_cast<std::uint64_t>(size), "the port is for writing only");
   } else {
     listener().on_data(ByteView(buffer).first(static_cast<std::size_t>(size)));
@@ -305,24 +317,14 @@ void UdpPort::hang_up(bool) {
   tell_losses();
   peer_.reset();
   watch_->watch_readable(false);
-  drop_waiting();
+  // What waits was meant for this line; left there, it would open the next one.
+  if (const Waiting waiting = read_away(); waiting.bytes > 0)
+    listener().on_dropped(waiting.bytes, "the line was hung up");
   context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
     if (alive.expired()) return;
     listener().on_down({.reason = LineDown::Reason::hung_up, .error = {}});
     if (opened_ && passive() && !up_) rest_timer_.set_after(kRestAfterHangUp);
   });
-}
-
-// What waits was meant for the line that is hung up; left there, it would open the next one.
-void UdpPort::drop_waiting() {
-  const std::span<Byte> buffer = context_.loop->read_buffer();
-  std::uint64_t bytes = 0;
-  for (int n = 0; n < kMostDiscarded; ++n) {
-    const ssize_t size = ::recv(fd_.get(), buffer.data(), buffer.size(), 0);
-    if (size < 0) break;
-    bytes += static_cast<std::uint64_t>(size);
-  }
-  if (bytes > 0) listener().on_dropped(bytes, "the line was hung up");
 }
 
 }  // namespace porttape

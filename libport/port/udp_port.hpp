@@ -49,9 +49,16 @@ class UdpPort final : public Port {
   [[nodiscard]] std::string name() const override { return options_.name(); }
 
  private:
+  // What has come and was not read.
+  struct Waiting {
+    std::uint64_t datagrams = 0;
+    std::uint64_t bytes = 0;
+  };
+
   Result<void> bind_socket();
   void resolved(const Result<std::vector<SocketAddress>>& addresses);
   void discard_old();
+  Waiting read_away();
   void come_up();
   void on_readable();
   bool receive_one();
@@ -59,7 +66,6 @@ class UdpPort final : public Port {
   void send_or_queue(ByteView datagram);
   bool send_one(ByteView datagram);  // false: later
   void queue_gone();
-  void drop_waiting();
   void look_for_overflow(msghdr& message);
   void ask_for_overflow();
   void note_overflow(std::uint32_t count);
@@ -68,6 +74,8 @@ class UdpPort final : public Port {
 
   PortContext context_;
   PortOptions options_;
+  const bool readonly_;
+  const bool writeonly_;
   UniqueFd fd_;
   int family_ = 0;
   std::optional<FdWatch> watch_;

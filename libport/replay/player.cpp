@@ -151,9 +151,8 @@ void Player::begin_arrival() {
   arrival_started_ = true;
 }
 
-Instant Player::due() const {
-  if (config_.timing == Timing::none) return floor_;
-  return std::max(floor_, timeline_.real(arrival_first_));
+Instant Player::due(TapeTime at) const {
+  return config_.timing == Timing::none ? floor_ : std::max(floor_, timeline_.real(at));
 }
 
 Player::Progress Player::at_read(Turn& turn) {
@@ -164,7 +163,7 @@ Player::Progress Player::at_read(Turn& turn) {
   }
   if (!gate_opens(turn.now, head.at)) return Progress::waits;
   begin_arrival();
-  const Instant when = due();
+  const Instant when = due(arrival_first_);
   if (turn.mode == Mode::drop_all || (turn.mode == Mode::drop_due && when <= turn.now)) {
     floor_ = when;
     last_event_ = {head.at, when};
@@ -204,7 +203,7 @@ Player::Progress Player::at_hang_up(Turn& turn) {
   const TapeTime at = schedule_.head()->at;
   if (!schedule_.line_closed()) {
     if (!gate_opens(turn.now, at)) return Progress::waits;
-    const Instant when = config_.timing == Timing::none ? floor_ : std::max(floor_, timeline_.real(at));
+    const Instant when = due(at);
     const bool dropped = turn.mode == Mode::drop_all || (turn.mode == Mode::drop_due && when <= turn.now);
     if (!dropped) {
       if (turn.blocked) return wait(std::nullopt);

@@ -131,7 +131,7 @@ class Player {
   void begin_arrival();
   void pass();
   void start_at(TapeTime tape, Instant now);
-  [[nodiscard]] Instant due() const;
+  [[nodiscard]] Instant due(TapeTime at) const;
   [[nodiscard]] std::optional<TimingFault> compare_time(const Matcher::Completion& done, TapeTime at,
                                                         Instant expected) const;
 

@@ -15,6 +15,13 @@
 
 namespace {
 
+// A tape of one block that is due at once.
+void make_tape(const std::string& file, const std::string& sent) {
+  std::ofstream(file + "r", std::ios::binary)
+      << std::string("\0\0\0\0\0\0\0\0\0\0\0", 11) << static_cast<char>(sent.size()) << sent;
+  std::ofstream(file + "w").close();
+}
+
 // Makes Port's members visible, without changing where they are.
 class Opened : public flexiport::Port {
  public:
@@ -46,10 +53,7 @@ TEST(FlexiportAbi, VirtualFunctionsAreCalledThroughTheOldOrder) {
   const porttape::test::TempDir dir;
   const std::string file = dir / "t.log";
   const std::string sent = "12345ab;cd;line\nnext\n--.x.xrest";
-  std::ofstream tape(file + "r", std::ios::binary);
-  tape << std::string("\0\0\0\0\0\0\0\0\0\0\0", 11) << static_cast<char>(sent.size()) << sent;
-  tape.close();
-  std::ofstream(file + "w").close();
+  make_tape(file, sent);
   flexiport::Port* const port = flexiport::CreatePort("type=logreader,debug=0,timeout=5,file=" + file);
   EXPECT_EQ(mirror::drive(port),
             "logreader 0 5 110\n"
@@ -88,10 +92,7 @@ TEST(Flexiport, AnOverriddenReadIsWhatTheOthersCall) {
   const porttape::test::TempDir dir;
   const std::string file = dir / "t.log";
   const std::string sent = "abc;rest";
-  std::ofstream tape(file + "r", std::ios::binary);
-  tape << std::string("\0\0\0\0\0\0\0\0\0\0\0", 11) << static_cast<char>(sent.size()) << sent;
-  tape.close();
-  std::ofstream(file + "w").close();
+  make_tape(file, sent);
   Shifted port({{"type", "logreader"}, {"file", file}, {"timeout", "5"}});
   port.Open();
   std::string text;
