@@ -112,16 +112,24 @@ void BlockingPort::release() {
   if (!port_) return;
   port_->close();
   if (!has_tape(options_)) {
-    port_->finish();
-    port_.reset();
+    (void)complete();
   }
   poll();
 }
 
+// Finishes the port and lets it go.
+int BlockingPort::complete() {
+  if (!port_) return 0;
+  complete_.reset();
+  port_->finish();
+  (void)wait([this] { return complete_.has_value(); }, kForever);
+  port_.reset();
+  return complete_.value_or(exit_status::kRuntime);
+}
+
 int BlockingPort::finish() {
   close();
-  const int status = port_ ? port_->finish() : 0;
-  port_.reset();
+  const int status = complete();
   poll();
   return status;
 }

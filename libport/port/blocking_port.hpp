@@ -138,10 +138,12 @@ class BlockingPort final : private PortListener {
   void on_drained() override { drained_ = true; }
   void on_down(const LineDown& down) override;
   void on_finished(int exit_status) override;
+  void on_complete(int exit_status) override { complete_ = exit_status; }
   Answers on_ended() override;
 
   Result<void> make();
   void release();
+  int complete();
   Result<void> check_read() const;
   Result<void> check_write() const;
 
@@ -162,6 +164,7 @@ class BlockingPort final : private PortListener {
   InputBuffer input_;
   std::size_t input_limit_ = kInputLimit;
   std::optional<LineDown> down_;
+  std::optional<int> complete_;  // the port's exit status, once finish() is done
   Timer limit_;
   Timer pulse_;
   Timer retry_;

@@ -1,9 +1,12 @@
 #include "libport/port/loop.hpp"
 
 #include <chrono>
+#include <mutex>
+#include <optional>
 #include <sched.h>
 #include <utility>
 
+#include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 
@@ -16,10 +19,49 @@ constexpr Nanos kPollAlone = std::chrono::microseconds(2);
 
 }  // namespace
 
+// Where other threads reach the loop, as long as it is there. Keeps it waiting while jobs are under way.
+struct Loop::Gate {
+  using Work = boost::asio::executor_work_guard<boost::asio::io_context::executor_type>;
+
+  explicit Gate(boost::asio::io_context& context) : io(&context) {}
+
+  void begin() {
+    const std::lock_guard lock(mutex);
+    if (io != nullptr && ++under_way == 1) work.emplace(io->get_executor());
+  }
+  void finish(const std::function<void()>& done) {
+    const std::lock_guard lock(mutex);
+    if (io == nullptr) return;
+    if (done) boost::asio::post(*io, done);
+    if (--under_way == 0) work.reset();
+  }
+  void shut() {
+    const std::lock_guard lock(mutex);
+    work.reset();
+    io = nullptr;
+  }
+
+  std::mutex mutex;  // guards the rest
+  boost::asio::io_context* io;
+  int under_way = 0;
+  std::optional<Work> work;
+};
+
 // BOOST_ASIO_CONCURRENCY_HINT_UNSAFE_IO would also drop the reactor's locks, but post() from a second thread
 // needs them.
-Loop::Loop() : io_(std::make_unique<boost::asio::io_context>(1)) {}
-Loop::~Loop() = default;
+Loop::Loop() : io_(std::make_unique<boost::asio::io_context>(1)), gate_(std::make_shared<Gate>(*io_)) {}
+Loop::~Loop() { gate_->shut(); }
+
+bool Loop::run_elsewhere(const Workers::Strand& strand, std::function<void()> job,
+                         std::function<void()> done) {
+  gate_->begin();
+  const bool taken = workers_.post(strand, [gate = gate_, job = std::move(job), done = std::move(done)] {
+    job();
+    gate->finish(done);
+  });
+  if (!taken) gate_->finish({});
+  return taken;
+}
 
 void Loop::run() {
   for (;;) {

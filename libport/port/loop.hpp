@@ -7,6 +7,7 @@
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
+#include "libport/base/workers.hpp"
 #include "libport/port/patience.hpp"
 
 namespace boost::asio {
@@ -38,6 +39,13 @@ class Loop {
   // Calls `task` from run(), never from within post().
   void post(std::function<void()> task);
 
+  // Runs `job` on another thread, then `done` on the loop's, from run(); a loop that ends before it does not
+  // wait for it and drops `done`. Jobs of one strand run in turn. False when no thread is to be had: nothing
+  // was taken. Only values that the job owns may be touched by it.
+  [[nodiscard]] bool run_elsewhere(const Workers::Strand& strand, std::function<void()> job,
+                                   std::function<void()> done);
+  Workers& workers() { return workers_; }
+
   // Room for one read, shared by all ports of the loop. What is in it counts until the next port reads.
   std::span<Byte> read_buffer();
 
@@ -45,6 +53,8 @@ class Loop {
   [[nodiscard]] static Instant now() { return std::chrono::steady_clock::now(); }
 
  private:
+  struct Gate;
+
   bool poll_from(Instant start);
 
   static constexpr std::size_t kReadBuffer = 65536;  // the largest datagram fits, and the largest tape block
@@ -52,6 +62,8 @@ class Loop {
   std::unique_ptr<boost::asio::io_context> io_;
   std::unique_ptr<Byte[]> read_buffer_;  // made when first asked for
   Patience patience_;
+  std::shared_ptr<Gate> gate_;
+  Workers workers_;
 };
 
 }  // namespace porttape

@@ -24,6 +24,9 @@ struct LineDown {
   bool after_reading = false;  // the peer of the other end should read what was delivered before it sees this
 };
 
+// Which bytes a flush drops, as the one who flushes sees them.
+enum class FlushQueue { in, out, both };
+
 // What a port tells the one who drives it. All calls come on the loop's thread.
 class PortListener {
  public:
@@ -39,6 +42,9 @@ class PortListener {
   // The port asks for the end of the session with this exit status (a replay that is to run once, a tape that
   // must not fail).
   virtual void on_finished(int exit_status) = 0;
+  // What finish() asked for is done: tape and report are complete, or given up and told. The exit status, 0
+  // when the port has no opinion.
+  virtual void on_complete(int exit_status) = 0;
 
   // As on_data; `ends` says where each arrival ends in `data` (the last is its size), for lines that keep
   // datagrams.
@@ -59,6 +65,9 @@ class PortListener {
   // nothing should be written until on_resumed(). Also between close() and open().
   virtual void on_interrupted(const LineDown&) {}
   virtual void on_resumed() {}
+  // The peer dropped bytes of its own line (tcflush): what had come to it and was not read, what it had
+  // written and was not sent, or both.
+  virtual void on_flush(FlushQueue) {}
   // So many bytes, taken by write() or come from the peer, reached nobody.
   virtual void on_dropped(std::uint64_t bytes, std::string_view why) {
     (void)bytes;
@@ -136,12 +145,17 @@ class Port {
     (void)why;
   }
 
+  // The program at the line's other end has dropped bytes of its own line. For a port with a tape, and one
+  // that plays one.
+  virtual void peer_flushed(FlushQueue) {}
+
   // Starts the next tape. Nothing to do for ports without one.
   virtual void rotate() {}
 
-  // The end of the program is near: completes what belongs to the session (tape, report) and gives its exit
-  // status, 0 when the port has no opinion. The port may not be opened again.
-  virtual int finish() { return 0; }
+  // The end of the program is near: completes what belongs to the session (tape, report). on_complete()
+  // follows once, from within or later; a disk that does not answer delays it 10 s at most. The port may not
+  // be opened again. Destroying it sooner gives up what is not complete.
+  virtual void finish() { listener().on_complete(0); }
 
   // Whether it waits for the next peer by itself when one has closed.
   [[nodiscard]] virtual bool passive() const { return false; }

@@ -1,5 +1,6 @@
 #include "libport/port/recording_port.hpp"
 
+#include <array>
 #include <chrono>
 #include <filesystem>
 #include <fmt/format.h>
@@ -223,12 +224,20 @@ void RecordingPort::rotate() {
   begin_tape();
 }
 
-int RecordingPort::finish() {
+void RecordingPort::peer_flushed(FlushQueue queue) {
+  constexpr std::array<std::string_view, 3> names = {"in", "out", "both"};
+  if (tape_) tape_->flush_event(tape_time(), names.at(static_cast<std::size_t>(queue)));
+  inner_->peer_flushed(queue);
+}
+
+void RecordingPort::finish() {
   close();
-  const int inner = inner_->finish();
+  inner_->finish();
+}
+
+void RecordingPort::on_complete(int exit_status) {
   end_tape();
-  if (inner != 0) return inner;
-  return incomplete_ ? exit_status::kRuntime : 0;
+  listener().on_complete(exit_status != 0 ? exit_status : incomplete_ ? exit_status::kRuntime : 0);
 }
 
 }  // namespace porttape

@@ -44,7 +44,8 @@ class RecordingPort final : public Port, private PortListener {
   void hang_up(bool after_reading) override { inner_->hang_up(after_reading); }
   void read_pending() override { inner_->read_pending(); }
   void rotate() override;
-  int finish() override;
+  void peer_flushed(FlushQueue queue) override;
+  void finish() override;
   [[nodiscard]] bool passive() const override { return inner_->passive(); }
   [[nodiscard]] bool keeps_datagrams() const override { return inner_->keeps_datagrams(); }
   [[nodiscard]] std::string name() const override { return inner_->name(); }
@@ -55,6 +56,8 @@ class RecordingPort final : public Port, private PortListener {
   void on_drained() override { listener().on_drained(); }
   void on_down(const LineDown& down) override;
   void on_finished(int exit_status) override { listener().on_finished(exit_status); }
+  void on_complete(int exit_status) override;
+  void on_flush(FlushQueue queue) override { listener().on_flush(queue); }
   Answers on_ended() override { return listener().on_ended(); }
   bool wants_rest() override { return listener().wants_rest(); }
   void on_interrupted(const LineDown& down) override;

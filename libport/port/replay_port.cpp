@@ -245,16 +245,16 @@ void ReplayPort::on_timer() {
   pump();
 }
 
-int ReplayPort::finish() {
+void ReplayPort::finish() {
   timer_.cancel();
-  if (!engine_) return 0;
+  if (!engine_) return listener().on_complete(0);
   // A run that no driver has begun is a verdict too, for one who waits for it.
   if ((options_.once || options_.report_unopened) && !report_) engine_->on_open(Loop::now());
   if (std::optional<RunReport> report = engine_->finish(Loop::now())) {
     options_.once = false;  // the session is ending already
     take_report(std::move(*report));
   }
-  return status();
+  listener().on_complete(status());
 }
 
 }  // namespace porttape

@@ -50,7 +50,7 @@ class ReplayPort final : public Port {
   void set_reading(bool on) override;
   void hang_up(bool) override {}
   // Ends the run; the status is its verdict's.
-  int finish() override;
+  void finish() override;
   [[nodiscard]] std::string name() const override { return "logreader:" + options_.tape.name(); }
 
   // The latest run's, once one has ended.

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
@@ -33,6 +34,15 @@ struct Mismatch {
   Micros own_late{};              // timing: how late our own last delivery before it was
 };
 
+// Something that overlapped the run and may have had its part in the verdict (contract section 6).
+struct Doubt {
+  enum class Kind : std::uint8_t { gap, stall };
+  Kind kind = Kind::stall;
+  std::string text;  // for a person
+
+  friend bool operator==(const Doubt&, const Doubt&) = default;
+};
+
 // The verdict on one run with what led to it. The report file and `porttape test` print it.
 struct RunReport {
   Verdict verdict = Verdict::pass;
@@ -51,6 +61,7 @@ struct RunReport {
   double timer_late_p50_us = 0;      // how late our own deliveries were
   double timer_late_p99_us = 0;
   double timer_late_max_us = 0;
+  std::vector<Doubt> doubts;
   std::optional<int> command_exit;  // `porttape test`
   std::optional<std::string>
       trouble;  // the tape could not be read on: damage, I/O; the exit status is then 1

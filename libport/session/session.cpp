@@ -29,6 +29,8 @@ struct Session::DriverSide final : PortListener {
   }
   void on_down(const LineDown& down) override { session.driver_down(down); }
   void on_finished(int exit_status) override { session.finished(exit_status); }
+  void on_complete(int) override { session.driver_complete(); }
+  void on_flush(FlushQueue queue) override { session.driver_flushed(queue); }
   Answers on_ended() override { return session.driver_ended(); }
   bool wants_rest() override { return session.device_open_ && session.taking_in_; }
   void on_interrupted(const LineDown& down) override { session.driver_interrupted(down); }
@@ -46,6 +48,7 @@ struct Session::DeviceSide final : PortListener {
   void on_drained() override { session.device_drained(); }
   void on_down(const LineDown& down) override { session.device_down(down); }
   void on_finished(int exit_status) override { session.finished(exit_status); }
+  void on_complete(int exit_status) override { session.device_complete(exit_status); }
   void on_arrivals(ByteView data, std::span<const std::size_t> ends) override {
     session.device_arrivals(data, ends);
   }
@@ -327,11 +330,21 @@ void Session::end() {
   driver_->close();
   note_gap();
   if (device_open_) device_->close();
-  const int device_status = device_->finish();
-  if (exit_status_ == 0) exit_status_ = device_status;
+  device_->finish();
+}
+
+void Session::device_complete(int exit_status) {
+  if (exit_status_ == 0) exit_status_ = exit_status;
   driver_->finish();
+}
+
+void Session::driver_complete() {
   tell_dropped();
   context_.loop->post([this] { on_end_(exit_status_); });
+}
+
+void Session::driver_flushed(FlushQueue queue) {
+  if (device_open_) device_->peer_flushed(queue);
 }
 
 }  // namespace porttape

@@ -74,6 +74,9 @@ class Session {
   void note_gap();
   void tell_dropped();
   void finished(int exit_status);
+  void driver_flushed(FlushQueue queue);
+  void device_complete(int exit_status);
+  void driver_complete();
 
   void open_device();
   void close_device();

@@ -131,6 +131,7 @@ class Waiting final : public PortListener {
   void on_drained() override {}
   void on_down(const LineDown&) override {}
   void on_finished(int) override {}
+  void on_complete(int) override {}
   Port& port;
   bool up = false;
   std::string data;

@@ -47,6 +47,7 @@ class MemoryPort final : public Port {
     void arrive(std::string_view text, std::vector<std::size_t> ends) {
       port->listener().on_arrivals(as_bytes(text), ends);
     }
+    void flush(FlushQueue queue) { port->listener().on_flush(queue); }
     void finish(int exit_status) { port->listener().on_finished(exit_status); }
   };
 
@@ -77,9 +78,10 @@ class MemoryPort final : public Port {
     peer_->calls += after_reading ? "hang_up_after_reading " : "hang_up ";
   }
   void rotate() override { peer_->calls += "rotate "; }
-  int finish() override {
+  void peer_flushed(FlushQueue) override { peer_->calls += "peer_flushed "; }
+  void finish() override {
     peer_->calls += "finish ";
-    return peer_->status;
+    listener().on_complete(peer_->status);
   }
   [[nodiscard]] bool passive() const override { return peer_->passive; }
   [[nodiscard]] std::string name() const override { return "memory"; }

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <unistd.h>
@@ -41,7 +42,13 @@ class PortLog final : public PortListener {
   void on_dropped(std::uint64_t bytes, std::string_view) override { dropped += bytes; }
   void on_finished(int exit_status) override { events += "finished" + std::to_string(exit_status) + " "; }
 
+  void on_complete(int exit_status) override { status = exit_status; }
+  void on_flush(FlushQueue queue) override {
+    events += queue == FlushQueue::in ? "flush_in " : queue == FlushQueue::out ? "flush_out " : "flush_both ";
+  }
+
   std::string events;
+  std::optional<int> status;  // once complete
   std::string data;
   Error error;
   std::uint64_t dropped = 0;
