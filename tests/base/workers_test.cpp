@@ -50,17 +50,21 @@ TEST(Workers, AJobMayPost) {
 }
 
 TEST(Workers, TheEndDoesNotWaitForAJobThatHangs) {
-  auto release = std::make_shared<std::promise<void>>();
-  auto ended = std::make_shared<std::promise<void>>();
+  struct Job {
+    std::promise<void> begun, release, ended;
+  };
+  const auto job = std::make_shared<Job>();
   {
     Workers workers;
-    ASSERT_TRUE(workers.post(Workers::Strand(), [release, ended] {
-      release->get_future().wait();
-      ended->set_value();
+    ASSERT_TRUE(workers.post(Workers::Strand(), [job] {
+      job->begun.set_value();
+      job->release.get_future().wait();
+      job->ended.set_value();
     }));
+    job->begun.get_future().wait();
   }
-  release->set_value();
-  ended->get_future().wait();
+  job->release.set_value();
+  job->ended.get_future().wait();
 }
 
 }  // namespace
