@@ -32,7 +32,7 @@ void Player::begin(Instant now) {
   arrival_started_ = false;
   lenient_ = config_.strictness == 0;
   used_up_ = false;
-  while (!schedule_.at_end() && schedule_.head()->kind == RecordKind::event) pass();
+  while (!schedule_.at_end() && is_note(schedule_.head()->kind)) pass();
   const bool recorded_open = !schedule_.at_end() && schedule_.head()->kind == RecordKind::open;
   const TapeTime start = recorded_open ? schedule_.head()->at : TapeTime{};
   if (recorded_open) pass();
@@ -111,6 +111,7 @@ Player::Progress Player::step(Turn& turn) {
       return at_close(turn);
     case RecordKind::hang_up:
       return at_hang_up(turn);
+    case RecordKind::gap:
     case RecordKind::event:
       break;
   }
@@ -121,8 +122,7 @@ Player::Progress Player::step(Turn& turn) {
 // Leaves the head behind. A write, open or close ends an arrival.
 void Player::pass() {
   const Record* head = schedule_.head();
-  if (head != nullptr && head->kind != RecordKind::read && head->kind != RecordKind::event &&
-      !head->data.empty()) {
+  if (head != nullptr && head->kind != RecordKind::read && !is_note(head->kind) && !head->data.empty()) {
     arrival_started_ = false;
   }
   if (head != nullptr && (head->kind == RecordKind::open || head->kind == RecordKind::close ||

@@ -73,7 +73,7 @@ void Player::become_lenient(Instant now) {
 
 bool Player::nothing_left() {
   while (!schedule_.at_end() &&
-         (schedule_.head()->kind == RecordKind::event || schedule_.head()->kind == RecordKind::close ||
+         (is_note(schedule_.head()->kind) || schedule_.head()->kind == RecordKind::close ||
           schedule_.head()->kind == RecordKind::hang_up)) {
     pass();
   }
@@ -89,7 +89,7 @@ bool Player::open_ahead() {
 
 bool Player::at_recorded_reopen() {
   while (!schedule_.at_end() &&
-         (schedule_.head()->kind == RecordKind::event || schedule_.head()->kind == RecordKind::hang_up)) {
+         (is_note(schedule_.head()->kind) || schedule_.head()->kind == RecordKind::hang_up)) {
     pass();
   }
   if (schedule_.at_end()) return false;

@@ -55,6 +55,7 @@ void Schedule::pop() {
     case RecordKind::hang_up:
       ++hang_ups_passed_;
       break;
+    case RecordKind::gap:
     case RecordKind::event:
       break;
   }

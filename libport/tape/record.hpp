@@ -13,8 +13,12 @@ namespace porttape {
 // As the driver sees it: `read` is device → driver (the r file), `write` is driver → device (the w file).
 enum class Direction : std::uint8_t { read, write };
 
-// `hang_up`: the device went away and the driver's line broke (a device-lost event that says so).
-enum class RecordKind : std::uint8_t { read, write, open, close, hang_up, event };
+// `hang_up`: the device went away and the driver's line broke (a device-lost event that says so). `gap`:
+// bytes are missing from here on, or did not reach the other side.
+enum class RecordKind : std::uint8_t { read, write, open, close, hang_up, gap, event };
+
+// Tells of something, and is no step of the conversation.
+constexpr bool is_note(RecordKind kind) { return kind == RecordKind::event || kind == RecordKind::gap; }
 
 // One step of a tape. A block larger than the reader's buffer comes in pieces that share its time, so memory
 // stays constant; a block that fits is one piece (piece_offset 0, data.size() == block_length).
@@ -26,10 +30,15 @@ struct Record {
   std::uint64_t file_offset = 0;    // read and write: where the block's header starts in its file
   std::uint32_t block_length = 0;
   std::uint32_t piece_offset = 0;
-  std::string_view event;  // open, close, hang_up and event: its kind ("mark", "gap", …); valid until the
-                           // source's next call
-  std::string_view event_line{};  // open, close, hang_up and event: the whole JSON object; valid until the
-                                  // source's next call
+  // All kinds but read and write: the event's kind ("mark", "gap", …) and the whole JSON object; valid until
+  // the source's next call.
+  std::string_view event;
+  std::string_view event_line{};
+  // gap: how many bytes of both directions together (0: unknown), from when on, and why (valid as above). The
+  // record's own time is where the tape goes on.
+  std::uint64_t gap_bytes = 0;
+  TapeTime gap_from{};
+  std::string_view gap_why{};
 
   [[nodiscard]] bool last_piece() const { return piece_offset + data.size() == block_length; }
 };

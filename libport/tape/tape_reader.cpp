@@ -73,10 +73,15 @@ Record record_of(const TapeEvent& event) {
   record.kind = event.kind == "open"                           ? RecordKind::open
                 : event.kind == "close"                        ? RecordKind::close
                 : event.kind == "device-lost" && event.hung_up ? RecordKind::hang_up
+                : event.kind == "gap"                          ? RecordKind::gap
                                                                : RecordKind::event;
   record.at = event.at;
   record.event = event.kind;
   record.event_line = event.line;
+  if (record.kind != RecordKind::gap) return record;
+  record.gap_bytes = event.bytes;
+  record.gap_from = event.from;
+  record.gap_why = event.why;
   return record;
 }
 

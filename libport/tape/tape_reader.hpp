@@ -35,7 +35,7 @@ class TapeReader final : public RecordSource {
     merged,       // reads, writes and events
     reads_only,   // only RecordKind::read
     writes_only,  // only RecordKind::write
-    events_only   // only open, close and event
+    events_only   // all that is neither read nor write
   };
 
   // Errors: Errc::usage (unreadable, a folder, …), Errc::not_a_tape. Damage further on is found by next().

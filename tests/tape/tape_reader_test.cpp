@@ -59,6 +59,22 @@ TEST(TapeReader, RecordsCarryOffsetsAndTheEventsLine) {
   EXPECT_EQ((**mark).event_line, R"({"t_us":3,"event":"mark","text":"hi"})");
 }
 
+TEST(TapeReader, AGapIsARecordOfItsOwn) {
+  const std::string line = R"({"t_us":9,"event":"gap","bytes":512,"from_us":4,"why":"disk full"})";
+  TapeReader reader =
+      reader_on(test::block_bytes({{3, "a"}, {9, "b"}}), {}, std::string(kHeader) + line + "\n");
+  ASSERT_TRUE(reader.next());
+  const auto gap = reader.next();
+  EXPECT_EQ((**gap).kind, RecordKind::gap);
+  EXPECT_EQ((**gap).at, tape_time_us(9));
+  EXPECT_EQ((**gap).gap_bytes, 512U);
+  EXPECT_EQ((**gap).gap_from, tape_time_us(4));
+  EXPECT_EQ((**gap).gap_why, "disk full");
+  EXPECT_EQ((**gap).event, "gap");
+  EXPECT_EQ((**gap).event_line, line);
+  EXPECT_EQ((**reader.next()).kind, RecordKind::read);
+}
+
 TEST(TapeReader, OrderIsExactForAnyInterleaving) {
   std::mt19937 random(7);
   for (int round = 0; round < 50; ++round) {
