@@ -3,6 +3,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <deque>
+#include <map>
 #include <mutex>
 #include <system_error>
 #include <thread>
@@ -23,21 +24,31 @@ struct Workers::Strand::State {
   std::deque<std::function<void()>> jobs;  // the front one runs, or is the next to run
 };
 
-// Each thread is idle or runs a job. While jobs wait somebody is idle: it takes the oldest strand at once when
-// nobody runs a job, else once the strand has waited for kPatience.
+// Each thread is idle or runs a job. While jobs wait somebody is idle: it takes the oldest strand at once
+// when nobody runs a job, else once the strand has waited for kPatience.
 struct Workers::State : std::enable_shared_from_this<Workers::State> {
   struct Waiting {
     std::shared_ptr<Strand::State> strand;
     Clock::time_point since;
   };
+  struct Later {
+    std::shared_ptr<Strand::State> strand;
+    std::function<void()> job;
+  };
 
   bool start_thread();
+  bool have_idle() { return idle > 0 || start_thread() || running > 0; }
+  void put(const std::shared_ptr<Strand::State>& strand, std::function<void()> job);
+  void take_due();
+  void wait_for_work(std::unique_lock<std::mutex>& lock);
   void serve();
   void run_front(std::unique_lock<std::mutex>& lock);
 
   std::mutex mutex;  // guards everything here and every strand's jobs
   std::condition_variable wake;
   std::deque<Waiting> ready;  // strands with a job to run
+  std::multimap<Clock::time_point, Later> later;
+  bool watched = false;  // an idle thread waits for the first of `later`
   int running = 0;
   int idle = 0;
   bool stopped = false;
@@ -51,20 +62,40 @@ Workers::~Workers() {
   std::unique_lock lock(state_->mutex);
   state_->stopped = true;
   state_->ready.clear();
+  state_->later.clear();
   state_->wake.notify_all();
   state_->wake.wait_for(lock, kPatience, [this] { return state_->running + state_->idle == 0; });
 }
 
 bool Workers::post(const Strand& strand, std::function<void()> job) {
   const std::lock_guard lock(state_->mutex);
-  if (state_->idle == 0 && !state_->start_thread() && state_->running == 0) return false;
-  std::deque<std::function<void()>>& jobs = strand.state_->jobs;
-  jobs.push_back(std::move(job));
-  if (jobs.size() == 1) {
-    state_->ready.push_back({strand.state_, Clock::now()});
-    state_->wake.notify_one();
-  }
+  if (!state_->have_idle()) return false;
+  state_->put(strand.state_, std::move(job));
   return true;
+}
+
+bool Workers::post_at(Clock::time_point when, const Strand& strand, std::function<void()> job) {
+  const std::lock_guard lock(state_->mutex);
+  if (!state_->have_idle()) return false;
+  const auto place = state_->later.emplace(when, State::Later{strand.state_, std::move(job)});
+  // Whoever waits for a later one has to look again.
+  if (place == state_->later.begin()) state_->wake.notify_all();
+  return true;
+}
+
+void Workers::State::put(const std::shared_ptr<Strand::State>& strand, std::function<void()> job) {
+  strand->jobs.push_back(std::move(job));
+  if (strand->jobs.size() > 1) return;
+  ready.push_back({strand, Clock::now()});
+  wake.notify_one();
+}
+
+void Workers::State::take_due() {
+  const Clock::time_point now = later.empty() ? Clock::time_point{} : Clock::now();
+  while (!later.empty() && later.begin()->first <= now) {
+    Later due = std::move(later.extract(later.begin()).mapped());
+    put(due.strand, std::move(due.job));
+  }
 }
 
 // An idle one. False where the limits do not allow it: those that are there go on. The mutex is held.
@@ -79,11 +110,19 @@ bool Workers::State::start_thread() {
   return true;
 }
 
+void Workers::State::wait_for_work(std::unique_lock<std::mutex>& lock) {
+  if (later.empty() || watched) return wake.wait(lock);
+  watched = true;
+  wake.wait_until(lock, later.begin()->first);
+  watched = false;
+}
+
 void Workers::State::serve() {
   std::unique_lock lock(mutex);
   while (!stopped) {
+    take_due();
     if (ready.empty()) {
-      wake.wait(lock);
+      wait_for_work(lock);
       continue;
     }
     const Clock::time_point due = ready.front().since + kPatience;
@@ -93,7 +132,8 @@ void Workers::State::serve() {
     }
     --idle;
     ++running;
-    if (idle == 0 && !(ready.size() == 1 && running == 1)) (void)start_thread();
+    if (idle == 0 && (ready.size() > 1 || running > 1 || !later.empty())) (void)start_thread();
+    if (!later.empty()) wake.notify_one();  // somebody else watches now
     while (!stopped && !ready.empty()) run_front(lock);
     --running;
     ++idle;

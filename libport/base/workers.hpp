@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <memory>
 
@@ -12,8 +13,8 @@ namespace porttape {
 // kMostThreads), so a job that hangs holds up its own strand alone. Threads start with the first post().
 //
 // The queue of jobs is not bounded here: who posts keeps at most a few under way. The destructor drops the
-// jobs that have not begun and waits kPatience for those that have; one that hangs is left to itself, so a job
-// must own what it uses. A job must not throw. Any thread may call.
+// jobs that have not begun and waits kPatience for those that have; one that hangs is left to itself, so a
+// job must own what it uses. A job must not throw. Any thread may call.
 class Workers {
  public:
   class Strand {
@@ -33,6 +34,9 @@ class Workers {
 
   // False when no thread is there and none can be had (limits): the job was not taken and will not run.
   [[nodiscard]] bool post(const Strand& strand, std::function<void()> job);
+  // The same, not before `when`.
+  [[nodiscard]] bool post_at(std::chrono::steady_clock::time_point when, const Strand& strand,
+                             std::function<void()> job);
 
  private:
   struct State;

@@ -5,6 +5,7 @@
 #include <spdlog/logger.h>
 
 #include "libport/port/loop.hpp"
+#include "libport/tape/live_tape.hpp"
 
 namespace porttape {
 
@@ -12,6 +13,7 @@ namespace porttape {
 struct PortContext {
   Loop* loop = nullptr;  // outlives the ports
   std::shared_ptr<spdlog::logger> log;
+  std::shared_ptr<Disks> disks = std::make_shared<Disks>();  // shared by the channels of a program
   bool pulled = false;  // the loop only runs while its program waits in a call
 };
 

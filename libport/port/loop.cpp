@@ -35,6 +35,10 @@ struct Loop::Gate {
     if (done) boost::asio::post(*io, done);
     if (--under_way == 0) work.reset();
   }
+  void post(std::function<void()> task) {
+    const std::lock_guard lock(mutex);
+    if (io != nullptr) boost::asio::post(*io, std::move(task));
+  }
   void shut() {
     const std::lock_guard lock(mutex);
     work.reset();
@@ -70,6 +74,10 @@ void Loop::run() {
     if (io_->run_one() == 0) return;
     patience_.waited(now() - idle_since);
   }
+}
+
+std::function<void(std::function<void()>)> Loop::poster() const {
+  return [gate = gate_](std::function<void()> task) { gate->post(std::move(task)); };
 }
 
 // True once an event was handled.

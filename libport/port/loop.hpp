@@ -45,6 +45,9 @@ class Loop {
   [[nodiscard]] bool run_elsewhere(const Workers::Strand& strand, std::function<void()> job,
                                    std::function<void()> done);
   Workers& workers() { return workers_; }
+  // A post() for other threads, which may be called when the loop has gone: nothing happens then. Does not
+  // keep run() waiting.
+  [[nodiscard]] std::function<void(std::function<void()>)> poster() const;
 
   // Room for one read, shared by all ports of the loop. What is in it counts until the next port reads.
   std::span<Byte> read_buffer();

@@ -35,12 +35,12 @@ Result<std::unique_ptr<Port>> make_recording_port(const PortContext& context, co
   for (const char* own : {"file", "overwrite", "failclosed"}) inner.values.erase(own);
   Result<std::unique_ptr<Port>> port = make_port(context, inner, peer);
   if (!port) return port;
-  RecordingPort::Options recording{.tape = literal_tape(options.text("file")),
-                                   .header = {.device = inner.name(), .driver = peer},
-                                   .overwrite = options.flag("overwrite"),
-                                   .fail_closed = options.flag("failclosed")};
-  return std::unique_ptr<Port>(
-      std::make_unique<RecordingPort>(context, std::move(*port), std::move(recording)));
+  TapeKeeper::Options tape{.tape = literal_tape(options.text("file")),
+                           .header = {.device = inner.name(), .driver = peer},
+                           .overwrite = options.flag("overwrite"),
+                           .fail_closed = options.flag("failclosed")};
+  return std::unique_ptr<Port>(std::make_unique<RecordingPort>(
+      context, std::move(*port), RecordingPort::Options{.tape = std::move(tape)}));
 }
 
 }  // namespace

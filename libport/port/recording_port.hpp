@@ -2,27 +2,22 @@
 
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <string>
 #include <string_view>
 
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
-#include "libport/tape/tape_name.hpp"
-#include "libport/tape/tape_writer.hpp"
+#include "libport/port/tape_keeper.hpp"
 
 namespace porttape {
 
-// A port that keeps a tape of the port it owns. Bytes are passed on first and written to the tape in the same
-// turn of the loop, so that a killed process has lost at most the block it was in. The tape's zero is the
-// first open(); its files come into being then.
+// A port that keeps a tape of the port it owns. Bytes are passed on first and given to the tape in the same
+// turn of the loop, so that a killed process has lost at most the block it was in (LiveTape has the
+// exceptions). The tape's zero is the first open(); its files come into being then.
 class RecordingPort final : public Port, private PortListener {
  public:
   struct Options {
-    TapePaths tape;
-    TapeHeader header;
-    bool overwrite = false;
-    bool fail_closed = false;  // end with status 1 when the tape cannot be written; else the line stays up
+    TapeKeeper::Options tape;
     Instant (*now)() = &Loop::now;
   };
 
@@ -64,28 +59,17 @@ class RecordingPort final : public Port, private PortListener {
   void on_resumed() override;
   void on_dropped(std::uint64_t bytes, std::string_view why) override;
 
-  [[nodiscard]] TapeTime tape_time() const;
   void begin_tape();
-  void start_tape();
-  void missed(std::size_t bytes);
-  void end_tape();
-  void tell_of_failure();
+  void note_flush(FlushQueue queue);
+  void note_lost(const LineDown& down, bool hung_up);
 
-  PortContext context_;
   std::unique_ptr<Port> inner_;
-  Options options_;
-  TapePaths first_tape_;
-  std::optional<TapeWriter> tape_;
-  Instant zero_{};
+  bool overwrite_;
+  Instant (*now_)();
+  TapeKeeper keeper_;
+  Instant zero_{};  // of the first open()
   bool open_ = false;
   bool writing_ended_ = false;  // in this session
-  bool started_ = false;
-  bool failing_ = false;
-  bool failure_told_ = false;
-  Instant next_try_{};
-  std::uint64_t missed_bytes_ = 0;  // while the tape could not be made
-  std::string missed_why_;
-  bool incomplete_ = false;
 };
 
 }  // namespace porttape

@@ -1,5 +1,6 @@
 #include "libport/tape/tape_sink.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <fcntl.h>
@@ -54,9 +55,10 @@ int FileSink::truncate(std::uint64_t size) {
 }
 
 // A file system that cannot sync is no failure.
-int FileSink::sync() {
-  if (::fdatasync(sync_fd_.get()) == 0 || errno == EINVAL || errno == ENOSYS) return 0;
-  return errno;
+TapeSink::Sync FileSink::syncer() {
+  return [fd = sync_fd_] {
+    return ::fdatasync(fd->get()) == 0 || errno == EINVAL || errno == ENOSYS ? 0 : errno;
+  };
 }
 
 int FileSink::close() {
@@ -75,6 +77,19 @@ int WholeAppender::append(ByteView head, ByteView body) {
   torn_ = done.bytes > 0;
   repair();  // if this fails too, it is tried again before the next append
   return done.error != 0 ? done.error : ENOSPC;
+}
+
+WholeAppender::Kept WholeAppender::append_parts(ByteView parts, std::span<const std::size_t> ends) {
+  if (const int error = repair(); error != 0) return {0, error};
+  const TapeSink::Appended done = sink_->append({}, parts);
+  const auto first_torn = std::ranges::upper_bound(ends, done.bytes);
+  const auto kept = static_cast<std::size_t>(first_torn - ends.begin());
+  const std::size_t whole = kept == 0 ? 0 : ends[kept - 1];
+  size_ += whole;
+  torn_ = done.bytes > whole;
+  repair();
+  const bool all = kept == ends.size();
+  return {kept, all ? 0 : done.error != 0 ? done.error : ENOSPC};
 }
 
 int WholeAppender::repair() {

@@ -2,7 +2,9 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
+#include <span>
 #include <sys/types.h>
 
 #include "libport/base/bytes.hpp"
@@ -11,8 +13,7 @@
 
 namespace porttape {
 
-// Where the bytes of one file of a tape go. Errors are errno values, 0 is success. sync() may be called from
-// another thread at the same time as append() and truncate(); the rest is not thread-safe.
+// Where the bytes of one file of a tape go. Errors are errno values, 0 is success. Not thread-safe.
 class TapeSink {
  public:
   struct Appended {
@@ -26,8 +27,10 @@ class TapeSink {
   virtual Appended append(ByteView head, ByteView body) = 0;
   // Cuts to `size` bytes, never more than there are.
   virtual int truncate(std::uint64_t size) = 0;
-  // Brings what was appended to the disk.
-  virtual int sync() = 0;
+  // Brings what was appended to the disk. The function may be called from any thread at any time, also when
+  // the sink is closed or gone.
+  using Sync = std::function<int()>;
+  [[nodiscard]] virtual Sync syncer() = 0;
   virtual int close() = 0;
 };
 
@@ -40,14 +43,15 @@ class FileSink final : public TapeSink {
 
   Appended append(ByteView head, ByteView body) override;
   int truncate(std::uint64_t size) override;
-  int sync() override;
+  Sync syncer() override;
   int close() override;
 
  private:
-  FileSink(UniqueFd fd, UniqueFd sync_fd) : fd_(std::move(fd)), sync_fd_(std::move(sync_fd)) {}
+  FileSink(UniqueFd fd, UniqueFd sync_fd)
+      : fd_(std::move(fd)), sync_fd_(std::make_shared<UniqueFd>(std::move(sync_fd))) {}
 
   UniqueFd fd_;
-  UniqueFd sync_fd_;
+  std::shared_ptr<UniqueFd> sync_fd_;
 };
 
 // Appends to a sink wholly or not at all: what went in of a failed append is taken back before anything else
@@ -58,6 +62,12 @@ class WholeAppender {
 
   // 0, or the errno: nothing of it counts then.
   int append(ByteView head, ByteView body);
+  // Several parts, `ends` says where each ends in `parts`: as many whole ones as fit. How many those are.
+  struct Kept {
+    std::size_t parts = 0;
+    int error = 0;
+  };
+  Kept append_parts(ByteView parts, std::span<const std::size_t> ends);
   // As a last step: takes back what is still to be taken back.
   int repair();
 

@@ -12,7 +12,6 @@
 #include "libport/base/version.hpp"
 #include "libport/tape/block.hpp"
 #include "libport/tape/events.hpp"
-#include "libport/tape/sync_thread.hpp"
 #include "libport/tape/tape_files.hpp"
 
 namespace porttape {
@@ -64,10 +63,15 @@ struct TapeWriter::Impl {
   Impl& operator=(const Impl&) = delete;
 
   [[nodiscard]] std::int64_t stamp(TapeTime at, bool is_block) const;
-  void block(WholeAppender& file, TapeTime at, ByteView data);
+  void block(Direction direction, TapeTime at, ByteView data);
+  void kept(ByteView payload);
+  void commit(const RunBoth& run_both);
+  void settle(const TapeBatch::Blocks& blocks);
+  std::optional<Gap> tell_owed(TapeBatch& batch, std::optional<std::int64_t> first_kept);
+  void write_lines(const std::vector<TapeBatch::Line>& lines, std::optional<Gap> told);
+  WholeAppender& file_of(Direction direction) { return direction == Direction::read ? read : write; }
   void event(std::int64_t at_us, const std::string& line);
   void lose(std::int64_t at_us, std::uint64_t bytes, std::string why);
-  void wrote();
   void tell_gap(std::int64_t at_us);
   void finish(TapeTime at);
   void close_all();
@@ -75,7 +79,7 @@ struct TapeWriter::Impl {
   WholeAppender read;
   WholeAppender write;
   WholeAppender events;
-  std::optional<SyncThread> syncing;
+  std::optional<TapeBatch> batch;
   bool sync = false;
   bool finished = false;
 
@@ -97,24 +101,36 @@ std::int64_t TapeWriter::Impl::stamp(TapeTime at, bool is_block) const {
   return is_block ? us : std::min(us, kMaxBlockTimeUs);
 }
 
-void TapeWriter::Impl::block(WholeAppender& file, TapeTime at, ByteView data) {
+void TapeWriter::Impl::block(Direction direction, TapeTime at, ByteView data) {
   const std::int64_t us = stamp(at, true);
   if (finished || us > kMaxBlockTimeUs) {
     return lose(us, data.size(),
                 finished ? "the tape is finished" : "a tape cannot hold more than 136 years");
   }
   const auto header = encode_header(tape_time_us(us), static_cast<std::uint32_t>(data.size()));
-  if (const int error = file.append(header, data); error != 0)
+  if (batch) {
+    batch->of(direction).add(us, header, data);
+    last_us = us;
+    last_was_block = true;
+    return;
+  }
+  if (const int error = file_of(direction).append(header, data); error != 0)
     return lose(us, data.size(), errno_text(error));
   last_us = us;
   last_was_block = true;
-  bytes_written += data.size();
-  wrote();
+  kept(data);
+  failure.clear();
   tell_gap(us);  // at the same stamp, where events come first: the gap ends with this block
 }
 
 void TapeWriter::Impl::event(std::int64_t at_us, const std::string& line) {
   if (finished) return;
+  if (batch) {
+    batch->lines.push_back({at_us, line});
+    last_us = at_us;
+    last_was_block = false;
+    return;
+  }
   tell_gap(at_us);
   if (const int error = events.append({}, as_bytes(line)); error != 0) {
     ++events_lost;
@@ -122,7 +138,72 @@ void TapeWriter::Impl::event(std::int64_t at_us, const std::string& line) {
   }
   last_us = at_us;
   last_was_block = false;
-  wrote();
+  failure.clear();
+}
+
+void TapeWriter::Impl::kept(ByteView payload) { bytes_written += payload.size(); }
+
+void TapeWriter::Impl::commit(const RunBoth& run_both) {
+  if (!batch) return;
+  TapeBatch done = std::move(*batch);
+  batch.reset();
+  const auto write_read = [&] { done.read.write(read); };
+  const auto write_write = [&] { done.write.write(write); };
+  if (run_both && !done.read.blocks.empty() && !done.write.blocks.empty()) {
+    run_both(write_read, write_write);
+  } else {
+    write_read();
+    write_write();
+  }
+  std::optional<std::int64_t> first_kept;
+  for (const TapeBatch::Blocks* blocks : {&done.read, &done.write}) {
+    if (blocks->kept.parts == 0) continue;
+    const std::int64_t us = blocks->blocks.front().us;
+    first_kept = std::min(us, first_kept.value_or(us));
+  }
+  const std::optional<Gap> told = tell_owed(done, first_kept);
+  failure.clear();
+  settle(done.read);
+  settle(done.write);
+  write_lines(done.lines, told);
+}
+
+// A gap from before the batch ends with the first thing of it that is written. Puts its line in its place.
+std::optional<TapeWriter::Impl::Gap> TapeWriter::Impl::tell_owed(TapeBatch& done,
+                                                                 std::optional<std::int64_t> first_kept) {
+  if (!gap || (!first_kept && done.lines.empty())) return std::nullopt;
+  std::int64_t us = first_kept.value_or(done.lines.empty() ? 0 : done.lines.front().us);
+  if (!done.lines.empty()) us = std::min(us, done.lines.front().us);
+  done.lines.insert(done.lines.begin(),
+                    {us, gap_line(tape_time_us(us), gap->bytes, tape_time_us(gap->from_us), gap->why)});
+  return std::exchange(gap, std::nullopt);
+}
+
+void TapeWriter::Impl::settle(const TapeBatch::Blocks& blocks) {
+  for (std::size_t i = 0; i < blocks.blocks.size(); ++i) {
+    const ByteView payload = blocks.payload(i);
+    i < blocks.kept.parts ? kept(payload)
+                          : lose(blocks.blocks[i].us, payload.size(), errno_text(blocks.kept.error));
+  }
+}
+
+// `told`: the gap whose line is the first of them.
+void TapeWriter::Impl::write_lines(const std::vector<TapeBatch::Line>& lines, std::optional<Gap> told) {
+  std::string text;
+  std::vector<std::size_t> ends;
+  for (const TapeBatch::Line& line : lines) {
+    text += line.text;
+    ends.push_back(text.size());
+  }
+  if (text.empty()) return;
+  const auto [written, error] = events.append_parts(as_bytes(text), ends);
+  for (std::size_t i = written; i < lines.size(); ++i) {
+    const bool is_gap = i == 0 && told;
+    if (!is_gap) ++events_lost;
+    lose(is_gap ? told->from_us : lines[i].us, is_gap ? told->bytes : 0,
+         is_gap ? told->why : errno_text(error));
+    if (is_gap) bytes_lost -= told->bytes;  // counted already
+  }
 }
 
 void TapeWriter::Impl::lose(std::int64_t at_us, std::uint64_t bytes, std::string why) {
@@ -134,11 +215,6 @@ void TapeWriter::Impl::lose(std::int64_t at_us, std::uint64_t bytes, std::string
   gap->bytes += bytes;
 }
 
-void TapeWriter::Impl::wrote() {
-  failure.clear();
-  if (syncing) syncing->note_write();
-}
-
 // Says what is missing, if anything; stays owed where even that cannot be written.
 void TapeWriter::Impl::tell_gap(std::int64_t at_us) {
   if (!gap) return;
@@ -148,18 +224,17 @@ void TapeWriter::Impl::tell_gap(std::int64_t at_us) {
 
 void TapeWriter::Impl::finish(TapeTime at) {
   if (finished) return;
-  const std::int64_t us = stamp(at, false);
+  commit({});
+  const std::int64_t us = std::max(stamp(at, false), gap ? gap->from_us : 0);
   event(us, event_line(tape_time_us(us), "end"));
   finished = true;
-  if (syncing) syncing->stop();
   close_all();
 }
 
 void TapeWriter::Impl::close_all() {
-  if (syncing) sync_error = syncing->error();
   for (WholeAppender* file : {&read, &write, &events}) {
     const int repaired = file->repair();
-    const int synced = sync ? file->sink().sync() : 0;
+    const int synced = sync ? file->sink().syncer()() : 0;
     const int closed = file->sink().close();
     for (const int error : {repaired, synced, closed}) {
       if (sync_error == 0) sync_error = error;
@@ -192,10 +267,6 @@ Result<TapeWriter> TapeWriter::on_sinks(TapeSinks sinks, const TapeHeader& heade
     return make_error(Errc::io, errno_text(error));
   }
   impl->sync = options.sync;
-  if (options.sync) {
-    impl->syncing.emplace(SyncThread::Sinks{&impl->read.sink(), &impl->write.sink(), &impl->events.sink()});
-    impl->syncing->note_write();
-  }
   return TapeWriter(std::move(impl));
 }
 
@@ -206,13 +277,13 @@ TapeWriter::~TapeWriter() = default;
 
 void TapeWriter::read_block(TapeTime at, ByteView data) {
   for (; !data.empty(); data = data.subspan(std::min(kMaxBlock, data.size()))) {
-    impl_->block(impl_->read, at, data.first(std::min(kMaxBlock, data.size())));
+    impl_->block(Direction::read, at, data.first(std::min(kMaxBlock, data.size())));
   }
 }
 
 void TapeWriter::write_block(TapeTime at, ByteView data) {
   for (; !data.empty(); data = data.subspan(std::min(kMaxBlock, data.size()))) {
-    impl_->block(impl_->write, at, data.first(std::min(kMaxBlock, data.size())));
+    impl_->block(Direction::write, at, data.first(std::min(kMaxBlock, data.size())));
   }
 }
 
@@ -249,6 +320,22 @@ void TapeWriter::flush_event(TapeTime at, std::string_view queue) {
 void TapeWriter::gap_event(TapeTime at, std::uint64_t bytes, std::string_view why) {
   const std::int64_t us = impl_->stamp(at, false);
   impl_->event(us, gap_line(tape_time_us(us), bytes, tape_time_us(us), why));
+}
+
+void TapeWriter::begin_batch() {
+  if (!impl_->batch) impl_->batch.emplace();
+}
+void TapeWriter::commit(const RunBoth& run_both) { impl_->commit(run_both); }
+
+void TapeWriter::lose(TapeTime at, std::uint64_t bytes, std::string_view why) {
+  const bool in_batch = impl_->batch.has_value();
+  impl_->commit({});  // the gap comes behind what was given before it
+  impl_->lose(impl_->stamp(at, false), bytes, std::string(why));
+  if (in_batch) begin_batch();
+}
+
+std::array<TapeSink::Sync, 3> TapeWriter::syncers() {
+  return {impl_->read.sink().syncer(), impl_->write.sink().syncer(), impl_->events.sink().syncer()};
 }
 
 Result<void> TapeWriter::finish(TapeTime at) {

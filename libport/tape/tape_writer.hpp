@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -7,6 +8,7 @@
 #include <string_view>
 
 #include "libport/tape/record.hpp"
+#include "libport/tape/tape_batch.hpp"
 #include "libport/tape/tape_header.hpp"
 #include "libport/tape/tape_name.hpp"
 #include "libport/tape/tape_sink.hpp"
@@ -16,7 +18,7 @@ namespace porttape {
 struct TapeWriterOptions {
   bool overwrite =
       false;         // replace an existing tape (never through a symlink, never anything but a regular file)
-  bool sync = true;  // fdatasync once a second, from a thread of its own
+  bool sync = true;  // fdatasync at the end
 };
 
 // Where the bytes of a new tape go; all three are there.
@@ -39,8 +41,10 @@ struct TapeSinks {
 // is lost is counted, and once writing works again a `gap` event tells how much is missing and why. failing()
 // says so meanwhile. (Under a file size limit, RLIMIT_FSIZE, the program must ignore SIGXFSZ for that.)
 //
-// Not thread-safe. With options.sync it starts one thread, which only calls fdatasync and lives until
-// finish().
+// A *batch* collects what is given, for a disk on which each call may take long; commit() writes it, each
+// file in one go. Of a file that takes only a part the whole blocks that fit are kept.
+//
+// Not thread-safe. LiveTape keeps one without ever holding up its caller.
 class TapeWriter {
  public:
   // Whether a tape can be made there: no existing file (unless overwrite), no symlink, a folder that is there
@@ -69,6 +73,16 @@ class TapeWriter {
   void device_back_event(TapeTime at);
   void flush_event(TapeTime at, std::string_view queue);  // in, out or both
   void gap_event(TapeTime at, std::uint64_t bytes, std::string_view why);
+
+  void begin_batch();
+  void commit(const RunBoth& run_both = {});
+
+  // Bytes for the tape that were lost before they came here: counted, and told by a gap event like those that
+  // a disk did not take.
+  void lose(TapeTime at, std::uint64_t bytes, std::string_view why);
+
+  // Brings what was written to the disk; each may be called from any thread at any time, also after finish().
+  [[nodiscard]] std::array<TapeSink::Sync, 3> syncers();
 
   // Writes the `end` event, syncs and closes. Errc::io if anything is missing from the tape. Later calls give
   // the same.

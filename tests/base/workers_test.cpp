@@ -1,8 +1,7 @@
 #include "libport/base/workers.hpp"
 
-#include <condition_variable>
+#include <chrono>
 #include <future>
-#include <mutex>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -41,11 +40,42 @@ TEST(Workers, JobsThatHangHoldUpTheirOwnStrandsAlone) {
   for (auto& end : ended) end.get_future().wait();
 }
 
+TEST(Workers, TimedJobsRunInTheirOrderAndNotBefore) {
+  using Clock = std::chrono::steady_clock;
+  Workers workers;
+  const Workers::Strand strand;
+  const Clock::time_point begin = Clock::now();
+  const Clock::time_point first = begin + std::chrono::milliseconds(5);
+  const Clock::time_point second = begin + std::chrono::milliseconds(10);
+  std::vector<int> order;
+  std::promise<Clock::time_point> done;
+  ASSERT_TRUE(workers.post_at(second, strand, [&] {
+    order.push_back(2);
+    done.set_value(Clock::now());
+  }));
+  ASSERT_TRUE(workers.post_at(first, strand, [&] { order.push_back(1); }));
+  EXPECT_GE(done.get_future().get(), second);
+  EXPECT_EQ(order, (std::vector{1, 2}));
+}
+
+TEST(Workers, ATimedJobRunsWhileAnotherHangs) {
+  Workers workers;
+  std::promise<void> done, ended;
+  ASSERT_TRUE(workers.post(Workers::Strand(), [&] {
+    done.get_future().wait();
+    ended.set_value();
+  }));
+  ASSERT_TRUE(workers.post_at(std::chrono::steady_clock::now() + std::chrono::milliseconds(1),
+                              Workers::Strand(), [&] { done.set_value(); }));
+  ended.get_future().wait();
+}
+
 TEST(Workers, AJobMayPost) {
   Workers workers;
   const Workers::Strand strand;
   std::promise<void> done;
-  ASSERT_TRUE(workers.post(strand, [&] { EXPECT_TRUE(workers.post(strand, [&done] { done.set_value(); })); }));
+  ASSERT_TRUE(
+      workers.post(strand, [&] { EXPECT_TRUE(workers.post(strand, [&done] { done.set_value(); })); }));
   done.get_future().wait();
 }
 

@@ -31,12 +31,22 @@ class RecordingPortTest : public testing::Test {
   void make_port(bool overwrite = false, bool fail_closed = false) {
     port = std::make_unique<RecordingPort>(
         PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(device),
-        RecordingPort::Options{.tape = tape,
-                               .header = {.device = "memory", .driver = "test"},
-                               .overwrite = overwrite,
-                               .fail_closed = fail_closed,
+        RecordingPort::Options{.tape = {.tape = tape,
+                                        .header = {.device = "memory", .driver = "test"},
+                                        .overwrite = overwrite,
+                                        .fail_closed = fail_closed,
+                                        .retry = std::chrono::milliseconds(1)},
                                .now = &read_scripted_clock});
+    log.status.reset();
     port->listen(log);
+  }
+  int finish() {
+    port->finish();
+    run_until(loop, [this] { return log.status.has_value(); });
+    return *log.status;
+  }
+  void run_until_told(std::string_view text) {
+    run_until(loop, [this, text] { return book.text().find(text) != std::string::npos; });
   }
   static void pass(std::int64_t us) { scripted_now += Micros(us); }
 
@@ -71,8 +81,7 @@ class RecordingPortTest : public testing::Test {
 
 TEST_F(RecordingPortTest, NoDriverNoTape) {
   ASSERT_TRUE(port->prepare().has_value());
-  port->finish();
-  EXPECT_EQ(log.status, 0);
+  EXPECT_EQ(finish(), 0);
   EXPECT_TRUE(fs::is_empty(dir.path()));
 }
 
@@ -88,8 +97,7 @@ TEST_F(RecordingPortTest, BothDirectionsAndTheSessionsAreOnTheTape) {
   pass(70);
   port->open();
   pass(10);
-  port->finish();
-  EXPECT_EQ(log.status, 0);
+  EXPECT_EQ(finish(), 0);
   EXPECT_EQ(log.data, "answer");
   EXPECT_EQ(device.written, "ask");
   EXPECT_EQ(records(tape), "open@0 w:ask@10 r:answer@20 close@30 open@100 close@110 end@110 ");
@@ -98,7 +106,7 @@ TEST_F(RecordingPortTest, BothDirectionsAndTheSessionsAreOnTheTape) {
 TEST_F(RecordingPortTest, AnExistingTapeIsFoundBeforeTheDeviceIsTouched) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
-  port->finish();
+  finish();
   make_port();
   device.calls.clear();
   const Result<void> prepared = port->prepare();
@@ -118,7 +126,7 @@ TEST_F(RecordingPortTest, RotationGoesOnWithTheNextName) {
   pass(5);
   port->write(as_bytes("two"));
   pass(5);
-  port->finish();
+  finish();
   EXPECT_EQ(records(tape), "open@0 w:one@0 end@50 ");
   EXPECT_EQ(records(literal_tape((dir.path() / "x.2.log").string())), "open@0 w:two@5 close@10 end@10 ");
 }
@@ -131,22 +139,23 @@ TEST_F(RecordingPortTest, TheLineStaysUpWhenTheTapeCannotBeMade) {
   device.send("answer");
   EXPECT_EQ(device.written, "ask");
   EXPECT_EQ(log.data, "answer");
-  EXPECT_NE(book.text().find("the line stays up"), std::string::npos);
-  port->finish();
-  EXPECT_EQ(log.status, exit_status::kRuntime);
+  run_until_told("the line stays up");
+  EXPECT_EQ(finish(), exit_status::kRuntime);
 }
 
 TEST_F(RecordingPortTest, ATapeThatCouldNotBeMadeIsTriedAgainAndSaysWhatIsMissing) {
   ASSERT_TRUE(port->prepare().has_value());
   fs::remove_all(dir.path());
   port->open();
+  pass(1'000'000);
   port->write(as_bytes("lost"));
+  run_until_told("nothing is recorded");
   fs::create_directory(dir.path());
-  pass(2'000'000);
-  device.send("this too");
+  run_until_told("recording to");
+  pass(1'000'000);
   port->write(as_bytes("kept"));
-  port->finish();
-  EXPECT_EQ(records(tape), "gap@2000000 w:kept@2000000 close@2000001 end@2000001 ");
+  EXPECT_EQ(finish(), exit_status::kRuntime);
+  EXPECT_EQ(records(tape), "open@0 gap@2000000 w:kept@2000000 close@2000001 end@2000001 ");
 }
 
 TEST_F(RecordingPortTest, RotationToANameThatCannotBeMadeKeepsTheLine) {
@@ -157,8 +166,7 @@ TEST_F(RecordingPortTest, RotationToANameThatCannotBeMadeKeepsTheLine) {
   port->rotate();
   port->write(as_bytes("ask"));
   EXPECT_EQ(device.written, "ask");
-  port->finish();
-  EXPECT_EQ(log.status, exit_status::kRuntime);
+  EXPECT_EQ(finish(), exit_status::kRuntime);
 }
 
 TEST_F(RecordingPortTest, FailClosedAsksForTheEndWhenTheTapeCannotBeMade) {
@@ -166,7 +174,7 @@ TEST_F(RecordingPortTest, FailClosedAsksForTheEndWhenTheTapeCannotBeMade) {
   ASSERT_TRUE(port->prepare().has_value());
   fs::remove_all(dir.path());
   port->open();
-  EXPECT_NE(log.events.find("finished1"), std::string::npos);
+  run_until(loop, [this] { return log.events.find("finished1") != std::string::npos; });
 }
 
 TEST_F(RecordingPortTest, ALostDeviceIsOnTheTape) {
@@ -174,7 +182,7 @@ TEST_F(RecordingPortTest, ALostDeviceIsOnTheTape) {
   port->open();
   pass(10);
   device.down(LineDown::Reason::lost, "unplugged");
-  port->finish();
+  finish();
   EXPECT_EQ(records(tape), "open@0 hang-up@10 close@10 end@10 ");
 }
 
@@ -193,7 +201,7 @@ TEST_F(RecordingPortTest, ADeviceThatEndsTheLineHangsUpOnTheTapeUnlessTheDriverE
   session(true, LineDown::Reason::closed);
   session(true, LineDown::Reason::lost);
   session(false, LineDown::Reason::closed);
-  port->finish();
+  finish();
   EXPECT_EQ(records(tape),
             "open@0 hang-up@10 close@10 open@100 hang-up@110 close@110 open@200 close@210 "
             "open@300 hang-up@310 close@310 open@400 hang-up@410 close@410 end@500 ");
@@ -206,7 +214,7 @@ TEST_F(RecordingPortTest, ADeviceThatComesBackIsOnTheTapeAndTheSessionIsTold) {
   device.interrupt();
   pass(10);
   device.resume();
-  port->finish();
+  finish();
   EXPECT_EQ(records(tape), "open@0 device-lost@10 device-back@20 close@20 end@20 ");
   EXPECT_EQ(log.events, "up interrupted resumed ");
 }
@@ -216,7 +224,7 @@ TEST_F(RecordingPortTest, WhatDidNotReachTheDeviceIsAGap) {
   port->open();
   pass(10);
   device.drop(7);
-  port->finish();
+  finish();
   EXPECT_EQ(records(tape), "open@0 gap@10 close@10 end@10 ");
   EXPECT_EQ(log.dropped, 7U);
 }

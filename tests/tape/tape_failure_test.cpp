@@ -13,7 +13,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "libport/tape/sync_thread.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "libport/tape/tape_summary.hpp"
 #include "libport/tape/tape_writer.hpp"
@@ -58,7 +57,9 @@ class FailingSink final : public TapeSink {
     file_.resize(static_cast<std::size_t>(size));
     return 0;
   }
-  int sync() override { return 0; }
+  Sync syncer() override {
+    return [] { return 0; };
+  }
   int close() override { return 0; }
 
  private:
@@ -85,7 +86,8 @@ struct Written {
   std::uint64_t lost = 0;
 };
 
-Written write_session(Disk& disk) {
+// In batches of `batch` rounds; 0: each block by itself.
+Written write_session(Disk& disk, int batch = 0) {
   Written result;
   auto writer = TapeWriter::on_sinks(sinks_on(disk), {"device", "driver"}, {.sync = false});
   if (!writer) return result;
@@ -99,6 +101,10 @@ Written write_session(Disk& disk) {
   };
   writer->open_event(tape_time_us(0));
   for (int i = 0; i < 4; ++i) {
+    if (batch > 0 && i % batch == 0) {
+      writer->commit();
+      writer->begin_batch();
+    }
     give(false, "question");
     give(true, "the answer to it");
     writer->mark_event(tape_time_us(us), "round");
@@ -138,6 +144,48 @@ TEST(FailingDisk, AnyOneFailureLeavesASoundTapeAndACountedLoss) {
       EXPECT_EQ(summary->events.gap_bytes, result.lost) << what;
     }
   }
+}
+
+TEST(FailingDisk, ABatchKeepsTheWholeBlocksThatFitAndCountsTheRest) {
+  for (const int batch : {1, 3, 4}) {
+    Disk good;
+    ASSERT_TRUE(write_session(good, batch).finished);
+    Disk one_by_one;
+    ASSERT_TRUE(write_session(one_by_one).finished);
+    EXPECT_EQ(good.files[0], one_by_one.files[0]);
+    EXPECT_EQ(good.files[1], one_by_one.files[1]);
+    for (int n = 1; n < good.operation; ++n) {
+      for (const std::size_t torn : {0U, 1U, 20U, 21U, 40U, 60U, 500U}) {
+        Disk disk{.first_bad = n, .last_bad = n, .torn = torn};
+        const Written result = write_session(disk, batch);
+        const std::string what = "batches of " + std::to_string(batch) + ", operation " + std::to_string(n) +
+                                 ", torn " + std::to_string(torn);
+        expect_sound(disk, result, what);
+        EXPECT_FALSE(result.finished) << what;
+        const auto summary = summarize("t", sources_on(disk));
+        EXPECT_TRUE(summary->torn_tails().empty()) << what;
+        if (n < good.operation - 1) {
+          EXPECT_EQ(summary->events.gap_bytes, result.lost) << what;
+        }
+      }
+    }
+  }
+}
+
+TEST(FailingDisk, WhatIsLostBeforeTheDiskIsAGapWhereItWas) {
+  Disk disk;
+  auto writer = TapeWriter::on_sinks(sinks_on(disk), {"device", "driver"}, {.sync = false});
+  ASSERT_TRUE(writer);
+  writer->begin_batch();
+  writer->read_block(tape_time_us(10), as_bytes("kept"));
+  writer->lose(tape_time_us(20), 7, "the queue was full");
+  writer->write_block(tape_time_us(40), as_bytes("back again"));
+  writer->commit();
+  EXPECT_FALSE(writer->finish(tape_time_us(50)));
+  auto reader = TapeReader::from_sources(sources_on(disk));
+  EXPECT_THAT(test::read_all(*reader), ElementsAre("r 10 kept", "gap 40", "w 40 back again", "end 50"));
+  EXPECT_THAT(std::string(as_text(disk.files[2])),
+              HasSubstr(R"({"t_us":40,"event":"gap","bytes":7,"from_us":20,"why":"the queue was full"})"));
 }
 
 TEST(FailingDisk, AFailingTruncationIsTriedAgainBeforeAnythingIsWritten) {
@@ -200,31 +248,17 @@ TEST(FailingDisk, AHeaderThatCannotBeWrittenIsAnError) {
 
 class SyncedSink final : public TapeSink {
  public:
-  explicit SyncedSink(int error, std::promise<std::thread::id>* synced = nullptr)
-      : error_(error), synced_(synced) {}
+  explicit SyncedSink(int error) : error_(error) {}
   Appended append(ByteView head, ByteView body) override { return {head.size() + body.size(), 0}; }
   int truncate(std::uint64_t) override { return 0; }
-  int sync() override {
-    if (synced_ != nullptr) std::exchange(synced_, nullptr)->set_value(std::this_thread::get_id());
-    return error_;
+  Sync syncer() override {
+    return [error = error_] { return error; };
   }
   int close() override { return 0; }
 
  private:
   int error_;
-  std::promise<std::thread::id>* synced_;
 };
-
-TEST(SyncThread, SyncsWhatWasWrittenFromItsOwnThread) {
-  std::promise<std::thread::id> synced;
-  SyncedSink first(EIO, &synced);
-  SyncedSink other(0);
-  SyncThread thread(SyncThread::Sinks{&first, &other, &other}, std::chrono::milliseconds(1));
-  thread.note_write();
-  EXPECT_NE(synced.get_future().get(), std::this_thread::get_id());
-  thread.stop();
-  EXPECT_EQ(thread.error(), EIO);
-}
 
 TEST(FailingDisk, AFailedSyncIsToldAtTheEnd) {
   for (const bool sync : {false, true}) {

@@ -1,0 +1,313 @@
+#include "libport/tape/live_tape.hpp"
+
+#include <array>
+#include <deque>
+#include <sys/stat.h>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+namespace porttape {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr std::string_view kQueueFull = "the disk did not keep up";
+
+// Both at once on a slow disk, where each may take seconds.
+void run_both(const std::function<void()>& one, const std::function<void()>& other) {
+  std::thread beside;
+  try {
+    beside = std::thread(other);
+  } catch (const std::system_error&) {
+    other();
+  }
+  one();
+  if (beside.joinable()) beside.join();
+}
+
+// All tapes sync at the same moments, so that a thread wakes once for all of them.
+Clock::time_point next_sync() { return std::chrono::floor<seconds>(Clock::now()) + seconds(1); }
+
+}  // namespace
+
+std::shared_ptr<const std::atomic<bool>> Disks::slow(dev_t device) {
+  const std::lock_guard lock(mutex_);
+  std::shared_ptr<std::atomic<bool>>& flag = slow_[device];
+  if (!flag) flag = std::make_shared<std::atomic<bool>>(false);
+  return flag;
+}
+
+void Disks::note_slow(dev_t device) {
+  const std::lock_guard lock(mutex_);
+  if (const auto flag = slow_.find(device); flag != slow_.end()) *flag->second = true;
+}
+
+// What the caller and a worker share. The writer is the worker's while `busy`, else the caller's.
+struct LiveTape::Shared {
+  struct Entry {
+    Note work;
+    TapeTime at{};
+    std::size_t bytes = 0;
+    bool last = false;  // finishes the tape
+  };
+  struct Overflow {
+    TapeTime at{};
+    std::uint64_t bytes = 0;
+  };
+
+  explicit Shared(Options given) : options(std::move(given)) {}
+
+  void serve();
+  void make(std::unique_lock<std::mutex>& lock);
+  void write_batch(std::unique_lock<std::mutex>& lock);
+  void apply(Entry& entry);
+  void take_stock();
+  void give_up_queue();
+  void abandon_queue();
+  void sync();
+  void tell() const {
+    if (options.on_news) options.on_news();
+  }
+
+  const Options options;
+  std::atomic<bool> sync_due = false;
+
+  std::mutex mutex;  // guards the rest, but for the writer
+  std::deque<Entry> queue;
+  std::optional<Overflow> overflow;
+  bool busy = false;
+  bool slow = false;
+  bool abandoned = false;
+  Status status;
+  std::optional<dev_t> device;
+  std::array<TapeSink::Sync, 3> syncers;
+
+  std::optional<TapeWriter> writer;
+};
+
+void LiveTape::Shared::serve() {
+  std::unique_lock lock(mutex);
+  const std::string failure = status.failure;
+  if (status.phase == Status::Phase::being_made && !writer) make(lock);
+  while (!queue.empty() && !abandoned) write_batch(lock);
+  if (!queue.empty()) abandon_queue();
+  const bool news = failure != status.failure || status.over() || status.phase == Status::Phase::being_made;
+  if (status.phase == Status::Phase::being_made) status.phase = Status::Phase::queued;
+  status.waits_since.reset();
+  busy = false;
+  lock.unlock();
+  if (news) tell();
+}
+
+void LiveTape::Shared::make(std::unique_lock<std::mutex>& lock) {
+  status.waits_since = Clock::now();
+  lock.unlock();
+  Result<TapeWriter> made = options.make ? options.make(options)
+                                         : TapeWriter::create(options.paths, options.header, options.writer);
+  struct stat folder {};
+  const bool known = made && ::stat(options.paths.read.c_str(), &folder) == 0;
+  lock.lock();
+  if (!made) {
+    status.phase = Status::Phase::not_made;
+    status.error = made.error();
+    return give_up_queue();
+  }
+  writer = std::move(*made);
+  syncers = writer->syncers();
+  status.paths = options.paths;
+  if (known) device = folder.st_dev;
+}
+
+void LiveTape::Shared::give_up_queue() {
+  for (const Entry& entry : queue) status.bytes_lost += entry.bytes;
+  if (overflow) status.bytes_lost += overflow->bytes;
+  queue.clear();
+  overflow.reset();
+  status.bytes_waiting = 0;
+}
+
+void LiveTape::Shared::abandon_queue() {
+  std::uint64_t bytes = 0;
+  for (const Entry& entry : queue) bytes += entry.bytes;
+  writer->lose(queue.front().at, bytes, "the recorder was ended at once");
+  queue.clear();
+}
+
+void LiveTape::Shared::write_batch(std::unique_lock<std::mutex>& lock) {
+  std::deque<Entry> batch = std::exchange(queue, {});
+  std::uint64_t bytes = 0;
+  for (const Entry& entry : batch) bytes += entry.bytes;
+  const Clock::time_point begin = Clock::now();
+  status.waits_since = begin;
+  const bool hurry = slow;
+  lock.unlock();
+  writer->begin_batch();
+  for (Entry& entry : batch) apply(entry);
+  writer->commit(hurry ? RunBoth(run_both) : RunBoth());
+  const auto took = std::chrono::duration_cast<milliseconds>(Clock::now() - begin);
+  lock.lock();
+  status.slowest = std::max(status.slowest, took);
+  status.bytes_waiting -= bytes;
+  take_stock();
+}
+
+void LiveTape::Shared::apply(Entry& entry) {
+  if (!entry.last) return entry.work(*writer);
+  const Result<void> finished = writer->finish(entry.at);
+  const std::lock_guard lock(mutex);
+  status.phase = Status::Phase::finished;
+  if (!finished) status.error = finished.error();
+}
+
+void LiveTape::Shared::take_stock() {
+  status.failure = writer->failure();
+  status.bytes_written = writer->bytes_written();
+  status.bytes_lost = writer->bytes_lost();
+}
+
+void LiveTape::Shared::sync() {
+  sync_due = false;
+  std::unique_lock lock(mutex);
+  const std::array<TapeSink::Sync, 3> files = syncers;
+  lock.unlock();
+  int first_error = 0;
+  for (const TapeSink::Sync& file : files) {
+    const int error = file ? file() : 0;
+    if (first_error == 0) first_error = error;
+  }
+  if (first_error == 0) return;
+  lock.lock();
+  const bool news = std::exchange(status.sync_error, first_error) == 0;
+  lock.unlock();
+  if (news) tell();
+}
+
+LiveTape::LiveTape(Workers& workers, std::shared_ptr<Disks> disks, Options options)
+    : workers_(workers), disks_(std::move(disks)), shared_(std::make_shared<Shared>(std::move(options))) {
+  std::unique_lock lock(shared_->mutex);
+  call_worker(lock);
+}
+
+// The writer closes its files when it goes, which may wait: not here if a worker can do it.
+LiveTape::~LiveTape() {
+  {
+    const std::lock_guard lock(shared_->mutex);
+    shared_->abandoned = true;
+  }
+  (void)workers_.post(strand_, [shared = std::move(shared_)] {});
+}
+
+void LiveTape::block(Direction direction, TapeTime at, ByteView data) {
+  if (data.empty()) return;
+  const auto write_to = [direction, at](TapeWriter& writer, ByteView bytes) {
+    direction == Direction::read ? writer.read_block(at, bytes) : writer.write_block(at, bytes);
+  };
+  if (direct()) {
+    write([&](TapeWriter& writer) { write_to(writer, data); });
+  } else {
+    put([write_to, bytes = Bytes(data.begin(), data.end())](TapeWriter& writer) { write_to(writer, bytes); },
+        at, data.size());
+  }
+}
+
+void LiveTape::note(Note note) {
+  if (direct()) {
+    write(note);
+  } else {
+    put(std::move(note), {}, 0);
+  }
+}
+
+void LiveTape::finish(TapeTime at) {
+  leave_direct();
+  put({}, at, 0, true);
+}
+
+// Whether the writer is this thread's.
+bool LiveTape::direct() {
+  if (direct_ && disk_is_slow_ && *disk_is_slow_) leave_direct();
+  if (direct_) return true;
+  const std::lock_guard lock(shared_->mutex);
+  if (!disk_is_slow_ && shared_->device) disk_is_slow_ = disks_->slow(*shared_->device);
+  const bool owes = !shared_->queue.empty() || shared_->overflow;
+  if (shared_->busy || shared_->slow || owes || !shared_->writer || shared_->status.over()) return false;
+  if (disk_is_slow_ && *disk_is_slow_) {
+    shared_->slow = true;
+    return false;
+  }
+  shared_->status.phase = Status::Phase::direct;
+  direct_ = true;
+  return true;
+}
+
+void LiveTape::leave_direct() {
+  if (!std::exchange(direct_, false)) return;
+  const std::lock_guard lock(shared_->mutex);
+  shared_->slow = true;
+  shared_->status.phase = Status::Phase::queued;
+  shared_->take_stock();
+}
+
+template <class Work>
+void LiveTape::write(const Work& work) {
+  const Clock::time_point begin = Clock::now();
+  work(*shared_->writer);
+  const Clock::duration took = Clock::now() - begin;
+  sync_soon();
+  if (took < kLongWrite) return;
+  leave_direct();
+  {
+    const std::lock_guard lock(shared_->mutex);
+    shared_->status.slowest = std::chrono::duration_cast<milliseconds>(took);
+    if (shared_->device) disks_->note_slow(*shared_->device);
+  }
+  shared_->tell();
+}
+
+void LiveTape::put(Note work, TapeTime at, std::size_t bytes, bool last) {
+  std::unique_lock lock(shared_->mutex);
+  Status& status = shared_->status;
+  if (status.over()) {
+    status.bytes_lost += bytes;
+    return;
+  }
+  if (bytes > 0 && status.bytes_waiting + bytes > shared_->options.queue_bytes) {
+    if (!shared_->overflow) shared_->overflow = Shared::Overflow{at, 0};
+    shared_->overflow->bytes += bytes;
+    return;
+  }
+  if (const auto lost = std::exchange(shared_->overflow, std::nullopt)) {
+    shared_->queue.push_back(
+        {[lost](TapeWriter& writer) { writer.lose(lost->at, lost->bytes, kQueueFull); }, lost->at, 0});
+  }
+  shared_->queue.push_back({std::move(work), at, bytes, last});
+  status.bytes_waiting += bytes;
+  call_worker(lock);
+  sync_soon();
+}
+
+// A worker serves the queue until it is empty. Releases the lock.
+void LiveTape::call_worker(std::unique_lock<std::mutex>& lock) {
+  if (std::exchange(shared_->busy, true)) return lock.unlock();
+  lock.unlock();
+  if (!workers_.post(strand_, [shared = shared_] { shared->serve(); })) shared_->serve();
+}
+
+void LiveTape::sync_soon() {
+  if (!shared_->options.writer.sync || shared_->sync_due.exchange(true)) return;
+  // Without a thread the tape is synced at its end.
+  (void)workers_.post_at(next_sync(), sync_strand_, [shared = shared_] { shared->sync(); });
+}
+
+LiveTape::Status LiveTape::status() const {
+  const std::lock_guard lock(shared_->mutex);
+  if (direct_) shared_->take_stock();
+  return shared_->status;
+}
+
+bool LiveTape::failing() const { return direct_ && shared_->writer->failing(); }
+
+}  // namespace porttape

@@ -1,0 +1,118 @@
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <sys/types.h>
+
+#include "libport/base/workers.hpp"
+#include "libport/tape/tape_writer.hpp"
+
+namespace porttape {
+
+// What a process has learnt of its disks. Any thread may call.
+class Disks {
+ public:
+  // Whether a write to this device (st_dev) once took longer than a line may wait. Stays true.
+  [[nodiscard]] std::shared_ptr<const std::atomic<bool>> slow(dev_t device);
+  void note_slow(dev_t device);
+
+ private:
+  std::mutex mutex_;
+  std::map<dev_t, std::shared_ptr<std::atomic<bool>>> slow_;
+};
+
+// A tape in the making that holds up nobody: the caller's thread never waits for the disk, but for the one
+// write that finds it slow. Owns the TapeWriter.
+//
+// Its life:
+//
+//   being made   a worker makes the files; what is given waits in the queue
+//   direct       the caller writes each block itself, so that SIGKILL costs at most the block it is in
+//   queued       once a write took kLongWrite, here or for another tape of the disk: a worker writes, what
+//   has
+//                gathered meanwhile in one go; stays so
+//   not made     the files could not be made: what was given and what is given is lost and counted
+//   finished     the `end` event is written, all is synced and closed
+//
+// The queue holds Options::queue_bytes; what does not fit is lost and told by a gap event like what the disk
+// did not take. Written data is synced once a second. Without a thread to be had (limits) the caller writes.
+//
+// Drive it from one thread as a TapeWriter, finish() last. The destructor gives up what is not written yet.
+class LiveTape {
+ public:
+  static constexpr std::chrono::milliseconds kLongWrite{3};
+
+  struct Options {
+    TapePaths paths;
+    TapeHeader header;
+    TapeWriterOptions writer = {};
+    std::size_t queue_bytes = std::size_t{8} << 20;
+    // status() has something new: a phase, slowness, a failure in the queue or of a sync. From any thread.
+    std::function<void()> on_news = {};
+    // Makes the writer; TapeWriter::create unless a test wants another disk.
+    std::function<Result<TapeWriter>(const Options&)> make = {};
+  };
+
+  struct Status {
+    enum class Phase : std::uint8_t { being_made, direct, queued, not_made, finished };
+    Phase phase = Phase::being_made;
+    TapePaths paths;                  // once made
+    std::optional<Error> error;       // not made, or finished and something is missing
+    std::string failure;              // why the last block could not be written; empty when it was
+    int sync_error = 0;               // the errno of the first sync that failed
+    std::uint64_t bytes_written = 0;  // payload
+    std::uint64_t bytes_lost = 0;
+    std::uint64_t bytes_waiting = 0;  // in the queue
+    std::chrono::milliseconds slowest{0};
+    // A worker is at it since then and has not come back.
+    std::optional<std::chrono::steady_clock::time_point> waits_since;
+
+    // Nothing more will be written.
+    [[nodiscard]] bool over() const { return phase == Phase::not_made || phase == Phase::finished; }
+  };
+
+  // `workers` outlives the tape.
+  LiveTape(Workers& workers, std::shared_ptr<Disks> disks, Options options);
+  ~LiveTape();
+  LiveTape(const LiveTape&) = delete;
+  LiveTape& operator=(const LiveTape&) = delete;
+
+  void block(Direction direction, TapeTime at, ByteView data);
+  // An event, or whatever else a TapeWriter is to be told, in its place among the blocks.
+  using Note = std::function<void(TapeWriter&)>;
+  void note(Note note);
+  // The last call: `end` event, sync, close, on a worker. Then on_news, and status() is `finished`.
+  void finish(TapeTime at);
+
+  [[nodiscard]] Status status() const;
+  // Whether the caller's last block could not be written; what the queue could not write is news.
+  [[nodiscard]] bool failing() const;
+
+ private:
+  struct Shared;
+  bool direct();
+  void leave_direct();
+  template <class Work>
+  void write(const Work& work);
+  void put(Note work, TapeTime at, std::size_t bytes, bool last = false);
+  void call_worker(std::unique_lock<std::mutex>& lock);
+  void sync_soon();
+
+  Workers& workers_;
+  std::shared_ptr<Disks> disks_;
+  Workers::Strand strand_;
+  Workers::Strand sync_strand_;
+  std::shared_ptr<Shared> shared_;
+  bool direct_ = false;  // the writer is this thread's
+  std::shared_ptr<const std::atomic<bool>> disk_is_slow_;
+};
+
+}  // namespace porttape
