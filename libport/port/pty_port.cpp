@@ -100,6 +100,7 @@ void PtyPort::announce_path() const {
 }
 
 void PtyPort::replace_line() {
+  drop_held();
   openers_ = 0;
   peer_ = false;
   // One of the old line's callbacks may be running: it goes on the next turn of the loop.
@@ -124,6 +125,7 @@ void PtyPort::open() {
   accepting_ = true;
   if (peer_) {
     watch_reading();
+    deliver_held_soon();
     set_up(true);
   } else {
     look();
@@ -153,13 +155,21 @@ void PtyPort::drop_unsent() {
   if (bytes > 0) listener().on_dropped(bytes, "the driver did not take them");
 }
 
+void PtyPort::drop_held() {
+  if (held_.size() > 1 && held_.front() == TIOCPKT_DATA)
+    listener().on_dropped(held_.size() - 1, "the line ended before they could be passed on");
+  held_.clear();
+}
+
 void PtyPort::write(ByteView data) {
   if (peer_ && line_) line_->outbox.write(data);
 }
 
 void PtyPort::set_reading(bool on) {
   reading_ = on;
-  if (line_) watch_reading();
+  if (!line_) return;
+  watch_reading();
+  deliver_held_soon();
 }
 
 void PtyPort::set_up(bool up, LineDown::Reason reason) {
@@ -236,7 +246,8 @@ void PtyPort::take_events() {
 void PtyPort::on_readable() {
   if (!line_) return;
   // More than one read only when the first was full: an extra read for EAGAIN would cost each short exchange.
-  while (peer_ && accepting_ && reading_ && read_once()) {
+  deliver_held();
+  while (may_deliver() && read_once()) {
   }
 }
 
@@ -247,12 +258,33 @@ bool PtyPort::read_once() {
     const Line* const line = line_.get();
     take_events();
     if (line_.get() != line) return false;
-    handle_packet(ByteView(buffer_).first(static_cast<std::size_t>(size)));
+    take_packet(ByteView(buffer_).first(static_cast<std::size_t>(size)));
     return static_cast<std::size_t>(size) == buffer_.size();
   }
   if (size < 0 && (errno == EAGAIN || errno == EINTR)) return false;
   peer_left();
   return false;
+}
+
+// A session that has just begun is not read before its device is up.
+void PtyPort::take_packet(ByteView packet) {
+  if (may_deliver() && held_.empty()) {
+    handle_packet(packet);
+  } else {
+    held_.assign(packet.begin(), packet.end());
+  }
+}
+
+void PtyPort::deliver_held() {
+  if (!held_.empty() && may_deliver()) handle_packet(std::exchange(held_, {}));
+}
+
+// Not from within the call that allows it.
+void PtyPort::deliver_held_soon() {
+  if (held_.empty() || !may_deliver()) return;
+  context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
+    if (!alive.expired()) deliver_held();
+  });
 }
 
 void PtyPort::handle_packet(ByteView packet) {
@@ -270,13 +302,19 @@ void PtyPort::handle_packet(ByteView packet) {
 }
 
 void PtyPort::read_pending() {
+  deliver_held();
   // What a pty can hold, so that a driver that goes on writing does not keep us.
-  for (std::size_t left = kMostHeld; left > 0 && peer_ && line_ && reading_;) {
+  for (std::size_t left = kMostHeld; left > 0 && line_ && may_deliver();) {
     const ssize_t size = ::read(line_->pty.master(), buffer_.data(), buffer_.size());
     if (size <= 0) break;
     left -= std::min(left, static_cast<std::size_t>(size));
     handle_packet(ByteView(buffer_).first(static_cast<std::size_t>(size)));
   }
+}
+
+void PtyPort::finish() {
+  drop_held();
+  listener().on_complete(0);
 }
 
 void PtyPort::hang_up(bool after_reading) {

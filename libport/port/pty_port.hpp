@@ -34,6 +34,7 @@ class PtyPort final : public Port {
   // is printed.
   void hang_up(bool after_reading) override;
   void read_pending() override;
+  void finish() override;
   [[nodiscard]] bool passive() const override { return true; }
   [[nodiscard]] std::string name() const override;
 
@@ -59,11 +60,16 @@ class PtyPort final : public Port {
   void watch_reading();
   void on_readable();
   bool read_once();  // true when there may be more
+  [[nodiscard]] bool may_deliver() const { return peer_ && accepting_ && reading_; }
+  void take_packet(ByteView packet);
   void handle_packet(ByteView packet);
+  void deliver_held();
+  void deliver_held_soon();
   void peer_arrived();
   void peer_left();
   void peer_reopened();
   void drop_unsent();
+  void drop_held();
   void set_up(bool up, LineDown::Reason reason = LineDown::Reason::closed);
   void on_hang_up_timer();
   void on_look_timer();
@@ -77,6 +83,7 @@ class PtyPort final : public Port {
   Timer renew_timer_;  // while there is no line
   Instant arrived_{};
   std::array<Byte, kReadSize> buffer_{};
+  Bytes held_;       // a packet that was read when the session began or reading stopped: delivered first
   int openers_ = 0;  // an estimate (inotify merges events); only decides whether CLOSE, OPEN was a reopen
   bool accepting_ = false;
   bool peer_ = false;

@@ -1,5 +1,6 @@
 #include "libport/session/session.hpp"
 
+#include <cassert>
 #include <chrono>
 #include <utility>
 
@@ -19,10 +20,18 @@ constexpr Nanos kLeaveLimit = seconds(1);
 
 }  // namespace
 
+// Whether a port may pass on data, and what it passed on although it might not.
+struct Session::Gate {
+  bool open = true;
+  Bytes kept;
+};
+
 struct Session::DriverSide final : PortListener {
   explicit DriverSide(Session& owner) : session(owner) {}
   void on_up() override { session.driver_up(); }
-  void on_data(ByteView data) override { session.driver_data(data); }
+  void on_data(ByteView data) override {
+    if (!session.keep_early(gate, *session.driver_, data)) session.driver_data(data);
+  }
   void on_drained() override {
     session.read_device();
     session.continue_end();
@@ -39,23 +48,27 @@ struct Session::DriverSide final : PortListener {
     session.dropped_by_driver(bytes, why);
   }
   Session& session;
+  Gate gate;
 };
 
 struct Session::DeviceSide final : PortListener {
   explicit DeviceSide(Session& owner) : session(owner) {}
   void on_up() override { session.device_up(); }
-  void on_data(ByteView data) override { session.device_data(data); }
+  void on_data(ByteView data) override {
+    if (!session.keep_early(gate, *session.device_, data)) session.device_data(data);
+  }
   void on_drained() override { session.device_drained(); }
   void on_down(const LineDown& down) override { session.device_down(down); }
   void on_finished(int exit_status) override { session.finished(exit_status); }
   void on_complete(int exit_status) override { session.device_complete(exit_status); }
   void on_arrivals(ByteView data, std::span<const std::size_t> ends) override {
-    session.device_arrivals(data, ends);
+    if (!session.keep_early(gate, *session.device_, data)) session.device_arrivals(data, ends);
   }
   void on_interrupted(const LineDown& down) override { session.device_interrupted(down); }
   void on_resumed() override { session.device_resumed(); }
   void on_dropped(std::uint64_t bytes, std::string_view why) override { session.dropped(bytes, why); }
   Session& session;
+  Gate gate;
 };
 
 Session::Session(const PortContext& context, std::unique_ptr<Port> driver, std::unique_ptr<Port> device,
@@ -91,14 +104,14 @@ void Session::driver_up() {
   driver_up_ = true;
   ++counters_.opens;
   if (closing_device_) {
-    driver_->set_reading(false);  // until the last driver's bytes have gone
+    let_driver(false);  // until the last driver's bytes have gone
   } else {
     open_device();
   }
 }
 
 void Session::open_device() {
-  driver_->set_reading(false);
+  let_driver(false);
   device_open_ = true;
   device_->open();
 }
@@ -110,11 +123,33 @@ void Session::device_up() {
   read_driver();
 }
 
+void Session::let_driver(bool read) {
+  driver_side_->gate.open = read;
+  driver_->set_reading(read);
+  if (Bytes& kept = driver_side_->gate.kept; read && !kept.empty()) driver_data(std::exchange(kept, {}));
+}
+void Session::let_device(bool read) {
+  device_side_->gate.open = read;
+  device_->set_reading(read);
+  if (Bytes& kept = device_side_->gate.kept; read && !kept.empty()) device_data(std::exchange(kept, {}));
+}
+
+// No port passes on data while it is told not to read: the other side may not be there to take it. One that
+// does is wrong, but costs no byte.
+bool Session::keep_early(Gate& gate, const Port& port, ByteView data) {
+  if (gate.open || !taking_in_) return false;
+  context_.log->error("{} passed on {} bytes while it was not to read (an error of this program)",
+                      port.name(), data.size());
+  assert(gate.open && "no on_data while set_reading(false)");
+  gate.kept.insert(gate.kept.end(), data.begin(), data.end());
+  return true;
+}
+
 void Session::read_driver() {
-  if (taking_in_) driver_->set_reading(true);
+  if (taking_in_) let_driver(true);
 }
 void Session::read_device() {
-  if (taking_in_) device_->set_reading(true);
+  if (taking_in_) let_device(true);
 }
 
 PortListener::Answers Session::driver_ended() {
@@ -151,7 +186,7 @@ void Session::tell_dropped() {
 
 void Session::driver_interrupted(const LineDown& down) {
   context_.log->warn("{}; waiting for it", down.error.message);
-  device_->set_reading(false);
+  let_device(false);
 }
 
 void Session::device_interrupted(const LineDown& down) {
@@ -160,7 +195,7 @@ void Session::device_interrupted(const LineDown& down) {
   if (closing_device_) {
     close_device();
   } else if (driver_up_ && device_open_) {
-    driver_->set_reading(false);
+    let_driver(false);
   }
   continue_end();
 }
@@ -187,7 +222,7 @@ void Session::driver_data(ByteView data) {
   }
   counters_.from_driver_bytes += data.size();
   device_->write(data);
-  if (device_->congested()) driver_->set_reading(false);
+  if (device_->congested()) let_driver(false);
 }
 
 void Session::device_data(ByteView data) {
@@ -197,7 +232,7 @@ void Session::device_data(ByteView data) {
   }
   counters_.to_driver_bytes += data.size();
   driver_->write(data);
-  if (driver_->congested()) device_->set_reading(false);
+  if (driver_->congested()) let_device(false);
 }
 
 void Session::driver_down(const LineDown& down) {
@@ -253,7 +288,7 @@ void Session::device_down(const LineDown& down) {
     close_device();
     return;
   }
-  driver_->set_reading(false);
+  let_driver(false);
   switch (down.reason) {
     case LineDown::Reason::failed:
     case LineDown::Reason::lost:
@@ -268,7 +303,7 @@ void Session::device_down(const LineDown& down) {
       context_.log->info("{}: hangs up", device_->name());
       break;
   }
-  driver_->set_reading(true);
+  let_driver(true);
   if (ending_ == Ending::no) {
     driver_->hang_up(down.after_reading);
   } else {
@@ -297,7 +332,7 @@ void Session::begin_end(bool limited) {
     device_->read_pending();
   }
   taking_in_ = false;
-  device_->set_reading(false);
+  let_device(false);
   limited_ = limited;
   if (limited_) {
     end_timer_.set_after(kSendLimit);
@@ -328,6 +363,9 @@ void Session::end() {
   end_timer_.cancel();
   drain_timer_.cancel();
   driver_->close();
+  for (const Gate* gate : {&driver_side_->gate, &device_side_->gate}) {
+    if (!gate->kept.empty()) dropped_by_driver(gate->kept.size(), "the end came before them");
+  }
   note_gap();
   if (device_open_) device_->close();
   device_->finish();

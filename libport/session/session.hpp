@@ -51,12 +51,16 @@ class Session {
   // Where the session stands on its way to the end.
   enum class Ending { no, sending, leaving, ended };
 
+  struct Gate;
   struct DriverSide;
   struct DeviceSide;
 
   void driver_up();
   void driver_data(ByteView data);
   PortListener::Answers driver_ended();
+  void let_driver(bool read);
+  void let_device(bool read);
+  bool keep_early(Gate& gate, const Port& port, ByteView data);
   void read_driver();
   void read_device();
   void driver_interrupted(const LineDown& down);

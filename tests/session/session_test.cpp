@@ -272,6 +272,21 @@ TEST_F(SessionTest, AtTheEndNothingMoreIsTakenIn) {
   EXPECT_EQ(session->counters().dropped_bytes, 4U);
 }
 
+TEST_F(SessionTest, APortThatPassesOnWhatItShouldNotHaveReadIsToldAndLosesNothing) {
+#ifndef NDEBUG
+  GTEST_SKIP() << "builds with assertions end there";
+#endif
+  device.up_at_once = false;
+  start();
+  driver.up();
+  ASSERT_FALSE(driver.reading);
+  driver.send("early");
+  EXPECT_EQ(device.written, "");
+  EXPECT_NE(book.text().find("was not to read"), std::string::npos);
+  device.up();
+  EXPECT_EQ(device.written, "early");
+}
+
 TEST_F(SessionTest, AMissingDeviceIsTheEndForADriverThatIsConnectedTo) {
   driver.passive = false;
   driver.up_at_once = true;
