@@ -19,8 +19,10 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
     bool waiting = false;
   };
 
-  State(Loop& loop, int fd, Callback on_readable, Callback on_writable)
-      : descriptor(loop.io(), fd),
+  State(Loop& owner, int fd, Callback on_readable, Callback on_writable)
+      : loop(&owner),
+        fence(owner.fence()),
+        descriptor(owner.io(), fd),
         sides{Side{Descriptor::wait_read, std::move(on_readable)},
               Side{Descriptor::wait_write, std::move(on_writable)}} {}
 
@@ -37,11 +39,13 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
       Side& ready = self->sides[index];
       ready.waiting = false;
       if (self->gone || !ready.wanted) return;
-      ready.callback();
+      self->loop->within(self->fence, ready.callback);
       if (!self->gone && ready.wanted) self->wait(index);
     });
   }
 
+  Loop* loop;
+  std::shared_ptr<Fence> fence;
   Descriptor descriptor;
   std::array<Side, 2> sides;
   bool gone = false;

@@ -1,6 +1,7 @@
 #include "libport/port/loop.hpp"
 
 #include <chrono>
+#include <exception>
 #include <mutex>
 #include <optional>
 #include <sched.h>
@@ -55,10 +56,11 @@ Loop::~Loop() { gate_->shut(); }
 bool Loop::run_elsewhere(const Workers::Strand& strand, std::function<void()> job,
                          std::function<void()> done) {
   gate_->begin();
-  const bool taken = workers_.post(strand, [gate = gate_, job = std::move(job), done = std::move(done)] {
-    job();
-    gate->finish(done);
-  });
+  const bool taken =
+      workers_.post(strand, [gate = gate_, job = std::move(job), done = fenced(std::move(done))] {
+        job();
+        gate->finish(done);
+      });
   if (!taken) gate_->finish({});
   return taken;
 }
@@ -95,6 +97,24 @@ std::span<Byte> Loop::read_buffer() {
   return {read_buffer_.get(), kReadBuffer};
 }
 
-void Loop::post(std::function<void()> task) { boost::asio::post(*io_, std::move(task)); }
+void Loop::post(std::function<void()> task) { boost::asio::post(*io_, fenced(std::move(task))); }
+
+void Loop::within(const std::shared_ptr<Fence>& fence, const std::function<void()>& work) {
+  if (!fence) return work();
+  const std::shared_ptr<Fence> outer = std::exchange(fence_, fence);
+  try {
+    work();
+    fence_ = outer;
+  } catch (const std::exception& error) {
+    fence_ = outer;
+    fence->on_exception(error.what());
+  }
+}
+
+// The task behind the fence of the one who posts it.
+std::function<void()> Loop::fenced(std::function<void()> task) {
+  if (!fence_ || !task) return task;
+  return [this, fence = fence_, task = std::move(task)] { within(fence, task); };
+}
 
 }  // namespace porttape

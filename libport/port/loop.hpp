@@ -8,6 +8,7 @@
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
 #include "libport/base/workers.hpp"
+#include "libport/port/fence.hpp"
 #include "libport/port/patience.hpp"
 
 namespace boost::asio {
@@ -46,6 +47,11 @@ class Loop {
                                    std::function<void()> done);
   Workers& workers() { return workers_; }
 
+  // Calls `work`; an exception out of it goes to the fence. What it makes (timers, watches, tasks, and in
+  // turn what those make) stays behind the same fence. Without one, exceptions leave run().
+  void within(const std::shared_ptr<Fence>& fence, const std::function<void()>& work);
+  [[nodiscard]] const std::shared_ptr<Fence>& fence() const { return fence_; }
+
   // Room for one read, shared by all ports of the loop. What is in it counts until the next port reads.
   std::span<Byte> read_buffer();
 
@@ -56,12 +62,14 @@ class Loop {
   struct Gate;
 
   bool poll_from(Instant start);
+  std::function<void()> fenced(std::function<void()> task);
 
   static constexpr std::size_t kReadBuffer = 65536;  // the largest datagram fits, and the largest tape block
 
   std::unique_ptr<boost::asio::io_context> io_;
   std::unique_ptr<Byte[]> read_buffer_;  // made when first asked for
   Patience patience_;
+  std::shared_ptr<Fence> fence_;  // of what runs now
   std::shared_ptr<Gate> gate_;
   Workers workers_;
 };

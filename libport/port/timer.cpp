@@ -9,7 +9,8 @@
 namespace porttape {
 
 struct Timer::State : std::enable_shared_from_this<Timer::State> {
-  State(Loop& loop, std::function<void()> cb) : timer(loop.io()), callback(std::move(cb)) {}
+  State(Loop& owner, std::function<void()> cb)
+      : loop(&owner), fence(owner.fence()), timer(owner.io()), callback(std::move(cb)) {}
 
   void set(Instant when) {
     if (due == when) return;
@@ -19,7 +20,7 @@ struct Timer::State : std::enable_shared_from_this<Timer::State> {
         [self = shared_from_this(), round = ++generation](const boost::system::error_code& error) {
           if (error || round != self->generation || !self->due) return;
           self->due.reset();
-          self->callback();
+          self->loop->within(self->fence, self->callback);
         });
   }
 
@@ -30,6 +31,8 @@ struct Timer::State : std::enable_shared_from_this<Timer::State> {
     timer.cancel();
   }
 
+  Loop* loop;
+  std::shared_ptr<Fence> fence;
   boost::asio::steady_timer timer;
   std::function<void()> callback;
   std::optional<Instant> due;
