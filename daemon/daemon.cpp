@@ -1,30 +1,46 @@
 #include "daemon/daemon.hpp"
 
+#include <algorithm>
+#include <array>
 #include <chrono>
 #include <csignal>
-#include <filesystem>
 #include <fmt/format.h>
-#include <set>
 #include <utility>
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/signal_set.hpp>
 #include <spdlog/spdlog.h>
 
+#include "daemon/channel_check.hpp"
+
 namespace porttape {
+namespace {
+
+// Of two exit statuses the one that says more of what went wrong.
+int worse(int one, int other) {
+  constexpr std::array order = {exit_status::kPass,           exit_status::kIncomplete,
+                                exit_status::kTimingMismatch, exit_status::kDataMismatch,
+                                exit_status::kDevice,         exit_status::kUsage,
+                                exit_status::kRuntime};
+  return std::ranges::find(order, one) < std::ranges::find(order, other) ? other : one;
+}
+
+}  // namespace
 
 struct Daemon::Signals {
-  Signals(Daemon& owner, Loop& loop) : daemon(owner), set(loop.io(), SIGTERM, SIGINT, SIGHUP) { wait(); }
+  Signals(Daemon& owner, Loop& loop) : daemon(owner), set(loop.io(), SIGTERM, SIGINT, SIGUSR1) {
+    if (!daemon.options_.ignores_hang_up) set.add(SIGHUP);
+    set.add(SIGUSR2);
+    wait();
+  }
 
   void wait() {
     set.async_wait([this](const boost::system::error_code& error, int number) {
       if (error) return;
-      if (number == SIGHUP) {
-        daemon.rotate();
-      } else {
-        daemon.stop();
-      }
       wait();
+      if (number == SIGUSR1) return daemon.rotate();
+      if (number == SIGHUP) return daemon.hung_up();
+      if (number != SIGUSR2) daemon.stop();
     });
   }
 
@@ -32,7 +48,8 @@ struct Daemon::Signals {
   boost::asio::signal_set set;
 };
 
-Daemon::Daemon(Loop& loop, std::shared_ptr<spdlog::logger> log) : loop_(&loop), log_(std::move(log)) {
+Daemon::Daemon(Loop& loop, std::shared_ptr<spdlog::logger> log, Options options)
+    : loop_(&loop), log_(std::move(log)), options_(std::move(options)) {
   loop_->on_stall([log = log_](const Stall& stall) {
     log->warn("all lines stood still for {} ms: this process was stopped, got no processor or was held up",
               std::chrono::duration_cast<std::chrono::milliseconds>(stall.length).count());
@@ -41,30 +58,15 @@ Daemon::Daemon(Loop& loop, std::shared_ptr<spdlog::logger> log) : loop_(&loop), 
 Daemon::~Daemon() = default;
 
 Result<void> Daemon::start(const std::map<std::string, ChannelSpec>& channels) {
+  if (Result<void> good = check_channels(channels); !good) return good;
   signals_ = std::make_unique<Signals>(*this, *loop_);
   const bool named = channels.size() > 1;
-  std::set<std::string> tapes;
   for (const auto& [name, spec] : channels) {
-    const auto fail = [&name = name, named](const Error& error) {
-      return make_error(error.code,
-                        named ? fmt::format("channel '{}': {}", name, error.message) : error.message);
-    };
-    const Result<ChannelPorts> ports = channel_ports(spec);
-    if (!ports) return fail(ports.error());
-    if (ports->device.type.ends_with("log")) {
-      const std::string tape =
-          std::filesystem::absolute(ports->device.text("file")).lexically_normal().string();
-      if (!tapes.insert(tape).second) {
-        return fail(
-            make_error(Errc::usage, fmt::format("tape '{}' is that of another channel; name another", tape)));
-      }
-    }
-    const PortContext context{loop_, named ? log_->clone(name) : log_};
-    Result<std::unique_ptr<Session>> session =
-        make_session(context, *ports, [this, name = name](int exit_status) { ended(name, exit_status); });
-    if (!session) return fail(session.error());
-    if (Result<void> started = (*session)->start(); !started) return fail(started.error());
-    sessions_.emplace(name, std::move(*session));
+    auto channel = std::make_unique<SupervisedChannel>(
+        *loop_, named ? log_->clone(name) : log_, spec, options_.keeps_channels,
+        [this, name = name](int exit_status) { ended(name, exit_status); });
+    if (Result<void> started = channel->start(); !started) return started;
+    channels_.emplace(name, std::move(channel));
   }
   return {};
 }
@@ -75,17 +77,22 @@ int Daemon::run() {
 }
 
 void Daemon::stop() {
-  for (const auto& [name, session] : sessions_) session->stop();
+  for (const auto& [name, channel] : channels_) channel->stop();
 }
 
 void Daemon::rotate() {
-  for (const auto& [name, session] : sessions_) session->rotate();
+  for (const auto& [name, channel] : channels_) channel->rotate();
+}
+
+void Daemon::hung_up() {
+  options_.reopen_log();
+  if (options_.ends_on_hang_up) stop();
 }
 
 void Daemon::ended(const std::string& name, int exit_status) {
-  sessions_.erase(name);
-  if (exit_status_ == 0) exit_status_ = exit_status;
-  if (sessions_.empty()) loop_->stop();
+  channels_.erase(name);
+  exit_status_ = worse(exit_status_, exit_status);
+  if (channels_.empty()) loop_->stop();
 }
 
 }  // namespace porttape

@@ -1,29 +1,41 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
 
+#include <spdlog/logger.h>
+
+#include "daemon/supervised_channel.hpp"
 #include "libport/base/result.hpp"
-#include "libport/port/context.hpp"
+#include "libport/port/loop.hpp"
 #include "libport/session/channel.hpp"
-#include "libport/session/session.hpp"
 
 namespace porttape {
 
 // The channels of one process and the signals that steer them: SIGTERM and SIGINT end them (a second one at
-// once), SIGHUP starts their next tapes.
+// once), SIGUSR1 starts their next tapes, SIGHUP reopens the log. SIGUSR2 does nothing.
 //
 // Drive it: start(), then run() until every channel has ended.
 class Daemon {
  public:
-  Daemon(Loop& loop, std::shared_ptr<spdlog::logger> log);
+  struct Options {
+    bool keeps_channels = false;  // the verb `run`: a channel in trouble is retried, see SupervisedChannel
+    bool ends_on_hang_up =
+        false;  // SIGHUP ends the channels too: the terminal of a program in the foreground
+    bool ignores_hang_up = false;  // SIGHUP was ignored when the program started (nohup)
+    std::function<void()> reopen_log = [] {};
+  };
+
+  Daemon(Loop& loop, std::shared_ptr<spdlog::logger> log, Options options);
   ~Daemon();
 
-  // All channels or none.
+  // Errc::usage: the options are wrong, or two channels want one tape or one driver's port. Otherwise all
+  // channels or, where they are kept, as many as can be started now.
   Result<void> start(const std::map<std::string, ChannelSpec>& channels);
 
-  // The exit status: that of the first channel that ended with one other than 0.
+  // The exit status: the worst that a channel ended with.
   int run();
 
  private:
@@ -31,11 +43,13 @@ class Daemon {
 
   void stop();
   void rotate();
+  void hung_up();
   void ended(const std::string& name, int exit_status);
 
   Loop* loop_;
   std::shared_ptr<spdlog::logger> log_;
-  std::map<std::string, std::unique_ptr<Session>> sessions_;
+  Options options_;
+  std::map<std::string, std::unique_ptr<SupervisedChannel>> channels_;
   std::unique_ptr<Signals> signals_;
   int exit_status_ = 0;
 };

@@ -118,6 +118,7 @@ Result<Invocation> parse_run(std::span<const std::string> arguments) {
   Result<std::map<std::string, ChannelSpec>> channels = read_config_file(values["config"].as<std::string>());
   if (!channels) return channels.error();
   line.channels = std::move(*channels);
+  line.keeps_channels = true;
   return line;
 }
 

@@ -29,7 +29,7 @@ int run(const Invocation& line) {
   Result<std::shared_ptr<spdlog::logger>> log = make_log(line.log_file, line.log_level);
   if (!log) return fail(log.error());
   Loop loop;
-  Daemon daemon(loop, *log);
+  Daemon daemon(loop, *log, {.keeps_channels = line.keeps_channels});
   if (Result<void> started = daemon.start(line.channels); !started) return fail(started.error());
   PidFile pid_file;
   if (!line.pid_file.empty()) {

@@ -21,6 +21,7 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
 
   State(Loop& owner, int fd, Callback on_readable, Callback on_writable)
       : loop(&owner),
+        fence(owner.fence()),
         descriptor(owner.io(), fd),
         sides{Side{Descriptor::wait_read, std::move(on_readable)},
               Side{Descriptor::wait_write, std::move(on_writable)}} {}
@@ -38,13 +39,13 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
       Side& ready = self->sides[index];
       ready.waiting = false;
       if (self->gone || !ready.wanted) return;
-      self->loop->handler_begins();
-      ready.callback();
+      self->loop->within(self->fence, ready.callback);
       if (!self->gone && ready.wanted) self->wait(index);
     });
   }
 
   Loop* loop;
+  std::shared_ptr<Fence> fence;
   Descriptor descriptor;
   std::array<Side, 2> sides;
   bool gone = false;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <exception>
 #include <mutex>
 #include <optional>
 #include <sched.h>
@@ -60,10 +61,11 @@ Loop::~Loop() { gate_->shut(); }
 bool Loop::run_elsewhere(const Workers::Strand& strand, std::function<void()> job,
                          std::function<void()> done) {
   gate_->begin();
-  const bool taken = workers_.post(strand, [gate = gate_, job = std::move(job), done = std::move(done)] {
-    job();
-    gate->finish(done);
-  });
+  const bool taken =
+      workers_.post(strand, [gate = gate_, job = std::move(job), done = fenced(std::move(done))] {
+        job();
+        gate->finish(done);
+      });
   if (!taken) gate_->finish({});
   return taken;
 }
@@ -94,7 +96,9 @@ void Loop::timer_comes(Instant expected) {
 }
 
 std::function<void(std::function<void()>)> Loop::poster() const {
-  return [gate = gate_](std::function<void()> task) { gate->post(std::move(task)); };
+  return [this, gate = gate_, fence = fence_](std::function<void()> task) {
+    gate->post([this, fence, task = std::move(task)] { within(fence, task); });
+  };
 }
 
 // True once an event was handled.
@@ -120,11 +124,25 @@ std::span<Byte> Loop::read_buffer() {
   return {read_buffer_.get(), kReadBuffer};
 }
 
-void Loop::post(std::function<void()> task) {
-  boost::asio::post(*io_, [this, task = std::move(task)] {
-    handler_begins();
-    task();
-  });
+void Loop::post(std::function<void()> task) { boost::asio::post(*io_, fenced(std::move(task))); }
+
+void Loop::within(const std::shared_ptr<Fence>& fence, const std::function<void()>& work) {
+  handler_began_ = now();
+  if (!fence) return work();
+  const std::shared_ptr<Fence> outer = std::exchange(fence_, fence);
+  try {
+    work();
+    fence_ = outer;
+  } catch (const std::exception& error) {
+    fence_ = outer;
+    fence->on_exception(error.what());
+  }
+}
+
+// The task behind the fence of the one who posts it.
+std::function<void()> Loop::fenced(std::function<void()> task) {
+  if (!task) return task;
+  return [this, fence = fence_, task = std::move(task)] { within(fence, task); };
 }
 
 }  // namespace porttape

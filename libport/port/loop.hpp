@@ -10,6 +10,7 @@
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
 #include "libport/base/workers.hpp"
+#include "libport/port/fence.hpp"
 #include "libport/port/patience.hpp"
 #include "libport/port/stall_watch.hpp"
 
@@ -52,6 +53,11 @@ class Loop {
   // keep run() waiting.
   [[nodiscard]] std::function<void(std::function<void()>)> poster() const;
 
+  // Calls `work`; an exception out of it goes to the fence. What it makes (timers, watches, tasks, and in
+  // turn what those make) stays behind the same fence. Without one, exceptions leave run().
+  void within(const std::shared_ptr<Fence>& fence, const std::function<void()>& work);
+  [[nodiscard]] const std::shared_ptr<Fence>& fence() const { return fence_; }
+
   // Room for one read, shared by all ports of the loop. What is in it counts until the next port reads.
   std::span<Byte> read_buffer();
 
@@ -61,8 +67,7 @@ class Loop {
   // Called once a stall, for the log.
   void on_stall(std::function<void(const Stall&)> hook) { stalls_.on_stall(std::move(hook)); }
 
-  // For watches and timers: a handler begins; a timer that was expected then comes now.
-  void handler_begins() { handler_began_ = now(); }
+  // For timers: one that was expected then comes now.
   void timer_comes(Instant expected);
 
   boost::asio::io_context& io() { return *io_; }
@@ -73,6 +78,7 @@ class Loop {
 
   bool poll_from(Instant start);
   void handled(Instant end);
+  std::function<void()> fenced(std::function<void()> task);
 
   static constexpr std::size_t kReadBuffer = 65536;  // the largest datagram fits, and the largest tape block
 
@@ -82,6 +88,7 @@ class Loop {
   StallWatch stalls_;
   Instant handler_began_{};  // of the handler that runs, while run() does
   Instant running_since_ = Instant::max();
+  std::shared_ptr<Fence> fence_;  // of what runs now
   std::shared_ptr<Gate> gate_;
   Workers workers_;
 };

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -39,8 +40,8 @@ class PortListener {
   virtual void on_drained() = 0;
   // The line is down. A passive port waits for the next peer by itself.
   virtual void on_down(const LineDown& down) = 0;
-  // The port asks for the end of the session with this exit status (a replay that is to run once, a tape that
-  // must not fail).
+  // The port asks for the end of the session with this exit status: a replay that is to run once, or, with
+  // exit_status::kRuntime, a tape that must not fail (the session then ends within 2 s).
   virtual void on_finished(int exit_status) = 0;
   // What finish() asked for is done: tape and report are complete, or given up and told. The exit status, 0
   // when the port has no opinion.
@@ -118,6 +119,9 @@ class Port {
   }
   // Bytes that were taken but have not left this machine.
   [[nodiscard]] virtual std::size_t unsent() const { return 0; }
+  // Bytes that were taken and that the peer has not read yet, as far as this machine knows; nothing where it
+  // cannot be known. May cost a few system calls.
+  [[nodiscard]] virtual std::optional<std::size_t> unread_by_peer() const { return std::nullopt; }
   // Drops what came in and was not read, and what was taken and is not sent. False: nothing that came in is
   // to be dropped, what was passed on included.
   virtual bool discard() { return true; }

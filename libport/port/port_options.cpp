@@ -88,6 +88,12 @@ Result<PortOptions> parse_port(std::string_view spec) {
 
 namespace {
 
+// Octal permissions, as chmod(1) takes them.
+bool is_mode(std::string_view text) {
+  return !text.empty() && text.size() <= 4 && (text.size() < 4 || text.front() == '0') &&
+         text.find_first_not_of("01234567") == std::string_view::npos;
+}
+
 // What a value alone does not tell.
 Result<void> check_together(const PortOptions& options) {
   const bool tcp = options.type == "tcp" || options.type == "tcplog";
@@ -97,6 +103,10 @@ Result<void> check_together(const PortOptions& options) {
   }
   if (const auto file = options.values.find("file"); file != options.values.end() && file->second.empty())
     return usage("option 'file' is empty; accepted: the name of a tape");
+  if (const auto mode = options.values.find("mode"); mode != options.values.end() && !is_mode(mode->second)) {
+    return usage(
+        fmt::format("option 'mode': '{}' is not valid; accepted: octal permissions like 0660", mode->second));
+  }
   if (!path) return {};
   if (options.text("path").empty()) return usage("option 'path' is missing; accepted: the path of a socket");
   if (const Result<SocketAddress> address = unix_address(options.text("path")); !address)

@@ -165,6 +165,10 @@ void PtyPort::write(ByteView data) {
   if (peer_ && line_) line_->outbox.write(data);
 }
 
+std::optional<std::size_t> PtyPort::unread_by_peer() const {
+  return peer_ && line_ ? line_->outbox.pending() + line_->pty.unread() : 0;
+}
+
 void PtyPort::set_reading(bool on) {
   reading_ = on;
   if (!line_) return;

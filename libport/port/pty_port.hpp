@@ -29,6 +29,7 @@ class PtyPort final : public Port {
   void close() override;
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
+  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
   void set_reading(bool on) override;
   // Replaces the pty by a new one under the same link; on_down(hung_up) follows. Without a link the new path
   // is printed.

@@ -33,6 +33,9 @@ class RecordingPort final : public Port, private PortListener {
   void note_gap(std::uint64_t bytes, std::string_view why) override;
   std::size_t write_some(ByteView data) override;
   [[nodiscard]] std::size_t unsent() const override { return inner_->unsent(); }
+  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override {
+    return inner_->unread_by_peer();
+  }
   bool discard() override;
   Result<void> set_baud(unsigned baud) override { return inner_->set_baud(baud); }
   void set_reading(bool on) override { inner_->set_reading(on); }

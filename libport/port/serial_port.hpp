@@ -33,6 +33,7 @@ class SerialPort final : public Port {
   [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
   std::size_t write_some(ByteView data) override;
   [[nodiscard]] std::size_t unsent() const override;
+  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return unsent(); }
   bool discard() override;
   Result<void> set_baud(unsigned baud) override;
   void set_reading(bool on) override;

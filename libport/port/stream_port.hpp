@@ -43,6 +43,8 @@ class StreamPort : public Port {
   [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
   std::size_t write_some(ByteView data) override;
   [[nodiscard]] std::size_t unsent() const override;
+  // Once a TCP peer's machine has them all it counts as read.
+  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return unsent(); }
   bool discard() override;
   bool end_writing() override;
   void set_reading(bool on) override;

@@ -10,7 +10,8 @@
 namespace porttape {
 
 struct Timer::State : std::enable_shared_from_this<Timer::State> {
-  State(Loop& owner, std::function<void()> cb) : loop(&owner), timer(owner.io()), callback(std::move(cb)) {}
+  State(Loop& owner, std::function<void()> cb)
+      : loop(&owner), fence(owner.fence()), timer(owner.io()), callback(std::move(cb)) {}
 
   void set(Instant when) {
     if (due == when) return;
@@ -22,7 +23,7 @@ struct Timer::State : std::enable_shared_from_this<Timer::State> {
           if (error || round != self->generation || !self->due) return;
           self->loop->timer_comes(self->expected);
           self->due.reset();
-          self->callback();
+          self->loop->within(self->fence, self->callback);
         });
   }
 
@@ -34,6 +35,7 @@ struct Timer::State : std::enable_shared_from_this<Timer::State> {
   }
 
   Loop* loop;
+  std::shared_ptr<Fence> fence;
   boost::asio::steady_timer timer;
   std::function<void()> callback;
   std::optional<Instant> due;

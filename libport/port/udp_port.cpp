@@ -180,9 +180,14 @@ void UdpPort::tell_lost(std::uint64_t datagrams, const char* how) {
   listener().on_dropped(0, text);
 }
 
-void UdpPort::queue_gone() {
-  std::uint64_t bytes = 0;
+std::optional<std::size_t> UdpPort::unread_by_peer() const {
+  std::size_t bytes = 0;
   for (const Bytes& datagram : queue_) bytes += datagram.size();
+  return bytes;
+}
+
+void UdpPort::queue_gone() {
+  const std::size_t bytes = *unread_by_peer();
   queue_.clear();
   if (watch_) watch_->watch_writable(false);
   if (bytes > 0) listener().on_dropped(bytes, "they were not sent");

@@ -40,6 +40,7 @@ class UdpPort final : public Port {
   void close() override;
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return !queue_.empty(); }
+  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;  // what waits to be sent
   bool discard() override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;

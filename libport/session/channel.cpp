@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "libport/port/port_factory.hpp"
+#include "libport/port/replay_port.hpp"
 #include "libport/tape/tape_name.hpp"
 
 namespace porttape {
@@ -76,14 +77,16 @@ Result<PortOptions> named_port(std::string_view option, const std::string& spec)
 }
 
 Result<PortOptions> replay_device(std::map<std::string, std::string> values) {
-  const Result<TapePaths> tape = find_tape(values["tape"]);
-  if (!tape) return tape.error();
+  const std::string tape = std::exchange(values["tape"], {});
   values.erase("tape");
   values.erase("driver");
   for (const auto& [name, value] : kReplayDefaults) values.try_emplace(std::string(name), value);
   PortOptions device{"logreader", std::move(values)};
-  device.values["file"] = tape->name();
-  return check_port(std::move(device));
+  device.values["file"] = tape;
+  Result<PortOptions> checked = check_port(std::move(device));
+  if (!checked) return checked;
+  if (const Result<ReplayConfig> config = replay_config(*checked); !config) return config.error();
+  return checked;
 }
 
 Result<PortOptions> recording_device(const std::map<std::string, std::string>& values, PortOptions device) {
@@ -122,6 +125,15 @@ std::vector<OptionSpec> channel_options(ChannelMode mode) {
 }
 
 Result<ChannelPorts> channel_ports(const ChannelSpec& spec) {
+  Result<ChannelPorts> ports = named_ports(spec);
+  if (!ports || spec.mode != ChannelMode::replay) return ports;
+  const Result<TapePaths> tape = find_tape(ports->device.text("file"));
+  if (!tape) return tape.error();
+  ports->device.values["file"] = tape->name();
+  return ports;
+}
+
+Result<ChannelPorts> named_ports(const ChannelSpec& spec) {
   const Result<std::map<std::string, std::string>> values = check_values(spec);
   if (!values) return values.error();
   Result<PortOptions> driver = named_port("driver", values->at("driver"));

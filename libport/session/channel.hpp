@@ -29,12 +29,15 @@ struct ChannelSpec {
   std::map<std::string, std::string> values;
 };
 
-// The two ports that a channel joins. Errc::usage names the option.
+// The two ports that a channel joins. Errc::usage names the option that is wrong, or the tape that is
+// missing.
 struct ChannelPorts {
   PortOptions driver;
   PortOptions device;
 };
 Result<ChannelPorts> channel_ports(const ChannelSpec& spec);
+// The same by the options alone, whether the tape of a replay is there or not.
+Result<ChannelPorts> named_ports(const ChannelSpec& spec);
 
 Result<std::unique_ptr<Session>> make_session(const PortContext& context, const ChannelPorts& ports,
                                               std::function<void(int exit_status)> on_end);

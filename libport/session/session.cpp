@@ -14,9 +14,8 @@ using std::chrono::seconds;
 // How long the last bytes of a driver that has closed may take to the device (a tty's own closing_wait is 30
 // s as well).
 constexpr Nanos kDrainLimit = seconds(30);
-// At the end of the program: how long queues may take, and a driver to read what was delivered.
-constexpr Nanos kSendLimit = seconds(2);
-constexpr Nanos kLeaveLimit = seconds(1);
+// How often an end looks at what is left.
+constexpr Nanos kEndLook = std::chrono::milliseconds(50);
 
 }  // namespace
 
@@ -72,19 +71,22 @@ struct Session::DeviceSide final : PortListener {
 };
 
 Session::Session(const PortContext& context, std::unique_ptr<Port> driver, std::unique_ptr<Port> device,
-                 std::function<void(int)> on_end)
+                 std::function<void(int)> on_end, EndLimits limits)
     : context_(context),
       driver_side_(std::make_unique<DriverSide>(*this)),
       device_side_(std::make_unique<DeviceSide>(*this)),
       driver_(std::move(driver)),
       device_(std::move(device)),
       on_end_(std::move(on_end)),
-      end_timer_(*context.loop, [this] { ending_ == Ending::sending ? continue_end() : end(); }),
-      drain_timer_(*context.loop, [this] {
-        context_.log->warn("{} did not take the driver's last bytes within {} s; they are dropped",
-                           device_->name(), std::chrono::duration_cast<seconds>(kDrainLimit).count());
-        close_device();
-      }) {
+      end_timer_(*context.loop, [this] { on_end_timer(); }),
+      drain_timer_(*context.loop,
+                   [this] {
+                     context_.log->warn(
+                         "{} did not take the driver's last bytes within {} s; they are dropped",
+                         device_->name(), std::chrono::duration_cast<seconds>(kDrainLimit).count());
+                     close_device();
+                   }),
+      limits_(limits) {
   driver_->listen(*driver_side_);
   device_->listen(*device_side_);
 }
@@ -312,19 +314,21 @@ void Session::device_down(const LineDown& down) {
 }
 
 void Session::finished(int exit_status) {
+  if (ending_ != Ending::no) return;
   exit_status_ = exit_status;
-  context_.loop->post([this] { begin_end(false); });
+  failed_ = exit_status == exit_status::kRuntime;
+  context_.loop->post([this] { begin_end(); });
 }
 
 void Session::stop() {
-  if (ending_ == Ending::no) {
-    begin_end(true);
-  } else {
-    end();
-  }
+  const bool again = std::exchange(stopped_, true);
+  if (ending_ == Ending::no) return begin_end();
+  if (!again) return;
+  end();
+  if (ending_ == Ending::completing) end_timer_.set_after(limits_.at_once);
 }
 
-void Session::begin_end(bool limited) {
+void Session::begin_end() {
   if (ending_ != Ending::no) return;
   ending_ = Ending::sending;
   if (driver_up_ && device_up_) {
@@ -333,36 +337,54 @@ void Session::begin_end(bool limited) {
   }
   taking_in_ = false;
   let_device(false);
-  limited_ = limited;
-  if (limited_) {
-    end_timer_.set_after(kSendLimit);
-  } else if (!driver_up_) {  // its last bytes are on their way
-    limited_ = true;
-    end_timer_.set_after(kDrainLimit);
-  }
+  end_wait_.emplace(Loop::now(), failed_ ? limits_.failed_step : limits_.without_progress);
+  end_timer_.set_after(kEndLook);
   continue_end();
 }
 
 void Session::continue_end() {
   if (ending_ != Ending::sending) return;
-  const bool sent = !(device_up_ && device_->congested()) && !(driver_up_ && driver_->congested());
-  const bool out_of_time = limited_ && !end_timer_.due();
-  if (!sent && !out_of_time) return;
+  if ((device_up_ && device_->congested()) || (driver_up_ && driver_->congested())) return;
   ending_ = Ending::leaving;
-  if (!driver_up_) {
+  if (driver_up_) {
+    driver_->hang_up(true);
+  } else {
     end();
-    return;
   }
-  if (limited_) end_timer_.set_after(kLeaveLimit);
-  driver_->hang_up(true);
+}
+
+void Session::on_end_timer() {
+  if (ending_ == Ending::completing) {
+    context_.log->error(
+        "{} and {}: what is to be completed at the end takes too long and is given up; "
+        "is the disk there?",
+        device_->name(), driver_->name());
+    exit_status_ = exit_status::kRuntime;
+    return complete();
+  }
+  // A failed end has its limit in all, whatever is read meanwhile.
+  if (end_wait_->goes_on(Loop::now(), failed_ ? std::nullopt : left())) {
+    end_timer_.set_after(kEndLook);
+  } else {
+    end();
+  }
+}
+
+// Bytes that the peers have yet to take, where that is known of one of them.
+std::optional<std::size_t> Session::left() const {
+  const std::optional<std::size_t> driver = driver_up_ ? driver_->unread_by_peer() : std::nullopt;
+  const bool to_device = device_up_ && device_->congested();
+  const std::optional<std::size_t> device = to_device ? device_->unread_by_peer() : std::nullopt;
+  if (!driver && !device) return std::nullopt;
+  return driver.value_or(0) + device.value_or(0);
 }
 
 void Session::end() {
-  if (ending_ == Ending::ended) return;
-  ending_ = Ending::ended;
-  end_timer_.cancel();
+  if (ending_ >= Ending::completing) return;
+  ending_ = Ending::completing;
   drain_timer_.cancel();
-  driver_->close();
+  end_timer_.set_after(failed_ ? limits_.failed_step : limits_.completing);
+  give_up_left();
   for (const Gate* gate : {&driver_side_->gate, &device_side_->gate}) {
     if (!gate->kept.empty()) dropped_by_driver(gate->kept.size(), "the end came before them");
   }
@@ -371,12 +393,33 @@ void Session::end() {
   device_->finish();
 }
 
+// Closes the driver's line; what it has written and nobody took, and what it has not read, is counted.
+void Session::give_up_left() {
+  taking_in_ = false;
+  if (driver_up_) {
+    let_driver(true);
+    driver_->read_pending();
+  }
+  const bool was_up = driver_up_;
+  driver_->close();
+  if (!was_up) return;
+  if (const std::size_t unread = driver_->unread_by_peer().value_or(0); unread > 0)
+    dropped_by_driver(unread, "the driver did not read them before the end");
+}
+
 void Session::device_complete(int exit_status) {
+  if (ending_ != Ending::completing) return;
   if (exit_status_ == 0) exit_status_ = exit_status;
   driver_->finish();
 }
 
 void Session::driver_complete() {
+  if (ending_ == Ending::completing) complete();
+}
+
+void Session::complete() {
+  ending_ = Ending::ended;
+  end_timer_.cancel();
   tell_dropped();
   context_.loop->post([this] { on_end_(exit_status_); });
 }

@@ -1,15 +1,19 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
 #include "libport/port/timer.hpp"
+#include "libport/session/end_wait.hpp"
 
 namespace porttape {
 
@@ -19,6 +23,12 @@ namespace porttape {
 // Drive it: start(), then the loop; stop() or a port's on_finished() leads to `on_end` with the exit status,
 // once, from the loop. It must not be destroyed from within a callback of its ports; from `on_end` it may.
 // Loop thread only.
+//
+// The end, in this order, each step bounded by EndLimits:
+//   sending     nothing more is taken in; what was taken in goes out
+//   leaving     the driver's line is hung up once the driver has read everything
+//   completing  both ports are closed; tape and report are completed
+// What a step gave up is counted and told.
 class Session {
  public:
   struct Counters {
@@ -28,8 +38,18 @@ class Session {
     std::uint64_t opens = 0;
   };
 
+  struct EndLimits {
+    Nanos without_progress = std::chrono::seconds(5);      // sending and leaving together, see EndWait
+    Nanos completing = std::chrono::milliseconds(10'500);  // a port gives a disk 10 s, and tells its loss
+    Nanos failed_step = std::chrono::milliseconds(900);    // in all, where a port asked for a failed end
+    Nanos at_once = std::chrono::milliseconds(500);        // completing, after a second stop()
+  };
+
   Session(const PortContext& context, std::unique_ptr<Port> driver, std::unique_ptr<Port> device,
-          std::function<void(int exit_status)> on_end);
+          std::function<void(int exit_status)> on_end, EndLimits limits);
+  Session(const PortContext& context, std::unique_ptr<Port> driver, std::unique_ptr<Port> device,
+          std::function<void(int exit_status)> on_end)
+      : Session(context, std::move(driver), std::move(device), std::move(on_end), EndLimits{}) {}
   ~Session();
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
@@ -49,7 +69,7 @@ class Session {
 
  private:
   // Where the session stands on its way to the end.
-  enum class Ending { no, sending, leaving, ended };
+  enum class Ending { no, sending, leaving, completing, ended };
 
   struct Gate;
   struct DriverSide;
@@ -84,9 +104,13 @@ class Session {
 
   void open_device();
   void close_device();
-  void begin_end(bool limited);
+  void begin_end();
   void continue_end();
+  void on_end_timer();
+  [[nodiscard]] std::optional<std::size_t> left() const;
   void end();
+  void give_up_left();
+  void complete();
 
   PortContext context_;
   std::unique_ptr<DriverSide> driver_side_;
@@ -103,8 +127,11 @@ class Session {
   std::uint64_t driver_dropped_ = 0;  // on the driver's side, not noted on the tape yet
   std::string driver_dropped_why_;
   int exit_status_ = 0;
+  EndLimits limits_;
   Ending ending_ = Ending::no;
-  bool limited_ = false;  // the end waits for slow peers only so long
+  std::optional<EndWait> end_wait_;
+  bool failed_ = false;   // a port asked for the end with exit_status::kRuntime
+  bool stopped_ = false;  // by stop()
   bool driver_up_ = false;
   bool device_open_ = false;  // between device_->open() and device_->close()
   bool device_up_ = false;

@@ -23,6 +23,17 @@ class SessionTest : public testing::Test {
                                         [this](int status) { end_status = status; });
   }
 
+  // The session with ends that come soon.
+  void limit(Session::EndLimits limits) {
+    session = std::make_unique<Session>(
+        PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(driver),
+        std::make_unique<MemoryPort>(device), [this](int status) { end_status = status; }, limits);
+  }
+  void run_to_end() {
+    while (!end_status && loop.run_one()) {
+    }
+  }
+
   void start() { ASSERT_TRUE(session->start().has_value()); }
   void run_ready() {
     while (loop.poll_one()) {
@@ -348,6 +359,91 @@ TEST_F(SessionTest, ADriversPortThatDoesNotWaitForPeersEndsTheSession) {
   run_ready();
   EXPECT_EQ(end_status, exit_status::kDevice);
   EXPECT_NE(book.text().find("refused"), std::string::npos);
+}
+
+TEST_F(SessionTest, AnEndGivesUpADriverThatDoesNotReadAndCountsWhatItLeft) {
+  limit({.without_progress = std::chrono::milliseconds(1)});
+  start();
+  driver.up();
+  driver.congested = true;
+  driver.unread = 7;
+  device.finish(exit_status::kPass);
+  run_to_end();
+  EXPECT_EQ(end_status, exit_status::kPass);
+  EXPECT_EQ(session->counters().dropped_bytes, 7U);
+  EXPECT_EQ(device.gaps, 7U);
+  EXPECT_EQ(driver.calls, "prepare open close finish ") << book.text();
+}
+
+TEST_F(SessionTest, AnEndGivesUpADriverThatReadsAllButNeverGoes) {
+  limit({.without_progress = std::chrono::milliseconds(1)});
+  start();
+  driver.up();
+  session->stop();
+  EXPECT_EQ(driver.calls, "prepare open hang_up_after_reading ");
+  run_to_end();
+  EXPECT_EQ(end_status, 0);
+}
+
+TEST_F(SessionTest, AFailedEndHasItsLimitInAll) {
+  limit({.without_progress = std::chrono::hours(1), .failed_step = std::chrono::milliseconds(1)});
+  start();
+  driver.up();
+  driver.congested = true;
+  device.completes = false;
+  device.finish(exit_status::kRuntime);
+  run_to_end();
+  EXPECT_EQ(end_status, exit_status::kRuntime);
+}
+
+TEST_F(SessionTest, APortThatNeverCompletesIsGivenUpAndTold) {
+  limit({.completing = std::chrono::milliseconds(1)});
+  device.completes = false;
+  start();
+  session->stop();
+  run_to_end();
+  EXPECT_EQ(end_status, exit_status::kRuntime);
+  EXPECT_NE(book.text().find("given up"), std::string::npos) << book.text();
+  device.complete();  // too late: nothing more comes of it
+  run_ready();
+  EXPECT_EQ(driver.calls, "prepare open close ");
+}
+
+TEST_F(SessionTest, TheDriversPortIsCompletedBehindTheDevices) {
+  device.completes = false;
+  start();
+  session->stop();
+  run_ready();
+  EXPECT_EQ(driver.calls, "prepare open close ");
+  EXPECT_FALSE(end_status.has_value());
+  device.complete();
+  run_ready();
+  EXPECT_EQ(driver.calls, "prepare open close finish ");
+  EXPECT_EQ(end_status, 0);
+}
+
+TEST_F(SessionTest, ASecondStopDoesNotWaitForADisk) {
+  limit({.completing = std::chrono::hours(1), .at_once = std::chrono::milliseconds(1)});
+  device.completes = false;
+  start();
+  session->stop();
+  session->stop();
+  run_to_end();
+  EXPECT_EQ(end_status, exit_status::kRuntime);
+}
+
+TEST_F(SessionTest, AStopDuringAnEndOfTheTapesOwnChangesNothing) {
+  start();
+  driver.up();
+  driver.congested = true;
+  device.finish(exit_status::kPass);
+  run_ready();
+  session->stop();
+  run_ready();
+  EXPECT_FALSE(end_status.has_value());
+  driver.down(Reason::closed);
+  run_ready();
+  EXPECT_EQ(end_status, exit_status::kPass);
 }
 
 TEST_F(SessionTest, RotateReachesTheTape) {

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -25,9 +26,11 @@ class MemoryPort final : public Port {
     bool reading = true;
     bool passive = false;
     bool datagrams = false;
-    bool half_closes = true;  // what end_writing() gives
-    std::uint64_t gaps = 0;   // bytes of note_gap()
-    bool up_at_once = true;   // open() brings the line up
+    bool half_closes = true;            // what end_writing() gives
+    std::uint64_t gaps = 0;             // bytes of note_gap()
+    bool up_at_once = true;             // open() brings the line up
+    std::optional<std::size_t> unread;  // what unread_by_peer() gives
+    bool completes = true;              // finish() is answered at once
     Result<void> prepared;
     int status = 0;
 
@@ -49,6 +52,7 @@ class MemoryPort final : public Port {
     }
     void flush(FlushQueue queue) { port->listener().on_flush(queue); }
     void finish(int exit_status) { port->listener().on_finished(exit_status); }
+    void complete() { port->listener().on_complete(status); }
   };
 
   explicit MemoryPort(Peer& peer) : peer_(&peer) { peer.port = this; }
@@ -73,6 +77,7 @@ class MemoryPort final : public Port {
   void note_gap(std::uint64_t bytes, std::string_view) override { peer_->gaps += bytes; }
   [[nodiscard]] bool keeps_datagrams() const override { return peer_->datagrams; }
   [[nodiscard]] bool congested() const override { return peer_->congested; }
+  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return peer_->unread; }
   void set_reading(bool on) override { peer_->reading = on; }
   void hang_up(bool after_reading) override {
     peer_->calls += after_reading ? "hang_up_after_reading " : "hang_up ";
@@ -81,7 +86,7 @@ class MemoryPort final : public Port {
   void peer_flushed(FlushQueue) override { peer_->calls += "peer_flushed "; }
   void finish() override {
     peer_->calls += "finish ";
-    listener().on_complete(peer_->status);
+    if (peer_->completes) listener().on_complete(peer_->status);
   }
   [[nodiscard]] bool passive() const override { return peer_->passive; }
   [[nodiscard]] std::string name() const override { return "memory"; }

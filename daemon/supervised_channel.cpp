@@ -1,0 +1,139 @@
+#include "daemon/supervised_channel.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <exception>
+#include <fmt/format.h>
+#include <utility>
+
+#include <spdlog/spdlog.h>
+
+namespace porttape {
+namespace {
+
+using std::chrono::seconds;
+
+constexpr Nanos kFirstDelay = seconds(1);
+constexpr Nanos kLongestDelay = seconds(30);
+
+// Statuses of a session that has done what it was to do: verdicts are results.
+bool is_trouble(int status) {
+  return status == exit_status::kRuntime || status == exit_status::kUsage || status == exit_status::kDevice;
+}
+
+}  // namespace
+
+SupervisedChannel::SupervisedChannel(Loop& loop, std::shared_ptr<spdlog::logger> log, ChannelSpec spec,
+                                     bool retries, std::function<void(int)> on_end)
+    : loop_(&loop),
+      log_(std::move(log)),
+      spec_(std::move(spec)),
+      retries_(retries),
+      on_end_(std::move(on_end)),
+      fence_(std::make_shared<Fence>()),
+      retry_timer_(loop, [this] { retry(); }),
+      delay_(kFirstDelay) {
+  fence_->on_exception = [this, alive = std::weak_ptr<int>(alive_)](const std::string& what) {
+    if (!alive.expired()) threw(what);
+  };
+}
+
+SupervisedChannel::~SupervisedChannel() = default;
+
+Result<void> SupervisedChannel::start() {
+  Result<void> started = start_session();
+  if (started || !retries_) return started;
+  try_again(started.error().message);
+  return {};
+}
+
+Result<void> SupervisedChannel::start_session() {
+  started_ = Loop::now();
+  Result<void> result;
+  loop_->within(fence_, [this, &result] {
+    try {
+      const Result<ChannelPorts> ports = channel_ports(spec_);
+      if (!ports) {
+        result = ports.error();
+        return;
+      }
+      Result<std::unique_ptr<Session>> made =
+          make_session({loop_, log_}, *ports, [this](int exit_status) { session_ended(exit_status); });
+      if (made) session_ = std::move(*made);
+      result = made ? session_->start() : Result<void>(made.error());
+    } catch (const std::exception& error) {  // no thread, no descriptor, …
+      result = make_error(Errc::io, error.what());
+    }
+  });
+  if (!result) session_.reset();
+  return result;
+}
+
+void SupervisedChannel::stop() {
+  stopping_ = true;
+  if (session_) {
+    session_->stop();
+  } else if (retry_timer_.due()) {
+    retry_timer_.cancel();
+    later([this] { end(exit_status::kPass); });
+  }
+}
+
+void SupervisedChannel::rotate() {
+  if (session_) session_->rotate();
+}
+
+void SupervisedChannel::session_ended(int exit_status) {
+  session_.reset();
+  if (retries_ && !stopping_ && is_trouble(exit_status)) {
+    try_again(fmt::format("the channel has ended with status {}", exit_status));
+  } else {
+    end(exit_status);
+  }
+}
+
+void SupervisedChannel::threw(const std::string& what) {
+  if (std::exchange(broken_, true)) return;  // the session ends by the first one
+  later([this, what] {                       // its parts are on the stack still
+    broken_ = false;
+    if (!session_) return;
+    session_.reset();
+    if (retries_ && !stopping_) return try_again(what);
+    log_->error("{}", what);
+    end(exit_status::kRuntime);
+  });
+}
+
+void SupervisedChannel::later(std::function<void()> task) {
+  loop_->post([task = std::move(task), alive = std::weak_ptr<int>(alive_)] {
+    if (!alive.expired()) task();
+  });
+}
+
+void SupervisedChannel::try_again(const std::string& why) {
+  if (Loop::now() - started_ > kLongestDelay) {
+    delay_ = kFirstDelay;
+    trouble_.clear();
+  }
+  const bool told = std::exchange(trouble_, why) == why;
+  log_->log(told ? spdlog::level::debug : spdlog::level::err, "{}; trying again after {} s{}", why,
+            std::chrono::duration_cast<seconds>(delay_).count(), told ? "" : " and longer");
+  retry_timer_.set_after(delay_);
+  delay_ = std::min(delay_ * 2, kLongestDelay);
+}
+
+void SupervisedChannel::retry() {
+  if (const Result<void> started = start_session(); !started) {
+    try_again(started.error().message);
+  } else {
+    log_->info("the channel has been started again");
+  }
+}
+
+void SupervisedChannel::end(int exit_status) {
+  // The callback may destroy this object, and with it the function.
+  const auto on_end = std::exchange(on_end_, {});
+  if (on_end) on_end(exit_status);
+}
+
+}  // namespace porttape

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include <spdlog/logger.h>
+
+#include "libport/base/result.hpp"
+#include "libport/port/fence.hpp"
+#include "libport/port/loop.hpp"
+#include "libport/port/timer.hpp"
+#include "libport/session/channel.hpp"
+#include "libport/session/session.hpp"
+
+namespace porttape {
+
+// One channel of the daemon. What goes wrong in it stays in it: its device missing, its tape or its port that
+// cannot be made, an exception out of one of its callbacks.
+//
+// With `retries` such trouble is told and a new session is made after 1 s, 2 s, 4 s, … 30 s; the channel ends
+// by stop(), or when its session ends without trouble (a replay with --once). Otherwise it ends at the first
+// trouble.
+//
+// Drive it: start(), then the loop; `on_end` comes once, from the loop, with the exit status, and may destroy
+// the channel.
+class SupervisedChannel {
+ public:
+  SupervisedChannel(Loop& loop, std::shared_ptr<spdlog::logger> log, ChannelSpec spec, bool retries,
+                    std::function<void(int exit_status)> on_end);
+  ~SupervisedChannel();
+  SupervisedChannel(const SupervisedChannel&) = delete;
+  SupervisedChannel& operator=(const SupervisedChannel&) = delete;
+
+  // The error is this channel's end, and on_end does not come; none with `retries`.
+  Result<void> start();
+  void stop();  // as Session::stop()
+  void rotate();
+
+ private:
+  Result<void> start_session();
+  void session_ended(int exit_status);
+  void threw(const std::string& what);
+  void later(std::function<void()> task);
+  void try_again(const std::string& why);
+  void retry();
+  void end(int exit_status);
+
+  Loop* loop_;
+  std::shared_ptr<spdlog::logger> log_;
+  ChannelSpec spec_;
+  const bool retries_;
+  std::function<void(int)> on_end_;
+  std::shared_ptr<Fence> fence_;
+  std::unique_ptr<Session> session_;
+  Timer retry_timer_;
+  Nanos delay_;
+  Instant started_{};    // the session's start
+  std::string trouble_;  // as told last; empty while all is well
+  bool broken_ = false;  // by an exception; the session is about to go
+  bool stopping_ = false;
+  std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
+};
+
+}  // namespace porttape

@@ -1,0 +1,43 @@
+#include "libport/session/end_wait.hpp"
+
+#include <chrono>
+
+#include <gtest/gtest.h>
+
+namespace porttape {
+namespace {
+
+using std::chrono::seconds;
+
+TEST(EndWait, GoesOnWhileSomethingIsRead) {
+  const Instant start{};
+  EndWait wait(start, seconds(5));
+  for (int n = 0; n < 100; ++n) EXPECT_TRUE(wait.goes_on(start + seconds(4 * n), 1000 - n)) << n;
+}
+
+TEST(EndWait, EndsWhereNothingIsRead) {
+  const Instant start{};
+  EndWait wait(start, seconds(5));
+  EXPECT_TRUE(wait.goes_on(start, 1000));
+  EXPECT_TRUE(wait.goes_on(start + seconds(4), 900));
+  EXPECT_TRUE(wait.goes_on(start + seconds(8), 900));
+  EXPECT_FALSE(wait.goes_on(start + seconds(9), 900));
+}
+
+TEST(EndWait, WhatComesBackIsNoProgress) {
+  const Instant start{};
+  EndWait wait(start, seconds(5));
+  EXPECT_TRUE(wait.goes_on(start, 900));
+  EXPECT_TRUE(wait.goes_on(start + seconds(3), 1000));
+  EXPECT_FALSE(wait.goes_on(start + seconds(6), 950));
+}
+
+TEST(EndWait, HasItsLimitInAllWhereNothingIsKnown) {
+  const Instant start{};
+  EndWait wait(start, seconds(5));
+  EXPECT_TRUE(wait.goes_on(start + seconds(4), std::nullopt));
+  EXPECT_FALSE(wait.goes_on(start + seconds(5), std::nullopt));
+}
+
+}  // namespace
+}  // namespace porttape
