@@ -44,12 +44,18 @@ bool wants_color(const std::ostream& out) {
   return no_color == nullptr || *no_color == '\0';
 }
 
+int output_status(const std::ostream& out, int status) {
+  const auto* buffer = dynamic_cast<const FdStreambuf*>(out.rdbuf());
+  const bool failed = buffer != nullptr && buffer->error() != 0 && buffer->error() != EPIPE;
+  return failed && status == exit_status::kPass ? exit_status::kRuntime : status;
+}
+
 int finish_output(std::ostream& out, int status, std::ostream& err) {
   out.flush();
   const auto* buffer = dynamic_cast<const FdStreambuf*>(out.rdbuf());
   if (buffer == nullptr || buffer->error() == 0 || buffer->error() == EPIPE) return status;
   err << "porttape: cannot write to standard output: " << errno_text(buffer->error()) << '\n';
-  return status == exit_status::kPass ? exit_status::kRuntime : status;
+  return output_status(out, status);
 }
 
 }  // namespace porttape

@@ -31,9 +31,12 @@ class FdStreambuf final : public std::streambuf {
 // Whether colours are wanted there: a terminal, and NO_COLOR is not set.
 bool wants_color(const std::ostream& out);
 
-// The exit status of a program that ends with `status`, after the last flush of its output. A reader that
-// went away is no error; anything else that kept output from being written is told on `err`, and is 1 where
-// `status` is 0.
+// `status`, or 1 where that is 0 and what was flushed to `out` could not be written. A reader that went away
+// is no error.
+int output_status(const std::ostream& out, int status);
+
+// The exit status of a program that ends with `status`, after the last flush of its output: as
+// output_status(), and what kept output from being written is told on `err`.
 int finish_output(std::ostream& out, int status, std::ostream& err);
 
 }  // namespace porttape

@@ -1,45 +1,21 @@
 #include "libport/base/json_text.hpp"
 
+#include <array>
 #include <cstddef>
 
 #include "libport/base/bytes.hpp"
+#include "libport/base/printable.hpp"
+#include "libport/base/utf8.hpp"
 
 namespace porttape {
 namespace {
 
 constexpr std::string_view kReplacement = "\xEF\xBF\xBD";
 
-// Length of the well-formed UTF-8 sequence at the front, 0 if there is none (RFC 3629: no overlong forms, no
-// surrogates).
-std::size_t utf8_length(std::string_view text) {
-  const auto byte = [&](std::size_t i) { return i < text.size() ? static_cast<Byte>(text[i]) : Byte{0}; };
-  const auto tail = [&](std::size_t i) { return (byte(i) & 0xC0U) == 0x80U; };
-  const Byte first = byte(0);
-  const Byte second = byte(1);
-  if (first < 0x80) return 1;
-  if (first >= 0xC2 && first <= 0xDF) return tail(1) ? 2 : 0;
-  if (first >= 0xE0 && first <= 0xEF) {
-    const bool overlong = first == 0xE0 && second < 0xA0;
-    const bool surrogate = first == 0xED && second > 0x9F;
-    return tail(1) && tail(2) && !overlong && !surrogate ? 3 : 0;
-  }
-  if (first >= 0xF0 && first <= 0xF4) {
-    const bool overlong = first == 0xF0 && second < 0x90;
-    const bool too_large = first == 0xF4 && second > 0x8F;
-    return tail(1) && tail(2) && tail(3) && !overlong && !too_large ? 4 : 0;
-  }
-  return 0;
-}
-
-void append_escaped(std::string& out, char c) {
-  const auto byte = static_cast<Byte>(c);
-  if (const std::string_view escape = short_escape(byte); !escape.empty()) {
-    out += escape;
-  } else if (byte < 0x20 || byte == 0x7F) {
-    out += "\\u00" + to_hex({&byte, 1});
-  } else {
-    out += c;
-  }
+// As \uXXXX; what is obeyed lies below U+10000.
+void append_escaped(std::string& out, char32_t character) {
+  const std::array<Byte, 2> bytes{static_cast<Byte>(character >> 8U), static_cast<Byte>(character & 0xFFU)};
+  out += "\\u" + to_hex(bytes);
 }
 
 }  // namespace
@@ -57,7 +33,21 @@ std::string to_utf8(std::string_view text) {
 
 std::string json_quote(std::string_view text) {
   std::string out = "\"";
-  for (const char c : to_utf8(text)) append_escaped(out, c);
+  while (!text.empty()) {
+    const std::size_t length = utf8_length(text);
+    const std::string_view sequence = text.substr(0, length);
+    const std::string_view escape = short_escape(static_cast<Byte>(text.front()));
+    text.remove_prefix(length == 0 ? 1 : length);
+    if (length == 0) {
+      out += kReplacement;
+    } else if (!escape.empty()) {
+      out += escape;
+    } else if (const char32_t character = utf8_character(sequence); is_obeyed(character)) {
+      append_escaped(out, character);
+    } else {
+      out += sequence;
+    }
+  }
   out += '"';
   return out;
 }

@@ -53,6 +53,11 @@ class ReplayPort final : public Port {
   void finish() override;
   [[nodiscard]] std::string name() const override { return "logreader:" + options_.tape.name(); }
 
+  // When it will do something by itself; nothing while only the driver can move things on.
+  [[nodiscard]] std::optional<Instant> next_due() const {
+    return engine_ ? engine_->next_deadline() : std::nullopt;
+  }
+
   // The latest run's, once one has ended.
   [[nodiscard]] const std::optional<RunReport>& report() const { return report_; }
 

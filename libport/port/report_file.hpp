@@ -7,10 +7,20 @@
 
 namespace porttape {
 
-// Whether a report can be written there later: a folder that exists, no folder in its place. Errc::usage.
+// Where a report goes, by what stands at `path`:
+// - nothing or a regular file: a new file takes its place in one step, so that a reader sees the old report
+// or
+//   the new one, and what the old name led to (a hard link, an open file) is left alone;
+// - a symbolic link: what it leads to is treated so, if the link and its target are the user's own or root's;
+//   anybody else's link is an error;
+// - a pipe, a terminal, a device, and whatever /dev/stderr and /dev/fd/N lead to: written to as it is.
+// `-` is stdout.
+
+// Whether a report can be written there later. Errc::usage.
 Result<void> check_report_place(const std::string& path);
 
-// Replaces the file in one step, so that a reader sees the old report or the new one. `-` is stdout.
+// Waits for the disk, and up to a second for the reader of a pipe or terminal: who has a line to serve calls
+// it from another thread.
 Result<void> write_report(const std::string& path, std::string_view text);
 
 }  // namespace porttape

@@ -21,6 +21,7 @@ std::string_view to_string(Verdict verdict) {
 }
 
 int exit_status_of(const RunReport& report) {
+  if (report.process_exit) return *report.process_exit;
   if (report.trouble) return exit_status::kRuntime;
   switch (report.verdict) {
     case Verdict::pass:

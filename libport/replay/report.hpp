@@ -63,6 +63,7 @@ struct RunReport {
   double timer_late_max_us = 0;
   std::vector<Doubt> doubts;
   std::optional<int> command_exit;  // `porttape test`
+  std::optional<int> process_exit;  // what the program ends with, where more than the verdict decides
   std::optional<std::string>
       trouble;  // the tape could not be read on: damage, I/O; the exit status is then 1
 

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace porttape {
+
+// UTF-8 text in which nothing is left that a terminal or a log would obey instead of showing: C0 and C1
+// controls, DEL, marks that change the direction of text, line and paragraph separators. They become \n, \r,
+// \t, \xNN (below U+0100) or \u{NNNN}; bytes that are no UTF-8 become \xNN. Everything else stays readable.
+//
+// A backslash stays as it is: what comes out is for eyes, not to be read back.
+std::string printable_line(std::string_view text);
+
+// Whether a character would be obeyed; printable_line() and json_quote() escape these.
+bool is_obeyed(char32_t character);
+
+}  // namespace porttape

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <sys/types.h>
+#include <vector>
+
+#include "libport/base/result.hpp"
+#include "libport/base/time.hpp"
+
+namespace porttape {
+
+// A process as /proc shows it.
+struct ProcessState {
+  pid_t pid = 0;
+  pid_t parent = 0;
+  char state = '?';  // R, S, D, T (stopped), t (stopped by its tracer), Z (ended, not reaped)
+  std::uint64_t cpu_ticks = 0;
+  std::uint64_t started = 0;  // with `pid` the identity of a process
+  std::string name;
+};
+
+// The content of /proc/PID/stat. False when it is not of its form.
+bool parse_process_stat(std::string_view text, ProcessState& process);
+
+// The processes that descend from the commands which this process starts after adopt(), also those whose
+// parent has ended: they fall to us. What was our child before is none of them and is never touched. One at a
+// time in a process.
+class CommandFamily {
+ public:
+  CommandFamily() = default;
+  ~CommandFamily();
+  CommandFamily(const CommandFamily&) = delete;
+  CommandFamily& operator=(const CommandFamily&) = delete;
+
+  // From now on orphans fall to this process, until destroyed. Before the first command.
+  Result<void> adopt();
+
+  // Those that exist now, also those that have ended and that nobody has reaped. Reads all of /proc.
+  [[nodiscard]] std::vector<ProcessState> members() const;
+
+  // Whether one of them runs, waits for a disk, is stopped or traced, or took more than 2 % of a processor
+  // since the last call, a second ago.
+  [[nodiscard]] bool awake();
+
+  // Whether one of them is traced, as under a debugger.
+  [[nodiscard]] bool debugged() const;
+
+  // Ends and reaps them all: SIGTERM, after `term_limit` SIGKILL, and `kill_limit` later it gives up. Waits
+  // for it; costs nothing where there are none.
+  struct Ended {
+    std::vector<ProcessState> ended;
+    std::vector<ProcessState> left;  // still there: another user's, or held by the kernel
+  };
+  Ended end(Nanos term_limit, Nanos kill_limit);
+
+ private:
+  [[nodiscard]] bool is_ours(const ProcessState& process,
+                             const std::map<pid_t, ProcessState>& everybody) const;
+  [[nodiscard]] std::vector<ProcessState> living() const;
+
+  int was_adopting_ = 0;
+  bool adopting_ = false;
+  std::map<pid_t, std::uint64_t> before_;     // our children from before: when each was started
+  std::map<pid_t, std::uint64_t> cpu_ticks_;  // at the last awake()
+};
+
+}  // namespace porttape
