@@ -107,8 +107,10 @@ Result<void> ReplayPort::prepare() {
   schedule_ = std::move(*schedule);
   writes_ = std::move(*writes);
   const std::optional<TapeHeader> header = schedule_->header();
-  datagrams_ = header && header->device.starts_with("udp");
-  facts->stamped_at_arrival = schedule_->has_events();
+  datagrams_ = header && (header->transport ? *header->transport == Transport::datagram
+                                            : header->device.starts_with("udp"));
+  facts->stamped_at_arrival =
+      header && header->stamped ? *header->stamped == Stamped::arrival : schedule_->has_events();
   engine_ = std::make_unique<Engine>(options_.config, *facts, *schedule_, *writes_);
   return {};
 }
