@@ -80,7 +80,7 @@ std::unique_ptr<FileEvents::Watch> FileEvents::watch_folder(const std::string& p
 
 bool FileEvents::start() {
   if (inotify_) return true;
-  inotify_.reset(::inotify_init1(IN_NONBLOCK | IN_CLOEXEC));
+  if (!refused_) inotify_.reset(::inotify_init1(IN_NONBLOCK | IN_CLOEXEC));
   if (!inotify_) return false;
   watch_ = std::make_unique<FdWatch>(*loop_, inotify_.get(), [this] {
     gather();
@@ -159,7 +159,7 @@ void FileEvents::gather() {
 
 void FileEvents::distribute(int wd, std::uint32_t mask) {
   if ((mask & IN_Q_OVERFLOW) != 0) {
-    for (const std::shared_ptr<Entry>& entry : entries_) pend(entry, Event::unknown);
+    lose();
     return;
   }
   const auto [begin, end] = by_number_.equal_range(wd);
@@ -169,6 +169,10 @@ void FileEvents::distribute(int wd, std::uint32_t mask) {
     if ((wanted & IN_CLOSE) != 0) pend(known->second, Event::closed);
     if ((wanted & kFolderMask) != 0) pend(known->second, Event::changed);
   }
+}
+
+void FileEvents::lose() {
+  for (const std::shared_ptr<Entry>& entry : entries_) pend(entry, Event::unknown);
 }
 
 void FileEvents::pend(const std::shared_ptr<Entry>& entry, Event event) {

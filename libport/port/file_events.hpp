@@ -63,6 +63,10 @@ class FileEvents {
   // Tells `changed` when a name appears in a folder or one's permissions change. Silent where refused.
   std::unique_ptr<Watch> watch_folder(const std::string& path);
 
+  // As if the kernel refused inotify from now on, or had lost events. For tests.
+  void refuse() { refused_ = true; }
+  void lose();
+
   // Why inotify is refused, for the log: the first time it is asked for, else empty.
   std::string take_trouble();
 
@@ -89,6 +93,7 @@ class FileEvents {
   std::vector<std::shared_ptr<Entry>> pending_;           // told something, not woken yet
   std::string trouble_;
   bool trouble_told_ = false;
+  bool refused_ = false;
 };
 
 }  // namespace porttape
