@@ -12,6 +12,9 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 
+#include "libport/port/file_events.hpp"
+#include "libport/port/sampler.hpp"
+
 namespace porttape {
 namespace {
 
@@ -122,6 +125,16 @@ void Loop::restart() { io_->restart(); }
 std::span<Byte> Loop::read_buffer() {
   if (!read_buffer_) read_buffer_ = std::make_unique<Byte[]>(kReadBuffer);
   return {read_buffer_.get(), kReadBuffer};
+}
+
+FileEvents& Loop::file_events() {
+  if (!file_events_) file_events_ = std::make_unique<FileEvents>(*this);
+  return *file_events_;
+}
+
+Sampler& Loop::sampler() {
+  if (!sampler_) sampler_ = std::make_unique<Sampler>(*this);
+  return *sampler_;
 }
 
 void Loop::post(std::function<void()> task) { boost::asio::post(*io_, fenced(std::move(task))); }

@@ -20,6 +20,9 @@ class io_context;
 
 namespace porttape {
 
+class FileEvents;
+class Sampler;
+
 // The event loop that ports live on: one thread, the one that calls run(). Owns the io_context; outlives
 // every port on it.
 class Loop {
@@ -61,6 +64,10 @@ class Loop {
   // Room for one read, shared by all ports of the loop. What is in it counts until the next port reads.
   std::span<Byte> read_buffer();
 
+  // What all ports of the loop share; made when first asked for.
+  FileEvents& file_events();
+  Sampler& sampler();
+
   // The latest stalls of run(): a handler that took longer than StallWatch::kShortest, a timer that came so
   // late. Those that ended after `moment`, oldest first.
   [[nodiscard]] std::vector<Stall> stalls_since(Instant moment) const { return stalls_.since(moment); }
@@ -90,6 +97,8 @@ class Loop {
   Instant running_since_ = Instant::max();
   std::shared_ptr<Fence> fence_;  // of what runs now
   std::shared_ptr<Gate> gate_;
+  std::unique_ptr<FileEvents> file_events_;
+  std::unique_ptr<Sampler> sampler_;
   Workers workers_;
 };
 
