@@ -1,5 +1,6 @@
 #include "daemon/daemon.hpp"
 
+#include <chrono>
 #include <csignal>
 #include <filesystem>
 #include <fmt/format.h>
@@ -31,7 +32,12 @@ struct Daemon::Signals {
   boost::asio::signal_set set;
 };
 
-Daemon::Daemon(Loop& loop, std::shared_ptr<spdlog::logger> log) : loop_(&loop), log_(std::move(log)) {}
+Daemon::Daemon(Loop& loop, std::shared_ptr<spdlog::logger> log) : loop_(&loop), log_(std::move(log)) {
+  loop_->on_stall([log = log_](const Stall& stall) {
+    log->warn("all lines stood still for {} ms: this process was stopped, got no processor or was held up",
+              std::chrono::duration_cast<std::chrono::milliseconds>(stall.length).count());
+  });
+}
 Daemon::~Daemon() = default;
 
 Result<void> Daemon::start(const std::map<std::string, ChannelSpec>& channels) {

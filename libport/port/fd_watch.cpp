@@ -19,8 +19,9 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
     bool waiting = false;
   };
 
-  State(Loop& loop, int fd, Callback on_readable, Callback on_writable)
-      : descriptor(loop.io(), fd),
+  State(Loop& owner, int fd, Callback on_readable, Callback on_writable)
+      : loop(&owner),
+        descriptor(owner.io(), fd),
         sides{Side{Descriptor::wait_read, std::move(on_readable)},
               Side{Descriptor::wait_write, std::move(on_writable)}} {}
 
@@ -37,11 +38,13 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
       Side& ready = self->sides[index];
       ready.waiting = false;
       if (self->gone || !ready.wanted) return;
+      self->loop->handler_begins();
       ready.callback();
       if (!self->gone && ready.wanted) self->wait(index);
     });
   }
 
+  Loop* loop;
   Descriptor descriptor;
   std::array<Side, 2> sides;
   bool gone = false;

@@ -1,5 +1,6 @@
 #include "libport/port/loop.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <mutex>
 #include <optional>
@@ -64,12 +65,28 @@ bool Loop::run_elsewhere(const Workers::Strand& strand, std::function<void()> jo
 }
 
 void Loop::run() {
+  Instant idle_since = now();
+  running_since_ = handler_began_ = idle_since;
   for (;;) {
-    const Instant idle_since = now();
-    if (patience_.expects_soon(idle_since) && poll_from(idle_since)) continue;
-    if (io_->run_one() == 0) return;
-    patience_.waited(now() - idle_since);
+    const bool soon = patience_.expects_soon(idle_since) && poll_from(idle_since);
+    if (!soon && io_->run_one() == 0) break;
+    const Instant end = now();
+    if (!soon) patience_.waited(end - idle_since);
+    handled(end);
+    idle_since = end;
   }
+  running_since_ = Instant::max();
+}
+
+// A handler without a begin of its own (a signal's, an answer's) is not measured.
+void Loop::handled(Instant end) {
+  stalls_.late(std::max(handler_began_, running_since_), end);
+  handler_began_ = Instant::max();
+}
+
+void Loop::timer_comes(Instant expected) {
+  handler_began_ = now();
+  stalls_.late(std::max(expected, running_since_), handler_began_);
 }
 
 // True once an event was handled.
@@ -95,6 +112,11 @@ std::span<Byte> Loop::read_buffer() {
   return {read_buffer_.get(), kReadBuffer};
 }
 
-void Loop::post(std::function<void()> task) { boost::asio::post(*io_, std::move(task)); }
+void Loop::post(std::function<void()> task) {
+  boost::asio::post(*io_, [this, task = std::move(task)] {
+    handler_begins();
+    task();
+  });
+}
 
 }  // namespace porttape

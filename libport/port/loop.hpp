@@ -4,11 +4,14 @@
 #include <functional>
 #include <memory>
 #include <span>
+#include <utility>
+#include <vector>
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
 #include "libport/base/workers.hpp"
 #include "libport/port/patience.hpp"
+#include "libport/port/stall_watch.hpp"
 
 namespace boost::asio {
 class io_context;
@@ -49,6 +52,16 @@ class Loop {
   // Room for one read, shared by all ports of the loop. What is in it counts until the next port reads.
   std::span<Byte> read_buffer();
 
+  // The latest stalls of run(): a handler that took longer than StallWatch::kShortest, a timer that came so
+  // late. Those that ended after `moment`, oldest first.
+  [[nodiscard]] std::vector<Stall> stalls_since(Instant moment) const { return stalls_.since(moment); }
+  // Called once a stall, for the log.
+  void on_stall(std::function<void(const Stall&)> hook) { stalls_.on_stall(std::move(hook)); }
+
+  // For watches and timers: a handler begins; a timer that was expected then comes now.
+  void handler_begins() { handler_began_ = now(); }
+  void timer_comes(Instant expected);
+
   boost::asio::io_context& io() { return *io_; }
   [[nodiscard]] static Instant now() { return std::chrono::steady_clock::now(); }
 
@@ -56,12 +69,16 @@ class Loop {
   struct Gate;
 
   bool poll_from(Instant start);
+  void handled(Instant end);
 
   static constexpr std::size_t kReadBuffer = 65536;  // the largest datagram fits, and the largest tape block
 
   std::unique_ptr<boost::asio::io_context> io_;
   std::unique_ptr<Byte[]> read_buffer_;  // made when first asked for
   Patience patience_;
+  StallWatch stalls_;
+  Instant handler_began_{};  // of the handler that runs, while run() does
+  Instant running_since_ = Instant::max();
   std::shared_ptr<Gate> gate_;
   Workers workers_;
 };

@@ -1,5 +1,6 @@
 #include "libport/port/timer.hpp"
 
+#include <algorithm>
 #include <cstdint>
 #include <utility>
 
@@ -9,15 +10,17 @@
 namespace porttape {
 
 struct Timer::State : std::enable_shared_from_this<Timer::State> {
-  State(Loop& loop, std::function<void()> cb) : timer(loop.io()), callback(std::move(cb)) {}
+  State(Loop& owner, std::function<void()> cb) : loop(&owner), timer(owner.io()), callback(std::move(cb)) {}
 
   void set(Instant when) {
     if (due == when) return;
     due = when;
+    expected = std::max(when, Loop::now());  // one that is set for the past is not late
     timer.expires_at(when);
     timer.async_wait(
         [self = shared_from_this(), round = ++generation](const boost::system::error_code& error) {
           if (error || round != self->generation || !self->due) return;
+          self->loop->timer_comes(self->expected);
           self->due.reset();
           self->callback();
         });
@@ -30,9 +33,11 @@ struct Timer::State : std::enable_shared_from_this<Timer::State> {
     timer.cancel();
   }
 
+  Loop* loop;
   boost::asio::steady_timer timer;
   std::function<void()> callback;
   std::optional<Instant> due;
+  Instant expected{};
   std::uint64_t generation =
       0;  // a wait that was replaced while its callback was already queued is recognised by it
 };
