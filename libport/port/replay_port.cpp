@@ -18,6 +18,8 @@ constexpr Nanos kSpin = std::chrono::microseconds(120);
 constexpr std::uintmax_t kSmallTape = 65536;  // bytes of its files
 // Of what the driver wrote and the engine has not looked at: beyond, it is not read on.
 constexpr std::size_t kMostBacklog = 65536;
+// Between two slices of reading on, for all else on the loop.
+constexpr Nanos kPause = std::chrono::microseconds(50);
 // The end: how long the engine may read on, and all may take.
 constexpr Nanos kReadOnLimit = std::chrono::seconds(3);
 constexpr Nanos kFinishLimit = std::chrono::seconds(5);
@@ -186,10 +188,12 @@ void ReplayPort::pump() {
   const Instant now = Loop::now();
   int steps = 0;
   for (bool due = true; due;) {
-    ReplayActions actions = engine_->advance(context_.pulled ? pump_time(now) : Loop::now());
+    const Instant at = context_.pulled ? pump_time(now) : Loop::now();
+    ReplayActions actions = engine_->advance(at);
     const bool empty = actions.empty();
     perform(actions);
     const std::optional<Instant> next = engine_->next_deadline();
+    reading_on_ = empty && next && *next <= at;
     due = !empty || (context_.pulled && next && *next <= now && ++steps < kMostSteps);
   }
   set_timer();
@@ -251,6 +255,7 @@ void ReplayPort::set_timer() {
     timer_.cancel();
     return;
   }
+  if (reading_on_) return timer_.set_after(kPause);
   const bool may_spin = *due - last_spin_ >= kSpin * kSpinShare;
   timer_.set(may_spin ? *due - kSpin : *due);
 }

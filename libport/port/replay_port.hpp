@@ -84,6 +84,7 @@ class ReplayPort final : public Port {
   bool any_run_ = false;  // has ended
   bool report_failed_ = false;
   bool congested_ = false;
+  bool reading_on_ = false;  // the engine has used up its budget
   bool open_ = false;
   bool dropping_ = false;
   bool datagrams_ = false;
