@@ -28,6 +28,7 @@ struct FileEvents::Entry {
   int parent = -1;  // that of its folder, which keeps it exact
   std::vector<Event> events;
   std::function<void()> callback;
+  std::shared_ptr<Fence> fence;  // of the one who watches
   bool gone = false;
 };
 
@@ -82,15 +83,18 @@ bool FileEvents::start() {
   if (inotify_) return true;
   if (!refused_) inotify_.reset(::inotify_init1(IN_NONBLOCK | IN_CLOEXEC));
   if (!inotify_) return false;
-  watch_ = std::make_unique<FdWatch>(*loop_, inotify_.get(), [this] {
-    gather();
-    wake();
+  loop_->within(nullptr, [this] {
+    watch_ = std::make_unique<FdWatch>(*loop_, inotify_.get(), [this] {
+      gather();
+      wake();
+    });
   });
   watch_->watch_readable(true);
   return true;
 }
 
 void FileEvents::add(const std::shared_ptr<Entry>& entry, const std::string& path) {
+  entry->fence = loop_->fence();
   entries_.push_back(entry);
   if (start()) entry->number = ::inotify_add_watch(inotify_.get(), path.c_str(), entry->mask | IN_MASK_ADD);
   if (entry->number >= 0) {
@@ -182,14 +186,15 @@ void FileEvents::pend(const std::shared_ptr<Entry>& entry, Event event) {
 
 void FileEvents::wake() {
   for (const std::shared_ptr<Entry>& entry : std::exchange(pending_, {})) {
-    if (!entry->gone && !entry->events.empty() && entry->callback) entry->callback();
+    if (!entry->gone && !entry->events.empty() && entry->callback)
+      loop_->within(entry->fence, entry->callback);
   }
 }
 
 // Others' events came along with those that were asked for.
 void FileEvents::wake_soon() {
   std::erase_if(pending_, [](const auto& entry) { return entry->gone || entry->events.empty(); });
-  if (!pending_.empty()) loop_->post([this] { wake(); });
+  if (!pending_.empty()) loop_->within(nullptr, [this] { loop_->post([this] { wake(); }); });
 }
 
 void FileEvents::on_poll() {

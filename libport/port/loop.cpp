@@ -128,12 +128,13 @@ std::span<Byte> Loop::read_buffer() {
 }
 
 FileEvents& Loop::file_events() {
-  if (!file_events_) file_events_ = std::make_unique<FileEvents>(*this);
+  // Everybody's, so behind nobody's fence; the same below.
+  if (!file_events_) within(nullptr, [this] { file_events_ = std::make_unique<FileEvents>(*this); });
   return *file_events_;
 }
 
 Sampler& Loop::sampler() {
-  if (!sampler_) sampler_ = std::make_unique<Sampler>(*this);
+  if (!sampler_) within(nullptr, [this] { sampler_ = std::make_unique<Sampler>(*this); });
   return *sampler_;
 }
 
@@ -141,13 +142,13 @@ void Loop::post(std::function<void()> task) { boost::asio::post(*io_, fenced(std
 
 void Loop::within(const std::shared_ptr<Fence>& fence, const std::function<void()>& work) {
   handler_began_ = now();
-  if (!fence) return work();
   const std::shared_ptr<Fence> outer = std::exchange(fence_, fence);
   try {
     work();
     fence_ = outer;
   } catch (const std::exception& error) {
     fence_ = outer;
+    if (!fence) throw;
     fence->on_exception(error.what());
   }
 }

@@ -8,6 +8,7 @@
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
 #include "libport/port/port_options.hpp"
+#include "libport/port/replay_reports.hpp"
 #include "libport/port/timer.hpp"
 #include "libport/replay/engine.hpp"
 #include "libport/tape/tape_name.hpp"
@@ -39,7 +40,8 @@ class ReplayPort final : public Port {
   void close() override;
   void write(ByteView data) override;
   bool end_writing() override;
-  [[nodiscard]] bool congested() const override { return false; }
+  // A driver that writes on while the tape is read on to where it writes.
+  [[nodiscard]] bool congested() const override { return congested_; }
   // What is due counts as read, where the tape is stamped at arrival and answers follow their questions. Else
   // nothing is dropped: the tape holds what its driver read, or plays by a clock that a slow reader lags
   // behind.
@@ -49,7 +51,8 @@ class ReplayPort final : public Port {
   [[nodiscard]] bool keeps_datagrams() const override { return datagrams_; }
   void set_reading(bool on) override;
   void hang_up(bool) override {}
-  // Ends the run; the status is its verdict's.
+  // Ends the run; the status is its verdict's. Takes 5 s at most: what is not known or not written then is
+  // told.
   void finish() override;
   [[nodiscard]] std::string name() const override { return "logreader:" + options_.tape.name(); }
 
@@ -58,7 +61,7 @@ class ReplayPort final : public Port {
     return engine_ ? engine_->next_deadline() : std::nullopt;
   }
 
-  // The latest run's, once one has ended.
+  // The latest run's, once it is complete.
   [[nodiscard]] const std::optional<RunReport>& report() const { return report_; }
 
  private:
@@ -68,6 +71,8 @@ class ReplayPort final : public Port {
   void set_timer();
   void on_timer();
   void take_report(RunReport report);
+  void publish(const RunReport& report);
+  void continue_finish();
   [[nodiscard]] int status() const;
 
   PortContext context_;
@@ -76,9 +81,15 @@ class ReplayPort final : public Port {
   std::optional<TapeReader> writes_;
   std::unique_ptr<Engine> engine_;
   Timer timer_;
+  std::unique_ptr<ReplayReports> reports_;
   std::optional<RunReport> report_;
   Instant last_spin_{};
+  std::optional<Timer> finish_timer_;
+  Instant finish_limit_{};
+  bool any_run_ = false;  // has ended
   bool report_failed_ = false;
+  bool congested_ = false;
+  bool reading_on_ = false;  // the engine has used up its budget
   bool open_ = false;
   bool dropping_ = false;
   bool datagrams_ = false;

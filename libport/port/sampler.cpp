@@ -5,11 +5,11 @@
 
 namespace porttape {
 
-Sampler::Sampler(Loop& loop) : timer_(loop, [this] { on_timer(); }) {}
+Sampler::Sampler(Loop& loop) : loop_(&loop), timer_(loop, [this] { on_timer(); }) {}
 
 void Sampler::add(const void* owner, std::function<void()> look) {
   const Instant now = Loop::now();
-  members_[owner] = {std::move(look), now + kYoung};
+  members_[owner] = {std::move(look), loop_->fence(), now + kYoung};
   if (!timer_.due() || *timer_.due() > now + kQuick) timer_.set(now + kQuick);
 }
 
@@ -26,7 +26,7 @@ void Sampler::on_timer() {
   for (const auto& [owner, member] : members_) {
     const bool is_young = now < member.young_until;
     young = young || is_young;
-    if (everyone || is_young) member.look();
+    if (everyone || is_young) loop_->within(member.fence, member.look);
   }
   timer_.set(young ? std::min(next_slow_, now + kQuick) : next_slow_);
 }

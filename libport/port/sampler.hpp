@@ -25,11 +25,13 @@ class Sampler {
  private:
   struct Member {
     std::function<void()> look;
+    std::shared_ptr<Fence> fence;
     Instant young_until;
   };
 
   void on_timer();
 
+  Loop* loop_;
   std::map<const void*, Member> members_;
   Instant next_slow_{};
   Timer timer_;

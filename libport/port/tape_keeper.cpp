@@ -192,7 +192,8 @@ void TapeKeeper::watch_disk() {
 
 void TapeKeeper::rotate(Instant now) {
   if (!begun_) return;
-  if (const auto status = tape_ ? std::optional(tape_->status()) : std::nullopt; status && !status->id.empty())
+  if (const auto status = tape_ ? std::optional(tape_->status()) : std::nullopt;
+      status && !status->id.empty())
     options_.header.previous = PreviousTape{status->id, status->paths.file_name()};
   end_current(now);
   options_.on_existing = OnExisting::next;

@@ -25,7 +25,7 @@ void Matcher::rewind() {
   skipped_.reset();
 }
 
-Matcher::Step Matcher::write(Instant now, ByteView data) {
+Matcher::Step Matcher::write(Instant now, ByteView data, std::optional<TapeTime> until) {
   if (data.empty()) return {};
   Step step;
   if (!comparing_) {
@@ -35,8 +35,9 @@ Matcher::Step Matcher::write(Instant now, ByteView data) {
     step.used = data.size();
   } else {
     surplus_ = false;
-    step = compare(now, data);
+    step = compare(now, data, until);
   }
+  if (step.used == 0 && (step.outcome == Outcome::later || step.outcome == Outcome::gone)) return step;
   written_ += step.used;
   last_write_ = now;
   arrival_open_ = true;
@@ -44,15 +45,21 @@ Matcher::Step Matcher::write(Instant now, ByteView data) {
   return step;
 }
 
-Matcher::Step Matcher::compare(Instant now, ByteView data) {
+Matcher::Step Matcher::compare(Instant now, ByteView data, std::optional<TapeTime> until) {
   Step step;
   while (step.used < data.size()) {
-    const ByteView expected = stream_.front();
-    const ByteView rest = data.subspan(step.used);
-    if (expected.empty()) {
-      step.outcome = Outcome::extra;
+    const WriteStream::State state = stream_.look();
+    const bool ended = state == WriteStream::State::end;
+    if (state == WriteStream::State::later) {
+      step.outcome = Outcome::later;
       return step;
     }
+    if (ended || (until && stream_.front_at() >= *until)) {
+      step.outcome = until ? Outcome::gone : Outcome::extra;
+      return step;
+    }
+    const ByteView expected = stream_.front();
+    const ByteView rest = data.subspan(step.used);
     const ByteView shorter = expected.first(std::min(expected.size(), rest.size()));
     const auto differing = std::mismatch(shorter.begin(), shorter.end(), rest.begin()).first;
     const auto same = static_cast<std::size_t>(differing - shorter.begin());
@@ -164,15 +171,28 @@ void Matcher::note_skipped(std::uint64_t tape_end) {
   if (comparing_ && !skipped_ && position() < tape_end) skipped_ = first_unsent();
 }
 
+std::optional<bool> Matcher::at_end() {
+  const WriteStream::State state = stream_.look();
+  if (state == WriteStream::State::later) return std::nullopt;
+  return state == WriteStream::State::end;
+}
+
+std::optional<bool> Matcher::any_unsent() {
+  if (skipped_) return true;
+  const std::optional<bool> ended = at_end();
+  if (!ended) return std::nullopt;
+  return !*ended;
+}
+
 std::optional<Matcher::Unsent> Matcher::first_unsent() {
   if (skipped_) return skipped_;
-  if (at_end()) return std::nullopt;
+  if (at_end().value_or(true)) return std::nullopt;
   return Unsent{position(), stream_.front_at(), stream_.peek(kShownBytes)};
 }
 
 Mismatch Matcher::describe(ByteView got) {
   Mismatch mismatch;
-  mismatch.kind = at_end() ? MismatchKind::extra : MismatchKind::data;
+  mismatch.kind = at_end().value_or(false) ? MismatchKind::extra : MismatchKind::data;
   mismatch.offset = written_;
   mismatch.tape_offset = position();
   mismatch.tape = stream_.front_at();

@@ -9,19 +9,17 @@ namespace {
 // A burst is cut here, so that a stream of single bytes without a pause still plays in time.
 constexpr Micros kLongestBurst{100'000};
 
-// Bounds the steps of one play() that deliver nothing, for tapes with endless empty records.
-constexpr int kIdleStepsPerPlay = 4096;
-
 }  // namespace
 
 Player::Player(const ReplayConfig& config, const Engine::TapeFacts& facts, RecordSource& schedule,
-               Matcher& matcher)
+               Budget& budget, Matcher& matcher)
     : config_(config),
       facts_(facts),
       burst_(config.chunks == Chunks::burst ||
              (config.chunks == Chunks::automatic && !facts.stamped_at_arrival)),
+      budget_(budget),
       matcher_(matcher),
-      schedule_(schedule),
+      schedule_(schedule, budget),
       timeline_(config.rate) {}
 
 void Player::begin(Instant now) {
@@ -32,11 +30,7 @@ void Player::begin(Instant now) {
   arrival_started_ = false;
   lenient_ = config_.strictness == 0;
   used_up_ = false;
-  while (!schedule_.at_end() && is_note(schedule_.head()->kind)) pass();
-  const bool recorded_open = !schedule_.at_end() && schedule_.head()->kind == RecordKind::open;
-  const TapeTime start = recorded_open ? schedule_.head()->at : TapeTime{};
-  if (recorded_open) pass();
-  start_at(start, now);
+  seek_ = {Seek::To::start, now};
 }
 
 void Player::start_at(TapeTime tape, Instant now) {
@@ -48,53 +42,29 @@ void Player::start_at(TapeTime tape, Instant now) {
   matcher_.answered();
 }
 
-void Player::continue_at_next_open(Instant now) {
-  const auto opened = schedule_.pass_next_open();
-  arrival_known_ = false;
-  arrival_started_ = false;
-  gate_ = {false, schedule_.passed().writes, schedule_.passed().writes, TapeTime{}};
-  passed_open_.reset();
-  start_at(opened.value_or(session_start_), now);
-}
+void Player::continue_at_next_open(Instant now) { seek_ = {Seek::To::next_open, now}; }
 
 void Player::restart_session(Instant now) {
   passed_open_.reset();
   start_at(session_start_, now);
 }
 
-void Player::resume(Instant now) {
-  if (at_recorded_reopen()) {
-    continue_at_next_open(now);
-  } else {
-    matcher_.answered();
-    wake_ = now;
-  }
-}
+void Player::resume(Instant now) { seek_ = {Seek::To::reopen_if_near, now}; }
 
 std::optional<Player::TimingFault> Player::play(Instant now, std::size_t max_bytes, bool blocked,
                                                 ReplayActions& out) {
   Turn turn{now, Mode::deliver, blocked, max_bytes, &out};
   if (out.deliver.empty()) delivered_due_.reset();
-  int idle_steps = 0;
-  while (idle_steps < kIdleStepsPerPlay) {
+  for (bool go_on = true; go_on;) {
     const std::size_t held = out.deliver.size();
     turn.room = max_bytes - std::min(max_bytes, held);
     const Progress progress = step(turn);
-    if (out.deliver.size() == held) ++idle_steps;
     if (progress == Progress::waits) return std::nullopt;
     if (progress == Progress::fault) return std::exchange(fault_, std::nullopt);
+    go_on = out.deliver.size() > held || !budget_.spent();
   }
   wake_ = now;
   return std::nullopt;
-}
-
-std::optional<Player::TimingFault> Player::settle(Instant now, Lost lost) {
-  Turn turn{now, lost == Lost::all ? Mode::drop_all : Mode::drop_due, false, 0, nullptr};
-  while (true) {
-    const Progress progress = step(turn);
-    if (progress == Progress::waits) return std::nullopt;
-    if (progress == Progress::fault) return std::exchange(fault_, std::nullopt);
-  }
 }
 
 Player::Progress Player::step(Turn& turn) {
@@ -239,7 +209,7 @@ Player::Progress Player::at_timed_write(const Turn& turn) {
   const std::uint64_t end = schedule_.passed().writes + head.data.size();
   const auto done = matcher_.completion(end);
   if (!done) {
-    if (!lenient_ || turn.mode != Mode::deliver) return wait(std::nullopt);
+    if (!silence_counts() || turn.mode != Mode::deliver) return wait(std::nullopt);
     const Silence silence = next_silence(head.at);
     if (turn.now < silence.end) return wait(silence.end);
     matcher_.diverge();
@@ -279,8 +249,8 @@ Player::Progress Player::at_open(const Turn& turn) {
   // A driver that writes what the tape has after the reopen has gone on without one. Bytes that the tape has
   // not (a trailing one, written just before the close) do not tell.
   const bool went_on = matcher_.comparing() && matcher_.touched(schedule_.passed().writes);
-  const bool gave_up = lenient_ && turn.now >= patience_end(at);
-  if (!went_on && !gave_up) return wait(lenient_ ? std::optional(patience_end(at)) : std::nullopt);
+  const bool gave_up = silence_counts() && turn.now >= patience_end(at);
+  if (!went_on && !gave_up) return wait(silence_counts() ? std::optional(patience_end(at)) : std::nullopt);
   const Instant since = went_on ? matcher_.last_write() : patience_end(at);
   timeline_.anchor(at, since);
   floor_ = std::max(floor_, since);
@@ -292,7 +262,11 @@ Player::Progress Player::at_open(const Turn& turn) {
 Player::Progress Player::at_end(const Turn& turn) {
   if (schedule_.error()) return wait(std::nullopt);
   if (!gate_opens(turn.now, gate_.at)) return Progress::waits;
-  if (!lenient_ && !matcher_.at_end()) return wait(std::nullopt);
+  if (!lenient_) {
+    const std::optional<bool> all_came = matcher_.at_end();
+    if (!all_came) return wait(turn.now);
+    if (!*all_came) return wait(std::nullopt);
+  }
   used_up_ = true;
   return wait(std::nullopt);
 }

@@ -18,7 +18,7 @@ bool Player::gate_opens(Instant now, TapeTime next_at) {
     open_gate(gate_.at, *come, *come);
     return true;
   }
-  if (!lenient_) return wait_for_driver();
+  if (!silence_counts()) return wait_for_driver();
   const Silence silence = next_silence(next_at);
   if (now < silence.end) {
     wake_ = silence.end;
@@ -69,38 +69,6 @@ void Player::become_lenient(Instant now) {
   if (lenient_) return;
   lenient_ = true;
   lenient_since_ = now;
-}
-
-bool Player::nothing_left() {
-  while (!schedule_.at_end() &&
-         (is_note(schedule_.head()->kind) || schedule_.head()->kind == RecordKind::close ||
-          schedule_.head()->kind == RecordKind::hang_up)) {
-    pass();
-  }
-  if (!schedule_.at_end() || schedule_.error()) return false;
-  const bool asked = !gate_.pending || matcher_.position() >= gate_.end;
-  return asked && (lenient_ || matcher_.at_end());
-}
-
-bool Player::open_ahead() {
-  if (schedule_.at_end()) return false;
-  return schedule_.opens_passed() < facts_.opens || schedule_.head()->kind == RecordKind::open;
-}
-
-bool Player::at_recorded_reopen() {
-  while (!schedule_.at_end() &&
-         (is_note(schedule_.head()->kind) || schedule_.head()->kind == RecordKind::hang_up)) {
-    pass();
-  }
-  if (schedule_.at_end()) return false;
-  const RecordKind kind = schedule_.head()->kind;
-  if (kind != RecordKind::open && kind != RecordKind::close) return false;
-  return !gate_.pending || matcher_.position() >= gate_.end;
-}
-
-bool Player::just_passed_open(Instant now) {
-  if (!passed_open_ || now > saturating_add(passed_open_->when, config_.patience)) return false;
-  return !matcher_.touched(passed_open_->writes_end) && !nothing_left();
 }
 
 std::optional<Player::TimingFault> Player::check_recorded(const Matcher::Step& step, Instant now) const {

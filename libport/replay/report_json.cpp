@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -26,6 +27,7 @@ std::string number(double value) {
 std::string number(std::uint64_t value) { return std::to_string(value); }
 std::string number(std::int64_t value) { return std::to_string(value); }
 std::string number(int value) { return std::to_string(value); }
+std::string number(const std::optional<std::uint64_t>& value) { return value ? number(*value) : "null"; }
 
 // Collects `"key":value` pairs.
 class Object {

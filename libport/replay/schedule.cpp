@@ -35,6 +35,7 @@ const Record* Schedule::head() {
 void Schedule::pop() {
   const Record* record = head();
   if (record == nullptr) return;
+  budget_.spend(record->data.size());
   switch (record->kind) {
     case RecordKind::read:
       passed_.reads += record->data.size();
@@ -68,25 +69,8 @@ ByteView Schedule::rest() {
   return record == nullptr ? ByteView{} : record->data.subspan(taken_);
 }
 
-std::optional<TapeTime> Schedule::pass_next_open() {
-  while (const Record* record = head()) {
-    const bool open = record->kind == RecordKind::open;
-    const TapeTime at = record->at;
-    pop();
-    if (open) return at;
-  }
-  return std::nullopt;
-}
-
 void Schedule::pass_write(std::uint64_t offset) {
-  while (passed_.writes <= offset && head() != nullptr) pop();
-}
-
-Schedule::Totals Schedule::drain() {
-  if (totals_) return *totals_;
-  while (head() != nullptr) pop();
-  if (!error_) totals_ = passed_;
-  return passed_;
+  while (passed_.writes <= offset && !spent() && head() != nullptr) pop();
 }
 
 std::uint64_t Schedule::exchange_of(std::uint64_t offset) {

@@ -64,7 +64,12 @@ class Play {
         writes_(tape.all(RecordKind::write)),
         schedule_(tape, MemorySource::Select::merged, piece),
         write_source_(tape, MemorySource::Select::writes_only, piece),
-        engine_(config, {sessions, tape.opens(), tape.hang_ups()}, schedule_, write_source_) {}
+        engine_(config,
+                {.stamped_at_arrival = sessions,
+                 .opens = tape.opens(),
+                 .hang_ups = tape.hang_ups(),
+                 .totals = TapeTotals{reads_.size(), writes_.size()}},
+                schedule_, write_source_) {}
 
   void run(Input& input) {
     while (!input.done()) {
@@ -72,8 +77,13 @@ class Play {
       if (input(4) != 0) settle();
     }
     settle();
-    if (auto report = engine_.finish(now_)) check(*report);
-    require(!engine_.finish(now_), "a run is reported once");
+    engine_.finish(now_);
+    for (int i = 0; !engine_.finished(); ++i) {
+      require(i < 100'000, "an end comes to its end");
+      take(engine_.advance(now_));
+    }
+    if (auto report = engine_.advance(now_).run_ended) check(*report);
+    require(!engine_.advance(now_).run_ended, "a run is reported once");
   }
 
  private:

@@ -31,12 +31,11 @@ class RecordingPortTest : public testing::Test {
   void make_port(bool overwrite = false, bool fail_closed = false) {
     port = std::make_unique<RecordingPort>(
         PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(device),
-        RecordingPort::Options{
-            .tape = {.tape = tape,
-                     .header = {.device = "memory", .driver = "test"},
-                     .on_existing = overwrite ? OnExisting::overwrite : OnExisting::refuse,
-                     .fail_closed = fail_closed,
-                     .retry = std::chrono::milliseconds(1)},
+        RecordingPort::Options{.tape = {.tape = tape,
+                                        .header = {.device = "memory", .driver = "test"},
+                                        .on_existing = overwrite ? OnExisting::overwrite : OnExisting::refuse,
+                                        .fail_closed = fail_closed,
+                                        .retry = std::chrono::milliseconds(1)},
                                .now = &read_scripted_clock});
     log.status.reset();
     port->listen(log);

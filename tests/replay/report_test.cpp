@@ -20,8 +20,10 @@ RunReport passed() {
   report.tape = "laser.log";
   report.rate = 2.5;
   report.duration = std::chrono::microseconds{1'250'000};
-  report.to_driver_bytes = report.to_driver_of = 3222;
-  report.from_driver_bytes = report.from_driver_matched = report.from_driver_of = 42;
+  report.to_driver_bytes = 3222;
+  report.to_driver_of = 3222;
+  report.from_driver_bytes = report.from_driver_matched = 42;
+  report.from_driver_of = 42;
   report.timer_late_p50_us = 12.5;
   report.timer_late_p99_us = 80;
   report.timer_late_max_us = 131;

@@ -38,15 +38,13 @@ class MemoryTape {
     }
     return out;
   }
-  // Bytes of writes before each hang-up.
-  [[nodiscard]] std::vector<std::uint64_t> hang_ups() const {
-    std::vector<std::uint64_t> offsets;
-    std::uint64_t writes = 0;
+  // When each hang-up was.
+  [[nodiscard]] std::vector<TapeTime> hang_ups() const {
+    std::vector<TapeTime> times;
     for (const Entry& entry : entries_) {
-      if (entry.kind == RecordKind::write) writes += entry.data.size();
-      if (entry.kind == RecordKind::hang_up) offsets.push_back(writes);
+      if (entry.kind == RecordKind::hang_up) times.push_back(tape_time_us(entry.us));
     }
-    return offsets;
+    return times;
   }
   [[nodiscard]] std::uint64_t opens() const {
     return static_cast<std::uint64_t>(std::count_if(

@@ -36,7 +36,8 @@ MemoryTape random_tape(Choose&& choose, const RandomTapeShape& shape = {}) {
     now += pace == 0 ? 0 : pace == 1 ? choose(600) : choose(30'000);
     const std::uint32_t kind = choose(12);
     if (shape.sessions && kind == 0) {
-      if (shape.hang_ups && line_open && choose(2) == 0) tape.hang_up(now);
+      // After the last write, as every event at the same time is read before it.
+      if (shape.hang_ups && line_open && choose(2) == 0) tape.hang_up(++now);
       line_open ? tape.close(now) : tape.open(now);
       line_open = !line_open;
     } else if (kind == 1) {
