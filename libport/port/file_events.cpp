@@ -26,9 +26,9 @@ struct FileEvents::Entry {
   std::uint32_t mask;
   int number = -1;  // the kernel's; -1: refused
   int parent = -1;  // that of its folder, which keeps it exact
-  std::vector<Event> events;
-  std::function<void()> callback;
-  std::shared_ptr<Fence> fence;  // of the one who watches
+  std::vector<Event> events = {};
+  std::function<void()> callback = {};
+  std::shared_ptr<Fence> fence = {};  // of the one who watches
   bool gone = false;
 };
 
@@ -66,7 +66,7 @@ void FileEvents::Watch::unnoticed(const std::function<void()>& visit) {
 }
 
 std::unique_ptr<FileEvents::Watch> FileEvents::watch_file(const std::string& path) {
-  auto entry = std::make_shared<Entry>(Entry{.owner = this, .mask = kFileMask, .events = {}, .callback = {}});
+  auto entry = std::make_shared<Entry>(Entry{.owner = this, .mask = kFileMask});
   add(entry, path);
   watch_parent(*entry, path);
   return std::make_unique<Watch>(std::move(entry));
@@ -74,7 +74,7 @@ std::unique_ptr<FileEvents::Watch> FileEvents::watch_file(const std::string& pat
 
 std::unique_ptr<FileEvents::Watch> FileEvents::watch_folder(const std::string& path) {
   auto entry =
-      std::make_shared<Entry>(Entry{.owner = this, .mask = kFolderMask, .events = {}, .callback = {}});
+      std::make_shared<Entry>(Entry{.owner = this, .mask = kFolderMask});
   add(entry, path);
   return std::make_unique<Watch>(std::move(entry));
 }

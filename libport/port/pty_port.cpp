@@ -185,7 +185,9 @@ void PtyPort::write(ByteView data) {
 }
 
 std::optional<std::size_t> PtyPort::unread_by_peer() const {
-  return peer_ && line_ ? line_->outbox.pending() + line_->pty.unread() : 0;
+  if (!peer_ || !line_) return 0;
+  const std::optional<std::size_t> unread = line_->pty.unread();
+  return unread ? std::optional(line_->outbox.pending() + *unread) : std::nullopt;
 }
 
 void PtyPort::set_reading(bool on) {
