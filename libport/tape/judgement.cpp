@@ -124,7 +124,7 @@ Judgement judge(const TapeSummary& tape) {
   const std::vector<std::string> flaws = flaws_of(tape);
   judgement.notes.insert(judgement.notes.end(), flaws.begin(), flaws.end());
   const bool unchecked = !events.exists || (events.ended && !has_digests);
-  if (unchecked) {
+  if (unchecked && judgement.damages.empty()) {
     judgement.notes.push_back((events.exists ? "no digests: " : "no events file, so no digests: ") +
                               std::string(kUnseen));
   }
