@@ -61,6 +61,7 @@ class ReplayPort final : public Port {
   [[nodiscard]] Instant pump_time(Instant now) const;
   void perform(ReplayActions& actions);
   void set_timer();
+  [[nodiscard]] bool may_spin(Instant due) const;
   void on_timer();
   void take_report(RunReport report);
   [[nodiscard]] int status() const;
@@ -72,7 +73,6 @@ class ReplayPort final : public Port {
   std::unique_ptr<Engine> engine_;
   Timer timer_;
   std::optional<RunReport> report_;
-  Instant last_spin_{};
   bool report_failed_ = false;
   bool open_ = false;
   bool dropping_ = false;
