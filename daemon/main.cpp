@@ -2,6 +2,7 @@
 #include <exception>
 #include <iostream>
 #include <string>
+#include <sys/resource.h>
 #include <utility>
 #include <vector>
 
@@ -42,6 +43,14 @@ int run(const Invocation& line) {
   return status;
 }
 
+// Each channel needs a few descriptors, and the soft limit is low for programs that use select().
+void raise_descriptor_limit() {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur == limit.rlim_max) return;
+  limit.rlim_cur = limit.rlim_max;
+  (void)::setrlimit(RLIMIT_NOFILE, &limit);  // where it is refused, the channels that find no room say so
+}
+
 int main_of(const std::vector<std::string>& arguments) {
   // A reader that goes away, and a limit on the size of files, are errors of a write, not the end of the
   // line.
@@ -53,6 +62,7 @@ int main_of(const std::vector<std::string>& arguments) {
     std::cout << *line->print << std::flush;
     return std::cout ? 0 : exit_status::kRuntime;
   }
+  raise_descriptor_limit();
   return run(*line);
 }
 

@@ -77,7 +77,9 @@ void Loop::run() {
   Instant idle_since = now();
   running_since_ = handler_began_ = idle_since;
   for (;;) {
-    const bool soon = patience_.expects_soon(idle_since) && poll_from(idle_since);
+    const bool polls = patience_.expects_soon(idle_since);
+    const bool soon = polls && poll_from(idle_since);
+    if (polls) patience_.poll_ended(soon, idle_since);
     if (!soon && io_->run_one() == 0) break;
     const Instant end = now();
     if (!soon) patience_.waited(end - idle_since);

@@ -77,6 +77,11 @@ class Loop {
   // For timers: one that was expected then comes now.
   void timer_comes(Instant expected);
 
+  // Waiting actively for a moment that is near keeps the loop's thread from everything else: when it did so
+  // last, for all ports together.
+  [[nodiscard]] Instant last_spin() const { return last_spin_; }
+  void spun_until(Instant moment) { last_spin_ = moment; }
+
   boost::asio::io_context& io() { return *io_; }
   [[nodiscard]] static Instant now() { return std::chrono::steady_clock::now(); }
 
@@ -92,6 +97,7 @@ class Loop {
   std::unique_ptr<boost::asio::io_context> io_;
   std::unique_ptr<Byte[]> read_buffer_;  // made when first asked for
   Patience patience_;
+  Instant last_spin_{};
   StallWatch stalls_;
   Instant handler_began_{};  // of the handler that runs, while run() does
   Instant running_since_ = Instant::max();

@@ -25,7 +25,8 @@ constexpr Nanos kReadOnLimit = std::chrono::seconds(3);
 constexpr Nanos kFinishLimit = std::chrono::seconds(5);
 // A program that waits in a call gets what is due in one go, up to so many steps.
 constexpr int kMostSteps = 1024;
-// Spinning takes at most this part of a core, else a dense tape would keep one from the driver.
+// Spinning takes at most this part of a core for all tapes together, else dense ones would keep it from the
+// drivers.
 constexpr int kSpinShare = 5;
 
 Micros milliseconds(double value) { return Micros(static_cast<std::int64_t>(value * 1e3)); }
@@ -251,6 +252,10 @@ int ReplayPort::status() const {
   return verdict == exit_status::kPass && report_failed_ ? exit_status::kRuntime : verdict;
 }
 
+bool ReplayPort::may_spin(Instant due) const {
+  return due - context_.loop->last_spin() >= kSpin * kSpinShare;
+}
+
 void ReplayPort::set_timer() {
   const std::optional<Instant> due = engine_->next_deadline();
   if (!due) {
@@ -258,17 +263,17 @@ void ReplayPort::set_timer() {
     return;
   }
   if (reading_on_) return timer_.set_after(kPause);
-  const bool may_spin = *due - last_spin_ >= kSpin * kSpinShare;
-  timer_.set(may_spin ? *due - kSpin : *due);
+  timer_.set(may_spin(*due) ? *due - kSpin : *due);
 }
 
 void ReplayPort::on_timer() {
   if (const std::optional<Instant> due = engine_->next_deadline()) {
     const Instant now = Loop::now();
     if (*due > now && *due - now <= kSpin) {
+      if (!may_spin(*due)) return timer_.set(*due);  // another tape has meanwhile
       while (Loop::now() < *due) {
       }
-      last_spin_ = *due;
+      context_.loop->spun_until(*due);
     }
   }
   pump();

@@ -69,6 +69,7 @@ class ReplayPort final : public Port {
   [[nodiscard]] Instant pump_time(Instant now) const;
   void perform(ReplayActions& actions);
   void set_timer();
+  [[nodiscard]] bool may_spin(Instant due) const;
   void on_timer();
   void take_report(RunReport report);
   void publish(const RunReport& report);
@@ -83,7 +84,6 @@ class ReplayPort final : public Port {
   Timer timer_;
   std::unique_ptr<ReplayReports> reports_;
   std::optional<RunReport> report_;
-  Instant last_spin_{};
   std::optional<Timer> finish_timer_;
   Instant finish_limit_{};
   bool any_run_ = false;  // has ended
