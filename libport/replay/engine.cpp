@@ -201,6 +201,7 @@ void Engine::on_write(Instant now, ByteView data) { impl_->tell_write(now, data)
 void Engine::on_writing_ended(Instant now) {
   impl_->tell({.kind = Impl::Input::Kind::writing_ended, .at = now});
 }
+void Engine::on_flush(Instant now) { impl_->tell({.kind = Impl::Input::Kind::flush, .at = now}); }
 void Engine::on_close(Instant now) { impl_->tell({.kind = Impl::Input::Kind::close, .at = now}); }
 void Engine::finish(Instant now) { impl_->tell({.kind = Impl::Input::Kind::finish, .at = now}); }
 

@@ -73,6 +73,8 @@ class Engine {
   // It writes no more in this session and still reads (a connection closed in one direction): the device ends
   // its own when all that the tape has for it without further writes was delivered.
   void on_writing_ended(Instant now);
+  // It throws away what is due and was not delivered yet; what is due later still comes.
+  void on_flush(Instant now);
   void on_close(Instant now);
 
   // When advance() should be called next; nothing while only the driver can move things on.

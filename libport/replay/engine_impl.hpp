@@ -27,7 +27,7 @@ struct Engine::Impl {
        RecordSource& write_source);
 
   struct Input {
-    enum class Kind : std::uint8_t { open, write, writing_ended, close, finish };
+    enum class Kind : std::uint8_t { open, write, writing_ended, flush, close, finish };
     Kind kind = Kind::write;
     Instant at{};
     Bytes data{};          // write
@@ -62,6 +62,7 @@ struct Engine::Impl {
   Close meaning_of_close();
   bool judge();
   bool settle();
+  bool flush();
   bool tell_settled(const Player::Settled& settled);
   void play(std::size_t max_bytes, ReplayActions& out);
   void at_tape_end();

@@ -134,7 +134,7 @@ Player::Progress Player::at_read(Turn& turn) {
   if (!gate_opens(turn.now, head.at)) return Progress::waits;
   begin_arrival();
   const Instant when = due(arrival_first_);
-  if (turn.mode == Mode::drop_all || (turn.mode == Mode::drop_due && when <= turn.now)) {
+  if (turn.mode == Mode::drop_all || (turn.mode != Mode::deliver && when <= turn.now)) {
     floor_ = when;
     last_event_ = {head.at, when};
     pass();

@@ -61,6 +61,8 @@ class Player {
   // The driver has closed and the clock runs on: passes, undelivered, what was due by `now` and no gate holds
   // back, up to the next recorded close or open.
   [[nodiscard]] Settled settle(Instant now);
+  // The driver throws away what is due and unread: no answer whose time has come is delivered any more.
+  [[nodiscard]] Settled flush(Instant now);
   // The driver has closed, or the run ends: goes on to the writes that it has made ahead of the walk, so that
   // their times are held against the tape's. Answers on the way count as delivered when due.
   [[nodiscard]] Settled judge(Instant now);
@@ -97,7 +99,7 @@ class Player {
   [[nodiscard]] Schedule& schedule() { return schedule_; }
 
  private:
-  enum class Mode : std::uint8_t { deliver, drop_all, drop_due };
+  enum class Mode : std::uint8_t { deliver, drop_all, drop_due, flush };
   enum class Progress : std::uint8_t { passed, waits, fault };
   struct Turn {
     Instant now{};
