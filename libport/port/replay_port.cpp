@@ -51,7 +51,11 @@ Result<Engine::TapeFacts> facts_of(const TapePaths& tape) {
     if (!next) return next.error();
     if (!*next) return facts;
     if ((*next)->kind == RecordKind::open) ++facts.opens;
-    if ((*next)->kind == RecordKind::hang_up) facts.hang_ups.push_back((*next)->at);
+    const Record& record = **next;
+    if (record.kind == RecordKind::hang_up) facts.hang_ups.push_back(record.at);
+    if (record.kind == RecordKind::gap) {
+      facts.gaps.push_back({record.gap_from, record.at, record.gap_bytes, std::string(record.gap_why)});
+    }
   }
 }
 

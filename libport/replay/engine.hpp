@@ -59,6 +59,7 @@ class Engine {
     // When each recorded hang-up was: what the driver writes beyond the writes recorded before it, until it
     // closes, went to nobody then, and is not compared.
     std::vector<TapeTime> hang_ups{};
+    std::vector<TapeGap> gaps{};
     // What the tape holds, if known; else the reports say nothing of it (see add_totals).
     std::optional<TapeTotals> totals{};
   };

@@ -69,6 +69,7 @@ struct Engine::Impl {
   void tell_mismatch(Mismatch mismatch);
   void tell_difference(ByteView got);
   void tell_fault(const Player::TimingFault& fault);
+  void add_gaps(RunReport& report);
   void stop_if_damaged();
   [[nodiscard]] std::optional<TapeTime> next_hang_up();
   [[nodiscard]] bool fails() const { return config.on_mismatch == OnMismatch::fail; }
@@ -77,6 +78,7 @@ struct Engine::Impl {
   ReplayConfig config;
   std::vector<TapeTime> hang_ups;
   std::optional<TapeTotals> totals;
+  std::vector<TapeGap> gaps;
   Budget budget;
   Matcher matcher;
   Player player;
