@@ -1,9 +1,11 @@
 #include "libport/port/replay_port.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <fmt/format.h>
 #include <utility>
+#include <vector>
 
 #include <spdlog/spdlog.h>
 
@@ -50,7 +52,11 @@ Result<Engine::TapeFacts> facts_of(const TapePaths& tape) {
     if (!next) return next.error();
     if (!*next) return facts;
     if ((*next)->kind == RecordKind::open) ++facts.opens;
-    if ((*next)->kind == RecordKind::hang_up) facts.hang_ups.push_back((*next)->at);
+    const Record& record = **next;
+    if (record.kind == RecordKind::hang_up) facts.hang_ups.push_back(record.at);
+    if (record.kind == RecordKind::gap) {
+      facts.gaps.push_back({record.gap_from, record.at, record.gap_bytes, std::string(record.gap_why)});
+    }
   }
 }
 
@@ -135,7 +141,9 @@ Result<void> ReplayPort::prepare() {
 void ReplayPort::open() {
   open_ = true;
   reports_->begin_count();
-  engine_->on_open(Loop::now());
+  const Instant now = Loop::now();
+  if (!run_begun_) run_begun_ = now;
+  engine_->on_open(now);
   listener().on_up();
   pump();
 }
@@ -171,6 +179,12 @@ bool ReplayPort::discard() {
   pump();
   dropping_ = false;
   return true;
+}
+
+void ReplayPort::peer_flushed(FlushQueue queue) {
+  if (queue == FlushQueue::out || !schedule_->has_events()) return;
+  engine_->on_flush(Loop::now());
+  pump();
 }
 
 std::string ReplayPort::awaits() {
@@ -237,8 +251,22 @@ void ReplayPort::perform(ReplayActions& actions) {
 void ReplayPort::take_report(RunReport report) {
   any_run_ = true;
   report.tape = options_.tape.name();
+  add_stalls(report, std::exchange(run_begun_, std::nullopt).value_or(Loop::now()));
   reports_->add(std::move(report));
   if (options_.once) listener().on_finished(exit_status::kPass);  // the verdict's comes with on_complete
+}
+
+void ReplayPort::add_stalls(RunReport& report, Instant begun) const {
+  const std::vector<Stall> stalls = context_.loop->stalls_since(begun);
+  for (const Stall& stall : stalls) {
+    const auto after = std::chrono::duration<double>(stall.begin - begun).count();
+    const auto length = std::chrono::duration<double, std::milli>(stall.length).count();
+    report.doubts.push_back(
+        {Doubt::Kind::stall,
+         fmt::format("this machine or program stood still for {:.0f} ms, {:.3f} s after the "
+                     "driver's open: what came late, or too late, may be its doing",
+                     length, std::max(after, 0.0))});
+  }
 }
 
 void ReplayPort::publish(const RunReport& report) {

@@ -46,6 +46,9 @@ class ReplayPort final : public Port {
   // nothing is dropped: the tape holds what its driver read, or plays by a clock that a slow reader lags
   // behind.
   bool discard() override;
+  // The same for a driver that flushes what came to it, whatever the timing; a tape that its driver stamped
+  // when reading holds nothing that was flushed. A flush on the tape has no effect: the driver makes its own.
+  void peer_flushed(FlushQueue queue) override;
   [[nodiscard]] std::string awaits() override;
   // Each block of a tape of UDP was a datagram.
   [[nodiscard]] bool keeps_datagrams() const override { return datagrams_; }
@@ -74,6 +77,7 @@ class ReplayPort final : public Port {
   void take_report(RunReport report);
   void publish(const RunReport& report);
   void continue_finish();
+  void add_stalls(RunReport& report, Instant begun) const;
   [[nodiscard]] int status() const;
 
   PortContext context_;
@@ -84,6 +88,7 @@ class ReplayPort final : public Port {
   Timer timer_;
   std::unique_ptr<ReplayReports> reports_;
   std::optional<RunReport> report_;
+  std::optional<Instant> run_begun_;
   std::optional<Timer> finish_timer_;
   Instant finish_limit_{};
   bool any_run_ = false;  // has ended

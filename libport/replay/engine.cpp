@@ -1,7 +1,10 @@
 #include "libport/replay/engine.hpp"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
+#include <cstdio>
+#include <string>
 #include <utility>
 
 #include "libport/replay/engine_impl.hpp"
@@ -10,6 +13,21 @@ namespace porttape {
 namespace {
 
 constexpr std::size_t kMostMismatchesHeld = 16;  // between two calls of advance(); the rest is only counted
+
+constexpr std::size_t kMostGapsTold = 8;
+
+std::string text_of(const TapeGap& gap) {
+  const auto seconds = [](TapeTime at) {
+    std::array<char, 48> text{};
+    const std::int64_t us = to_us(at);
+    std::snprintf(text.data(), text.size(), "%lld.%06lld s", static_cast<long long>(us / 1'000'000),
+                  static_cast<long long>(us % 1'000'000));
+    return std::string(text.data());
+  };
+  const std::string what = gap.bytes > 0 ? std::to_string(gap.bytes) + " bytes are" : "something is";
+  return what + " missing on the tape from " + seconds(gap.from) + " to " + seconds(gap.to) +
+         (gap.why.empty() ? "" : " (" + gap.why + ")") + ": what the driver wrote there was not compared";
+}
 
 ReplayConfig effective(ReplayConfig config) {
   if (config.timing == Timing::none) config.strictness = std::min(config.strictness, 1);
@@ -23,8 +41,11 @@ Engine::Impl::Impl(const ReplayConfig& replay_config, const TapeFacts& facts, Re
     : config(effective(replay_config)),
       hang_ups(facts.hang_ups),
       totals(facts.totals),
+      gaps(facts.gaps),
       matcher(write_source, budget, config.burst_gap),
-      player(config, facts, schedule, budget, matcher) {}
+      player(config, facts, schedule, budget, matcher) {
+  if (config.strictness > 0) matcher.set_gaps(gaps);
+}
 
 void Engine::Impl::begin_run() {
   any_run = true;
@@ -143,8 +164,21 @@ void Engine::Impl::end_run() {
     report.next_expected_tape = unsent->at;
   }
   if (totals) add_totals(report, *totals);
+  add_gaps(report);
   pending.run_ended = std::move(report);
   run.reset();
+}
+
+// The gaps that the run came to.
+void Engine::Impl::add_gaps(RunReport& report) {
+  const std::size_t reached = std::max(matcher.gaps_reached(), player.gaps_reached());
+  for (std::size_t i = 0; i < std::min(reached, gaps.size()); ++i) {
+    if (i == kMostGapsTold) {
+      report.doubts.push_back({Doubt::Kind::gap, "and " + std::to_string(reached - i) + " more gaps"});
+      return;
+    }
+    report.doubts.push_back({Doubt::Kind::gap, text_of(gaps[i])});
+  }
 }
 
 void Engine::Impl::stop_if_damaged() {
@@ -201,6 +235,7 @@ void Engine::on_write(Instant now, ByteView data) { impl_->tell_write(now, data)
 void Engine::on_writing_ended(Instant now) {
   impl_->tell({.kind = Impl::Input::Kind::writing_ended, .at = now});
 }
+void Engine::on_flush(Instant now) { impl_->tell({.kind = Impl::Input::Kind::flush, .at = now}); }
 void Engine::on_close(Instant now) { impl_->tell({.kind = Impl::Input::Kind::close, .at = now}); }
 void Engine::finish(Instant now) { impl_->tell({.kind = Impl::Input::Kind::finish, .at = now}); }
 

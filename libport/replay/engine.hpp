@@ -59,6 +59,7 @@ class Engine {
     // When each recorded hang-up was: what the driver writes beyond the writes recorded before it, until it
     // closes, went to nobody then, and is not compared.
     std::vector<TapeTime> hang_ups{};
+    std::vector<TapeGap> gaps{};
     // What the tape holds, if known; else the reports say nothing of it (see add_totals).
     std::optional<TapeTotals> totals{};
   };
@@ -73,6 +74,8 @@ class Engine {
   // It writes no more in this session and still reads (a connection closed in one direction): the device ends
   // its own when all that the tape has for it without further writes was delivered.
   void on_writing_ended(Instant now);
+  // It throws away what is due and was not delivered yet; what is due later still comes.
+  void on_flush(Instant now);
   void on_close(Instant now);
 
   // When advance() should be called next; nothing while only the driver can move things on.

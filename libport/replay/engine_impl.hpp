@@ -27,7 +27,7 @@ struct Engine::Impl {
        RecordSource& write_source);
 
   struct Input {
-    enum class Kind : std::uint8_t { open, write, writing_ended, close, finish };
+    enum class Kind : std::uint8_t { open, write, writing_ended, flush, close, finish };
     Kind kind = Kind::write;
     Instant at{};
     Bytes data{};          // write
@@ -62,12 +62,14 @@ struct Engine::Impl {
   Close meaning_of_close();
   bool judge();
   bool settle();
+  bool flush();
   bool tell_settled(const Player::Settled& settled);
   void play(std::size_t max_bytes, ReplayActions& out);
   void at_tape_end();
   void tell_mismatch(Mismatch mismatch);
   void tell_difference(ByteView got);
   void tell_fault(const Player::TimingFault& fault);
+  void add_gaps(RunReport& report);
   void stop_if_damaged();
   [[nodiscard]] std::optional<TapeTime> next_hang_up();
   [[nodiscard]] bool fails() const { return config.on_mismatch == OnMismatch::fail; }
@@ -76,6 +78,7 @@ struct Engine::Impl {
   ReplayConfig config;
   std::vector<TapeTime> hang_ups;
   std::optional<TapeTotals> totals;
+  std::vector<TapeGap> gaps;
   Budget budget;
   Matcher matcher;
   Player player;

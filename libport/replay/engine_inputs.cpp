@@ -56,6 +56,8 @@ bool Engine::Impl::work_on(Input& input) {
     case Input::Kind::writing_ended:
       writing_ended = true;
       return true;
+    case Input::Kind::flush:
+      return flush();
     case Input::Kind::close:
       return close(input);
     case Input::Kind::finish:
@@ -66,7 +68,8 @@ bool Engine::Impl::work_on(Input& input) {
 
 bool Engine::Impl::switching() const {
   return std::any_of(inputs.begin(), inputs.end(), [](const Input& input) {
-    return input.kind != Input::Kind::write && input.kind != Input::Kind::writing_ended;
+    return input.kind == Input::Kind::open || input.kind == Input::Kind::close ||
+           input.kind == Input::Kind::finish;
   });
 }
 
@@ -156,6 +159,15 @@ bool Engine::Impl::settle() {
     const Player::Settled settled = player.settle(now);
     if (!tell_settled(settled)) continue;
     return settled.done;
+  }
+  return true;
+}
+
+bool Engine::Impl::flush() {
+  while (run && driver_open) {
+    const Player::Settled flushed = player.flush(now);
+    if (!tell_settled(flushed)) continue;
+    return flushed.done;
   }
   return true;
 }

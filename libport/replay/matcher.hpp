@@ -4,10 +4,12 @@
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <vector>
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
 #include "libport/replay/budget.hpp"
+#include "libport/replay/gap_search.hpp"
 #include "libport/replay/report.hpp"
 #include "libport/replay/write_stream.hpp"
 
@@ -57,6 +59,9 @@ class Matcher {
   Matcher(RecordSource& writes, Budget& budget, Micros arrival_gap)
       : stream_(writes, budget), arrival_gap_(arrival_gap) {}
 
+  // The tape's gaps, in order; what they swallowed of the driver's bytes is no difference. Must outlive it.
+  void set_gaps(const std::vector<TapeGap>& gaps) { gaps_ = &gaps; }
+
   // Back to the tape's start, comparing.
   void rewind();
 
@@ -85,6 +90,10 @@ class Matcher {
   // A data or extra mismatch at the position with `got`; run-related fields are left to the caller.
   [[nodiscard]] Mismatch describe(ByteView got);
 
+  // The driver is in a gap: its latest bytes are none that the tape has.
+  [[nodiscard]] bool astray() const { return comparing_ && search_.astray(); }
+  // How many of the gaps the driver has written up to.
+  [[nodiscard]] std::size_t gaps_reached() const { return next_gap_; }
   [[nodiscard]] bool comparing() const { return comparing_; }
   // Whether the tape expects nothing more; nothing while that is not known.
   [[nodiscard]] std::optional<bool> at_end();
@@ -107,6 +116,8 @@ class Matcher {
   };
 
   Step compare(Instant now, ByteView data, std::optional<TapeTime> until);
+  bool search(Instant now, ByteView rest, bool ended, Step& step);
+  void reach_gaps(bool ended);
   void count(Instant now, std::size_t bytes);
   void complete(const Completion& done);
   void remember(ByteView matched);
@@ -127,6 +138,10 @@ class Matcher {
   std::deque<Arrival> arrivals_;
   Bytes recent_;  // the last matched bytes
   std::optional<Unsent> skipped_;
+  const std::vector<TapeGap>* gaps_ = nullptr;
+  std::size_t next_gap_ = 0;
+  bool realigned_ = false;  // since bytes were last compared
+  GapSearch search_;
 };
 
 }  // namespace porttape

@@ -25,6 +25,8 @@ Player::Player(const ReplayConfig& config, const Engine::TapeFacts& facts, Recor
 void Player::begin(Instant now) {
   schedule_.rewind();
   gate_ = {};
+  untimed_ = false;
+  gaps_reached_ = 0;
   passed_open_.reset();
   arrival_known_ = false;
   arrival_started_ = false;
@@ -35,6 +37,7 @@ void Player::begin(Instant now) {
 
 void Player::start_at(TapeTime tape, Instant now) {
   timeline_.anchor(tape, now);
+  gaps_reached_ = schedule_.gaps_passed();
   session_start_ = tape;
   last_event_ = {tape, now};
   floor_ = now;
@@ -82,6 +85,7 @@ Player::Progress Player::step(Turn& turn) {
     case RecordKind::hang_up:
       return at_hang_up(turn);
     case RecordKind::gap:
+      return at_gap();
     case RecordKind::event:
       break;
   }
@@ -134,7 +138,7 @@ Player::Progress Player::at_read(Turn& turn) {
   if (!gate_opens(turn.now, head.at)) return Progress::waits;
   begin_arrival();
   const Instant when = due(arrival_first_);
-  if (turn.mode == Mode::drop_all || (turn.mode == Mode::drop_due && when <= turn.now)) {
+  if (turn.mode == Mode::drop_all || (turn.mode != Mode::deliver && when <= turn.now)) {
     floor_ = when;
     last_event_ = {head.at, when};
     pass();
@@ -162,7 +166,9 @@ void Player::deliver(Turn& turn, Instant when) {
   if (!delivered_due_) delivered_due_ = when;
   floor_ = when;
   last_event_ = {schedule_.head()->at, turn.now};
+  untimed_ = false;
   matcher_.answered();
+  gaps_reached_ = schedule_.gaps_passed();
   arrival_continues_ = true;
   schedule_.take(part.size());
   if (part.size() == rest.size()) pass();
@@ -219,11 +225,23 @@ Player::Progress Player::at_timed_write(const Turn& turn) {
     pass();
     return Progress::passed;
   }
-  fault_ = compare_time(*done, head.at, timeline_.after(last_event_.real, head.at - last_event_.tape));
+  if (!std::exchange(untimed_, false)) {
+    fault_ = compare_time(*done, head.at, timeline_.after(last_event_.real, head.at - last_event_.tape));
+  }
   gate_.end = end;
   open_gate(head.at, done->real, done->real);
   pass();
   return fault_ ? Progress::fault : Progress::passed;
+}
+
+Player::Progress Player::at_gap() {
+  if (schedule_.head()->gap_bytes > 0 && gated() && !schedule_.line_closed()) {
+    gate_.gap = schedule_.passed().writes > 0;  // a device that is never asked goes on by itself
+    if (!gate_.pending) gate_.at = schedule_.head()->at;
+    untimed_ = true;
+  }
+  pass();
+  return Progress::passed;
 }
 
 Player::Progress Player::at_close(const Turn& turn) {
@@ -268,6 +286,7 @@ Player::Progress Player::at_end(const Turn& turn) {
     if (!*all_came) return wait(std::nullopt);
   }
   used_up_ = true;
+  gaps_reached_ = schedule_.gaps_passed();
   return wait(std::nullopt);
 }
 

@@ -61,6 +61,8 @@ class Player {
   // The driver has closed and the clock runs on: passes, undelivered, what was due by `now` and no gate holds
   // back, up to the next recorded close or open.
   [[nodiscard]] Settled settle(Instant now);
+  // The driver throws away what is due and unread: no answer whose time has come is delivered any more.
+  [[nodiscard]] Settled flush(Instant now);
   // The driver has closed, or the run ends: goes on to the writes that it has made ahead of the walk, so that
   // their times are held against the tape's. Answers on the way count as delivered when due.
   [[nodiscard]] Settled judge(Instant now);
@@ -91,13 +93,15 @@ class Player {
   // Asks for play() at once.
   void wake_at(Instant now) { wake_ = now; }
 
+  // How many of the tape's gaps the run has come to: something behind them was played.
+  [[nodiscard]] std::size_t gaps_reached() const { return gaps_reached_; }
   // When the first of what the last play() delivered had been due.
   [[nodiscard]] std::optional<Instant> delivered_due() const { return delivered_due_; }
   [[nodiscard]] const Timeline& timeline() const { return timeline_; }
   [[nodiscard]] Schedule& schedule() { return schedule_; }
 
  private:
-  enum class Mode : std::uint8_t { deliver, drop_all, drop_due };
+  enum class Mode : std::uint8_t { deliver, drop_all, drop_due, flush };
   enum class Progress : std::uint8_t { passed, waits, fault };
   struct Turn {
     Instant now{};
@@ -110,7 +114,8 @@ class Player {
     bool pending = false;
     std::uint64_t begin = 0;  // recorded bytes before the question
     std::uint64_t end = 0;
-    TapeTime at{};  // of its last write
+    TapeTime at{};     // of its last write
+    bool gap = false;  // a question may be missing before what comes next
   };
   struct Silence {
     Instant end{};
@@ -133,12 +138,15 @@ class Player {
   [[nodiscard]] bool gated() const { return config_.timing != Timing::recorded; }
   [[nodiscard]] bool checks_time() const { return config_.strictness == 2; }
   [[nodiscard]] bool silence_counts() const { return lenient_ && !behind_; }
+  // Behind a gap a driver whose bytes the tape does not have would wait for its answer for ever.
+  [[nodiscard]] bool in_gap() const { return !behind_ && (gate_.gap || matcher_.astray()); }
 
   Progress step(Turn& turn);
   Progress at_read(Turn& turn);
   Progress at_hang_up(Turn& turn);
   Progress at_write(const Turn& turn);
   Progress at_timed_write(const Turn& turn);
+  Progress at_gap();
   Progress at_close(const Turn& turn);
   Progress at_open(const Turn& turn);
   Progress at_end(const Turn& turn);
@@ -175,7 +183,9 @@ class Player {
   TapeTime session_start_{};
   std::optional<PassedOpen> passed_open_;
   Seek seek_;
+  std::size_t gaps_reached_ = 0;
   bool behind_ = false;
+  bool untimed_ = false;  // a gap is between the last event and the next
   bool lenient_ = false;
   Instant lenient_since_{};
   bool used_up_ = false;

@@ -9,22 +9,23 @@ namespace porttape {
 
 // Whether the question before the head has been asked. `next_at`: the recorded time of what waits behind it.
 bool Player::gate_opens(Instant now, TapeTime next_at) {
-  if (!gate_.pending) return true;
-  if (const auto done = matcher_.completion(gate_.end)) {
+  if (!gate_.pending && !gate_.gap) return true;
+  if (const auto done = gate_.pending ? matcher_.completion(gate_.end) : std::nullopt) {
     open_gate(gate_.at, done->real, done->real);
     return true;
   }
-  if (const auto come = matcher_.take(gate_.end)) {
+  if (const auto come = gate_.pending ? matcher_.take(gate_.end) : std::nullopt) {
     open_gate(gate_.at, *come, *come);
     return true;
   }
-  if (!silence_counts()) return wait_for_driver();
+  if (!silence_counts() && !in_gap()) return wait_for_driver();
   const Silence silence = next_silence(next_at);
   if (now < silence.end) {
     wake_ = silence.end;
     return false;
   }
-  matcher_.realign(gate_.end);
+  // In a gap the place is still to be found: nothing of the tape counts as asked.
+  if (!gate_.gap && !matcher_.astray()) matcher_.realign(gate_.end);
   if (silence.after_writing) {
     open_gate(gate_.at, matcher_.last_write(), silence.end);
   } else {
@@ -39,6 +40,7 @@ void Player::open_gate(TapeTime tape, Instant real, Instant not_before) {
   last_event_ = {tape, real};
   floor_ = std::max(floor_, not_before);
   gate_.pending = false;
+  gate_.gap = false;
   gate_.begin = gate_.end;
 }
 
@@ -51,7 +53,7 @@ bool Player::wait_for_driver() {
 // was due.
 Player::Silence Player::next_silence(TapeTime next_at) const {
   const Instant patience = patience_end(next_at);
-  if (matcher_.touched(gate_.begin)) {
+  if (matcher_.touched(gate_.begin) || matcher_.astray()) {
     const Instant quiet = saturating_add(matcher_.last_write(), config_.quiet);
     if (quiet <= patience) return {quiet, true};
   }

@@ -57,6 +57,11 @@ Player::Settled Player::settle(Instant now) {
   return pass_on(turn, std::nullopt);
 }
 
+Player::Settled Player::flush(Instant now) {
+  Turn turn{now, Mode::flush, false, 0, nullptr};
+  return pass_on(turn, std::nullopt);
+}
+
 Player::Settled Player::judge(Instant now) {
   if (!gated() || !checks_time()) return {.done = true};
   Turn turn{now, Mode::drop_all, false, 0, nullptr};

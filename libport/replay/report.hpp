@@ -43,6 +43,14 @@ struct Doubt {
   friend bool operator==(const Doubt&, const Doubt&) = default;
 };
 
+// A stretch of a tape in which something is missing.
+struct TapeGap {
+  TapeTime from{};
+  TapeTime to{};            // where the tape goes on
+  std::uint64_t bytes = 0;  // of both directions; 0: unknown, or no bytes
+  std::string why;
+};
+
 // What a whole tape holds, in bytes.
 struct TapeTotals {
   std::uint64_t reads = 0;

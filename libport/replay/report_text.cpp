@@ -146,7 +146,7 @@ std::string head_line(const RunReport& report, const Paint& paint) {
   const std::optional<std::uint64_t>& from = report.from_driver_of;
   const std::optional<std::uint64_t>& to = report.to_driver_of;
   const bool good = report.verdict == Verdict::pass && !report.trouble;
-  return (good ? paint.green(verdict) : paint.red(verdict)) +
+  return (good ? paint.green(verdict) : paint.red(verdict)) + (report.doubts.empty() ? "" : ", with doubts") +
          (report.tape.empty() ? "" : "  " + to_printable(as_bytes(report.tape))) + ": from the driver " +
          std::to_string(report.from_driver_matched) + (from ? " of " + counted(*from, "byte") : " bytes") +
          " as recorded, to the driver " + std::to_string(report.to_driver_bytes) +
@@ -161,6 +161,9 @@ std::string to_text(const RunReport& report, bool color) {
   std::string out = head_line(report, paint);
   if (report.trouble) out += "  " + paint.red("the tape could not be read on: ") + *report.trouble + '\n';
   if (report.mismatch) out += mismatch_lines(*report.mismatch, paint);
+  for (const Doubt& doubt : report.doubts) {
+    out += "  doubt     " + to_printable(as_bytes(doubt.text)) + '\n';
+  }
   if (report.mismatches > 1) out += "  mismatches in all: " + std::to_string(report.mismatches) + '\n';
   if (report.verdict == Verdict::incomplete) out += unsent_lines(report);
   if (report.mismatch && report.mismatch->kind == MismatchKind::timing) {

@@ -11,6 +11,7 @@ void Schedule::rewind() {
   passed_ = {};
   opens_passed_ = 0;
   hang_ups_passed_ = 0;
+  gaps_passed_ = 0;
   exchange_ = 0;
   answered_ = true;
   line_closed_ = false;
@@ -57,6 +58,8 @@ void Schedule::pop() {
       ++hang_ups_passed_;
       break;
     case RecordKind::gap:
+      ++gaps_passed_;
+      break;
     case RecordKind::event:
       break;
   }

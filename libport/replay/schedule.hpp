@@ -46,6 +46,7 @@ class Schedule {
   [[nodiscard]] const Totals& passed() const { return passed_; }
   [[nodiscard]] std::uint64_t opens_passed() const { return opens_passed_; }
   [[nodiscard]] std::size_t hang_ups_passed() const { return hang_ups_passed_; }
+  [[nodiscard]] std::size_t gaps_passed() const { return gaps_passed_; }
   // Whether the walk is between a recorded close and open: nobody had the line then.
   [[nodiscard]] bool line_closed() const { return line_closed_; }
   // 1-based number of the exchange that the byte at `offset` of the write stream belongs to. Exact for what
@@ -62,6 +63,7 @@ class Schedule {
   Totals passed_;
   std::uint64_t opens_passed_ = 0;
   std::size_t hang_ups_passed_ = 0;
+  std::size_t gaps_passed_ = 0;
   std::uint64_t exchange_ = 0;
   bool answered_ = true;  // a read came after the last write
   bool line_closed_ = false;

@@ -42,6 +42,7 @@ class Rig {
             {.stamped_at_arrival = stamped_at_arrival,
              .opens = tape_.opens(),
              .hang_ups = tape_.hang_ups(),
+             .gaps = tape_.gaps(),
              .totals = TapeTotals{tape_.all(RecordKind::read).size(), tape_.all(RecordKind::write).size()}},
             schedule, writes) {}
 
