@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <iomanip>
 
+#include "libport/base/printable.hpp"
 #include "libport/tape/tape_summary.hpp"
 #include "tools/command_line.hpp"
 #include "tools/json_object.hpp"
@@ -113,7 +114,7 @@ void print_file(const FileSummary& file, std::string_view name, Micros duration,
 }
 
 // A header comes from a file that anyone may have written: nothing of it may reach a terminal raw.
-std::string safe(std::string_view text) { return to_printable(as_bytes(text)); }
+std::string safe(std::string_view text) { return printable_line(text); }
 
 void print_events(const EventsSummary& events, std::ostream& out) {
   if (!events.exists) return;
@@ -136,7 +137,7 @@ void print_events(const EventsSummary& events, std::ostream& out) {
 }
 
 void print_text(const TapeSummary& tape, std::ostream& out) {
-  out << tape.name << '\n';
+  out << safe(tape.name) << '\n';
   label(out, "layout") << to_string(tape.layout) << '\n';
   label(out, "duration") << seconds_text(tape.duration().count()) << " s\n";
   print_file(tape.read, "read", tape.duration(), out);
@@ -149,8 +150,8 @@ void print_text(const TapeSummary& tape, std::ostream& out) {
                           << '\n';
   }
   print_events(tape.events, out);
-  for (const std::string& note : tape.torn_tails()) label(out, "note") << note << '\n';
-  for (const Error& damage : tape.damages()) label(out, "damage") << damage.message << '\n';
+  for (const std::string& note : tape.torn_tails()) label(out, "note") << safe(note) << '\n';
+  for (const Error& damage : tape.damages()) label(out, "damage") << safe(damage.message) << '\n';
 }
 
 int info_of(const std::string& argument, bool json, std::ostream& out, std::ostream& err) {
@@ -158,7 +159,7 @@ int info_of(const std::string& argument, bool json, std::ostream& out, std::ostr
   const auto summary = paths ? summarize(*paths) : Result<TapeSummary>(paths.error());
   if (!summary) {
     out.flush();
-    err << "porttape info: " << summary.error().message << '\n';
+    err << "porttape info: " << safe(summary.error().message) << '\n';
     return exit_status_of(summary.error().code);
   }
   json ? print_json(*summary, out) : print_text(*summary, out);

@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "libport/base/printable.hpp"
 #include "libport/tape/tape_summary.hpp"
 #include "tools/command_line.hpp"
 #include "tools/text.hpp"
@@ -22,20 +23,22 @@ int verify_tape(const std::string& argument, std::ostream& out, std::ostream& er
   if (!summary) {
     const Error& error = summary.error();
     if (error.code == Errc::not_a_tape) {
-      out << paths->name() << ": not a tape: " << error.message << '\n';
+      out << printable_line(paths->name()) << ": not a tape: " << printable_line(error.message) << '\n';
     } else {
       out.flush();
-      err << "porttape verify: " << error.message << '\n';
+      err << "porttape verify: " << printable_line(error.message) << '\n';
     }
     return exit_status_of(error.code);
   }
   const auto damages = summary->damages();
-  for (const Error& damage : damages) out << summary->name << ": damaged: " << damage.message << '\n';
+  for (const Error& damage : damages)
+    out << printable_line(summary->name + ": damaged: " + damage.message) << '\n';
   if (damages.empty()) {
-    out << summary->name << ": sound: " << summary->read.blocks << " read and " << summary->write.blocks
-        << " write blocks, " << seconds_text(summary->duration().count()) << " s\n";
+    out << printable_line(summary->name) << ": sound: " << summary->read.blocks << " read and "
+        << summary->write.blocks << " write blocks, " << seconds_text(summary->duration().count()) << " s\n";
   }
-  for (const std::string& note : summary->torn_tails()) out << summary->name << ": note: " << note << '\n';
+  for (const std::string& note : summary->torn_tails())
+    out << printable_line(summary->name + ": note: " + note) << '\n';
   return damages.empty() ? exit_status::kPass : exit_status::kRuntime;
 }
 
