@@ -9,6 +9,8 @@
 #include <spdlog/sinks/basic_file_sink.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 
+#include "libport/port/printable_message.hpp"
+
 namespace porttape {
 namespace {
 
@@ -29,6 +31,7 @@ constexpr const char* kPattern = "%Y-%m-%d %H:%M:%S.%e %^%l%$ %n: %v";
 
 std::unique_ptr<spdlog::formatter> make_formatter(bool journal) {
   auto formatter = std::make_unique<spdlog::pattern_formatter>();
+  formatter->add_flag<PrintableMessage>('v');
   if (journal) {
     formatter->add_flag<JournalPriority>('*').set_pattern("%*%n: %v");
   } else {

@@ -2,6 +2,7 @@
 #include <iomanip>
 
 #include "libport/base/json_text.hpp"
+#include "libport/base/printable.hpp"
 #include "libport/tape/judgement.hpp"
 #include "tools/command_line.hpp"
 #include "tools/json_object.hpp"
@@ -169,7 +170,7 @@ void print_file(const FileSummary& file, std::string_view name, Micros duration,
 }
 
 // A header comes from a file that anyone may have written: nothing of it may reach a terminal raw.
-std::string safe(std::string_view text) { return to_printable(as_bytes(text)); }
+std::string safe(std::string_view text) { return printable_line(text); }
 
 void print_header(const TapeHeader& header, std::ostream& out) {
   label(out, "recorded") << safe(header.created) << " by " << safe(header.tool) << " on " << safe(header.host)
@@ -211,7 +212,7 @@ void print_events(const EventsSummary& events, std::ostream& out) {
 }
 
 void print_text(const TapeSummary& tape, const Judgement& judgement, std::ostream& out) {
-  out << tape.name << '\n';
+  out << safe(tape.name) << '\n';
   label(out, "layout") << to_string(tape.layout) << '\n';
   label(out, "duration") << seconds_text(tape.duration().count()) << " s\n";
   print_file(tape.read, "read", tape.duration(), out);
@@ -225,8 +226,8 @@ void print_text(const TapeSummary& tape, const Judgement& judgement, std::ostrea
   }
   print_events(tape.events, out);
   label(out, "state") << words_of(judgement.verdict) << '\n';
-  for (const std::string& note : judgement.notes) label(out, "note") << note << '\n';
-  for (const std::string& damage : judgement.damages) label(out, "damage") << damage << '\n';
+  for (const std::string& note : judgement.notes) label(out, "note") << safe(note) << '\n';
+  for (const std::string& damage : judgement.damages) label(out, "damage") << safe(damage) << '\n';
 }
 
 int info_of(const std::string& argument, bool json, std::ostream& out, std::ostream& err) {
@@ -234,7 +235,7 @@ int info_of(const std::string& argument, bool json, std::ostream& out, std::ostr
   const auto summary = paths ? summarize(*paths) : Result<TapeSummary>(paths.error());
   if (!summary) {
     out.flush();
-    err << "porttape info: " << summary.error().message << '\n';
+    err << "porttape info: " << safe(summary.error().message) << '\n';
     return exit_status_of(summary.error().code);
   }
   const Judgement judgement = judge(*summary);

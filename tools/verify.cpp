@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "libport/base/printable.hpp"
 #include "libport/tape/judgement.hpp"
 #include "tools/command_line.hpp"
 #include "tools/text.hpp"
@@ -25,21 +26,22 @@ int verify_tape(const std::string& argument, std::ostream& out, std::ostream& er
   if (!summary) {
     const Error& error = summary.error();
     if (error.code == Errc::not_a_tape) {
-      out << paths->name() << ": not a tape: " << error.message << '\n';
+      out << printable_line(paths->name()) << ": not a tape: " << printable_line(error.message) << '\n';
     } else {
       out.flush();
-      err << "porttape verify: " << error.message << '\n';
+      err << "porttape verify: " << printable_line(error.message) << '\n';
     }
     return exit_status_of(error.code);
   }
+  const std::string name = printable_line(summary->name);
   const Judgement judgement = judge(*summary);
-  for (const std::string& damage : judgement.damages) out << summary->name << ": damaged: " << damage << '\n';
+  for (const std::string& damage : judgement.damages)
+    out << name << ": damaged: " << printable_line(damage) << '\n';
   if (judgement.damages.empty()) {
-    out << summary->name << ": " << words_of(judgement.verdict) << ": " << summary->read.blocks
-        << " read and " << summary->write.blocks << " write blocks, "
-        << seconds_text(summary->duration().count()) << " s\n";
+    out << name << ": " << words_of(judgement.verdict) << ": " << summary->read.blocks << " read and "
+        << summary->write.blocks << " write blocks, " << seconds_text(summary->duration().count()) << " s\n";
   }
-  for (const std::string& note : judgement.notes) out << summary->name << ": note: " << note << '\n';
+  for (const std::string& note : judgement.notes) out << name << ": note: " << printable_line(note) << '\n';
   return judgement.damages.empty() ? exit_status::kPass : exit_status::kRuntime;
 }
 
