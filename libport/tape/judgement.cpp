@@ -117,8 +117,10 @@ Judgement judge(const TapeSummary& tape) {
   Judgement judgement;
   for (const Error& damage : tape.damages()) judgement.damages.push_back(damage.message);
   const EventsSummary& events = tape.events;
-  const bool has_digests = events.end_read && events.end_write;
-  if (has_digests && !tape.being_written) {
+  const bool has_totals = events.end_read && events.end_write;
+  const bool has_digests =
+      has_totals && events.end_read->xxh3 && events.end_write->xxh3 && tape.read.xxh3 && tape.write.xxh3;
+  if (has_totals && !tape.being_written) {
     check_files({tape.read, *events.end_read}, {tape.write, *events.end_write}, events.path, judgement);
   }
   const std::vector<std::string> flaws = flaws_of(tape);

@@ -12,7 +12,9 @@ struct PayloadCounter::Digest {
   XXH3_state_t state;
 };
 
-PayloadCounter::PayloadCounter() : digest_(std::make_unique_for_overwrite<Digest>()) {
+PayloadCounter::PayloadCounter(bool with_digest) {
+  if (!with_digest) return;
+  digest_ = std::make_unique_for_overwrite<Digest>();
   XXH3_64bits_reset(&digest_->state);
 }
 PayloadCounter::PayloadCounter(PayloadCounter&&) noexcept = default;
@@ -21,10 +23,11 @@ PayloadCounter::~PayloadCounter() = default;
 
 void PayloadCounter::add(ByteView data) {
   bytes_ += data.size();
-  XXH3_64bits_update(&digest_->state, data.data(), data.size());
+  if (digest_) XXH3_64bits_update(&digest_->state, data.data(), data.size());
 }
 
 PayloadTotals PayloadCounter::totals() const {
+  if (!digest_) return {blocks_, bytes_, std::nullopt};
   return {blocks_, bytes_, XXH3_64bits_digest(&digest_->state)};
 }
 

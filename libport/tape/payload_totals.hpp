@@ -21,7 +21,8 @@ struct PayloadTotals {
 // small block.
 class PayloadCounter {
  public:
-  PayloadCounter();
+  // Without a digest it costs next to nothing.
+  explicit PayloadCounter(bool with_digest = true);
   PayloadCounter(PayloadCounter&&) noexcept;
   PayloadCounter& operator=(PayloadCounter&&) noexcept;
   ~PayloadCounter();

@@ -49,8 +49,9 @@ class ExchangeMeter {
 // One r or w file with its next block in view.
 class BlockStream {
  public:
-  BlockStream(std::unique_ptr<ByteSource> source, Layout layout, FileSummary& summary) : summary_(summary) {
-    summary_.xxh3 = payload_.totals().xxh3.value_or(0);
+  BlockStream(std::unique_ptr<ByteSource> source, Layout layout, bool with_digest, FileSummary& summary)
+      : summary_(summary), payload_(with_digest) {
+    summary_.xxh3 = payload_.totals().xxh3;
     if (!source) return;
     summary_.exists = true;
     summary_.path = source->name();
@@ -88,7 +89,7 @@ class BlockStream {
     const PayloadTotals totals = payload_.totals();
     summary_.blocks = totals.blocks;
     summary_.bytes = totals.bytes;
-    summary_.xxh3 = totals.xxh3.value_or(0);
+    summary_.xxh3 = totals.xxh3;
     summary_.largest_block = largest_;
     if (totals.blocks > 0) summary_.last = last_;
     if (step == BlockFile::Step::failed) summary_.damage = file_->error();
@@ -116,6 +117,7 @@ class EventStream {
     auto file = EventFile::create(std::move(source));
     if (!file) return file.error();
     file_.emplace(std::move(*file));
+    summary_.header = file_->header();
     advance();
     return {};
   }
@@ -130,7 +132,7 @@ class EventStream {
     if (!has_event_) {
       if (step == EventFile::Step::failed) summary_.damage = file_->error();
       summary_.torn_tail = file_->torn_tail();
-      summary_.header = file_->header();
+      summary_.header = file_->header();  // with the zero that an event has told
       return;
     }
     const TapeEvent& event = file_->event();
@@ -227,8 +229,10 @@ Result<TapeSummary> summarize(std::string name, TapeSources sources) {
   summary.events.path = summary.name + "e";
   EventStream events(summary.events);
   if (const auto opened = events.open(std::move(sources.events)); !opened) return opened.error();
-  BlockStream read(std::move(sources.read), *layout, summary.read);
-  BlockStream write(std::move(sources.write), *layout, summary.write);
+  // A recorder that gives its tapes an id tells digests at their end.
+  const bool has_digests = summary.events.header && !summary.events.header->id.empty();
+  BlockStream read(std::move(sources.read), *layout, has_digests, summary.read);
+  BlockStream write(std::move(sources.write), *layout, has_digests, summary.write);
   ExchangeMeter meter;
   merge(read, write, events, meter);
   meter.report(summary);

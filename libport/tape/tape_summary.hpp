@@ -24,7 +24,7 @@ struct FileSummary {
   std::uint64_t blocks = 0;
   std::uint64_t bytes = 0;  // payload
   std::uint32_t largest_block = 0;
-  std::uint64_t xxh3 = 0;  // of the payload
+  std::optional<std::uint64_t> xxh3;  // of the payload; nothing where the tape tells none to compare it with
   std::optional<TapeTime> first;
   std::optional<TapeTime> last;
   std::uint64_t torn_bytes = 0;

@@ -24,6 +24,8 @@ using Verdict = Judgement::Verdict;
 const Blocks kAnswers{{2, "answer"}, {4, "bye"}};
 const Blocks kQuestions{{1, "ask"}, {3, "end"}};
 
+const std::string kHeader = header_line({.device = "device", .driver = "driver", .id = "0123"});
+
 PayloadTotals totals(const Blocks& blocks) {
   PayloadCounter counter;
   for (const Block& block : blocks) {
@@ -42,9 +44,8 @@ struct Files {
 
 Files recorded(const Blocks& read = kAnswers, const Blocks& write = kQuestions,
                const std::string& events = "") {
-  return {
-      test::block_bytes(read), test::block_bytes(write),
-      header_line({"device", "driver"}) + events + end_line(tape_time_us(9), totals(read), totals(write))};
+  return {test::block_bytes(read), test::block_bytes(write),
+          kHeader + events + end_line(tape_time_us(9), totals(read), totals(write))};
 }
 
 Judgement judged(const Files& files, bool being_written = false) {
@@ -148,7 +149,7 @@ TEST(Judgement, OtherBlocksWithTheSameBytesAreSeen) {
 
 TEST(Judgement, ATapeThatNeverEndedIsNotSound) {
   Files files = recorded();
-  files.events = header_line({"device", "driver"}) + event_line(tape_time_us(0), "open");
+  files.events = kHeader + event_line(tape_time_us(0), "open");
   const Judgement judgement = judged(files);
   EXPECT_EQ(judgement.verdict, Verdict::flawed);
   EXPECT_FALSE(judgement.sound());
@@ -200,7 +201,11 @@ TEST(Judgement, WithoutDigestsItIsSoundAsFarAsItCanBeChecked) {
   files.events.reset();
   EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
   EXPECT_THAT(judged(files).notes, ElementsAre(HasSubstr("no events file, so no digests: ")));
-  files.events = header_line({"device", "driver"}) + event_line(tape_time_us(9), "end");
+  for (const std::string& end : {event_line(tape_time_us(9), "end"),
+                                 end_line(tape_time_us(9), {2, 9, std::nullopt}, {2, 6, std::nullopt})}) {
+    files.events = kHeader + end;
+    EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
+  }
   EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
   EXPECT_THAT(judged(files).notes, ElementsAre(HasSubstr("no digests: ")));
 }
