@@ -95,7 +95,7 @@ void Loop::timer_comes(Instant expected) {
   stalls_.late(std::max(expected, running_since_), handler_began_);
 }
 
-std::function<void(std::function<void()>)> Loop::poster() const {
+std::function<void(std::function<void()>)> Loop::poster() {
   return [this, gate = gate_, fence = fence_](std::function<void()> task) {
     gate->post([this, fence, task = std::move(task)] { within(fence, task); });
   };

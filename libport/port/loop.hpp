@@ -51,7 +51,7 @@ class Loop {
   Workers& workers() { return workers_; }
   // A post() for other threads, which may be called when the loop has gone: nothing happens then. Does not
   // keep run() waiting.
-  [[nodiscard]] std::function<void(std::function<void()>)> poster() const;
+  [[nodiscard]] std::function<void(std::function<void()>)> poster();
 
   // Calls `work`; an exception out of it goes to the fence. What it makes (timers, watches, tasks, and in
   // turn what those make) stays behind the same fence. Without one, exceptions leave run().
