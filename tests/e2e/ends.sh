@@ -56,32 +56,28 @@ within "$daemon" 2 "a second SIGTERM"
 stop "$driver"
 say "a second SIGTERM: ended after $took ms"
 
-# A tape that must not fail, on a device that takes nothing, with a driver that does not read.
-if [[ -c /dev/full ]]; then
-  start socat "UNIX-LISTEN:$work/device.socket" 'SYSTEM:cat /dev/zero'
-  wait_for "$work/device.socket"
-  (ulimit -f 64; exec "$PORTTAPED" record --device "unix:$work/device.socket" --driver "pty:$work/port" \
-    --tape limited --fail-closed 2>log </dev/null) &
-  daemon=$!
-  wait_for "$work/port" log
-  deaf "$work/port"
-  # It takes what a pty holds; a reader then lets the tape grow to its limit.
-  stop "$driver"
-  "$PYTHON" -c 'import os, sys
+# A tape that must not fail, on a device that sends without end.
+start socat "UNIX-LISTEN:$work/device.socket,fork" 'SYSTEM:cat /dev/zero' 2>device.log
+wait_for "$work/device.socket"
+start bash -c 'ulimit -f 64; exec "$@"' bash "$PORTTAPED" record --device "unix:$work/device.socket" \
+  --driver "pty:$work/port" --tape limited --fail-closed 2>log
+daemon=$started
+wait_for "$work/port" log
+# A driver that reads until the tape is at its limit, and then no more.
+"$PYTHON" -c 'import os, sys
 fd = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
 left = 200000
 try:
-    while left > 0: left -= len(os.read(fd, 4096))
-    import time; time.sleep(30)
+  while left > 0: left -= len(os.read(fd, 4096))
+  import time; time.sleep(30)
 except OSError: pass' "$work/port" &
-  reader=$!
-  until_true 20 grep -q 'fail-closed' log || die "the limit is not met: $(cat log)"
-  within "$daemon" 2 --fail-closed
-  status_of "$daemon"
-  kill "$reader" 2>/dev/null || true
-  [[ $status == 1 ]] || die "--fail-closed: exit $status"
-  say "--fail-closed: ended $took ms after the failure"
-fi
+reader=$!
+until_true 20 grep -q 'fail-closed' log || die "the limit is not met: $(cat log)"
+within "$daemon" 2 --fail-closed
+status_of "$daemon"
+kill "$reader" 2>/dev/null || true
+[[ $status == 1 ]] || die "--fail-closed: exit $status"
+say "--fail-closed: ended $took ms after the failure"
 
 # The log's pipe is full and nobody reads it: the line works, SIGTERM ends it.
 line_pair line

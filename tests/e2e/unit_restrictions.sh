@@ -11,25 +11,23 @@ restricted=$2
 [[ -f $unit ]] || die "no unit at $unit"
 mkdir -m 777 links tapes
 cp "$PORTTAPED" porttaped
-# Three lines to devices that know no half-close: only the kernel can say that a driver has closed.
-for name in tcp pty unix; do
-  line_pair "$name"
-  chmod 666 "$(readlink -f "$name.near")"
-  start socat "FILE:$work/$name.far,raw,echo=0" PIPE
-done
-free_ports port
-# shellcheck disable=SC2154 # free_ports sets it
+# A device that knows no half-close: only the kernel can say that a driver has closed.
+free_ports port device
+# shellcheck disable=SC2154 # free_ports sets them
+start socat "UDP4-RECVFROM:$device,bind=127.0.0.1,fork" PIPE
+wait_listening "$device"
+device=udp:127.0.0.1:$device,recv_ip=127.0.0.1,recv_port=0
 cat >channels.conf <<END
 [channel tcp]
-device = serial:$work/tcp.near
+device = $device
 driver = tcp-listen:127.0.0.1:$port
 tape = $work/tapes/tcp
 [channel pty]
-device = serial:$work/pty.near
+device = $device
 driver = pty:$work/links/pty,mode=0666
 tape = $work/tapes/pty
 [channel unix]
-device = serial:$work/unix.near
+device = $device
 driver = unix-listen:$work/links/unix,mode=0666
 tape = $work/tapes/unix
 END
@@ -41,13 +39,13 @@ if systemd-run --quiet --wait --collect true 2>/dev/null; then
   how=systemd-run
   properties=()
   for setting in "${settings[@]}"; do properties+=(-p "$setting"); done
-  start systemd-run --quiet --wait --collect --pipe "${properties[@]}" -p User=nobody -p SupplementaryGroups=dialout \
-    "$work/porttaped" run channels.conf --log-level debug 2>log
+  start systemd-run --quiet --wait --collect --pipe "${properties[@]}" -p User=nobody \
+    "$work/porttaped" run channels.conf 2>log >addresses
 else
   how=$(basename "$restricted")
   read -ra families < <(sed -n 's/^RestrictAddressFamilies=//p' "$unit")
   "$restricted" "${families[@]}" -- true || skip "no seccomp here"
-  start "$restricted" "${families[@]}" -- "$work/porttaped" run channels.conf --log-level debug 2>log
+  start "$restricted" "${families[@]}" -- "$work/porttaped" run channels.conf 2>log >addresses
 fi
 daemon=$started
 wait_for "$work/links/pty" log
