@@ -48,7 +48,12 @@ Result<std::map<std::string, ChannelSpec>> channels_of(const po::parsed_options&
   }
   if (channels.empty())
     return make_error(Errc::usage, "there is no section [channel NAME] with options in it");
-  for (auto& [name, channel] : channels) channel.mode = mode_of(channel);
+  for (auto& [name, channel] : channels) {
+    channel.mode = mode_of(channel);
+    // A daemon that comes up again after a reboot finds its last tape.
+    if (channel.mode == ChannelMode::record && !channel.values.contains("overwrite"))
+      channel.values.try_emplace("on-existing", "next");
+  }
   return channels;
 }
 

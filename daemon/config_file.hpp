@@ -10,7 +10,8 @@
 namespace porttape {
 
 // The channels of an INI file of `[channel NAME]` sections. The mode follows from the keys: device and tape
-// record, tape alone replays, device alone bridges. Errc::usage names the file and what is wrong in it.
+// record, tape alone replays, device alone bridges. `on-existing` is `next` unless given. Errc::usage names
+// the file and what is wrong in it.
 Result<std::map<std::string, ChannelSpec>> read_config_file(const std::string& path);
 Result<std::map<std::string, ChannelSpec>> read_config(std::istream& in, const std::string& name);
 

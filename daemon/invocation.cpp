@@ -18,7 +18,7 @@ namespace {
 namespace po = boost::program_options;
 
 constexpr std::string_view kUsage =
-    "Usage: porttaped record --device PORT --driver PORT --tape NAME [--overwrite]\n"
+    "Usage: porttaped record --device PORT --driver PORT --tape NAME [--on-existing refuse|next|overwrite]\n"
     "       porttaped replay --tape NAME --driver PORT [replay options]\n"
     "       porttaped bridge --device PORT --driver PORT\n"
     "       porttaped run CONFIG\n"
@@ -32,8 +32,20 @@ constexpr std::string_view kRunHelp =
     "records, with tape alone it replays, with device alone it bridges:\n\n"
     "    [channel laser]\n"
     "    device = serial:/dev/ttyUSB0,baud=115200\n"
-    "    driver = pty:/run/porttape/laser\n"
-    "    tape = /var/log/porttape/laser\n";
+    "    driver = pty:/run/porttape/robot/laser,mode=0660,group=dialout\n"
+    "    tape = laser\n\n"
+    "As /etc/porttape/robot.conf this is run by the unit porttaped@robot: its links go to "
+    "/run/porttape/robot, "
+    "its tapes\n"
+    "to /var/log/porttape/robot, and a driver's user is in the group dialout.\n\n"
+    "A channel in trouble (its device is missing, say) is tried again after 1 s, 2 s, … 30 s; the others go "
+    "on. A tape\n"
+    "whose name is taken gets the next free one (on-existing = next). Signals: SIGTERM and SIGINT end (a "
+    "second one at\n"
+    "once), SIGUSR1 starts the next tapes, SIGHUP opens the log file again. Exit status: 2 for a wrong "
+    "configuration,\n"
+    "else the worst of the channels that ended: 0, the verdicts of replays (3, 4, 5), 1 for a tape that is "
+    "incomplete.\n";
 
 struct Verb {
   std::string_view name;
@@ -58,8 +70,10 @@ po::options_description common_options() {
   options.add_options()      //
       ("help", "this text")  //
       ("log-level", po::value<std::string>()->default_value("info"),
-       "trace, debug, info, warn, error, off")                                          //
-      ("log-file", po::value<std::string>(), "writes the log there, not to stderr")     //
+       "trace, debug, info, warn, error, off")  //
+      ("log-file", po::value<std::string>(),
+       "writes the log there, not to stderr; with -b and without it: to the journal or syslog, else to "
+       "$XDG_STATE_HOME/porttape/PID.log")                                              //
       ("background,b", "returns once the link is there and goes on in the background")  //
       ("pidfile", po::value<std::string>(), "writes the process's number there");
   return options;

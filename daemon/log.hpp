@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -9,7 +10,23 @@
 
 namespace porttape {
 
-// The program's log: stderr, with colours on a terminal and priorities for the journal, or a file.
-Result<std::shared_ptr<spdlog::logger>> make_log(const std::string& file, spdlog::level::level_enum level);
+// The program's log. Whoever logs never waits for it, see LogQueue.
+struct Log {
+  std::shared_ptr<spdlog::logger> logger;
+  std::function<void()> reopen;  // the file, by its name
+  std::string place;             // where it goes, when that is not stderr: "the journal", a file's name
+};
+
+// Where a log goes.
+struct LogPlace {
+  std::string file;         // empty: stderr
+  bool background = false;  // without a file: the journal or syslog, else a file of the user's state folder
+  std::string journal = "/run/systemd/journal/socket";
+  std::string syslog = "/dev/log";
+};
+
+// stderr has colours on a terminal and priorities where it is the journal. Errc::usage: a file that cannot be
+// written.
+Result<Log> make_log(const LogPlace& place, spdlog::level::level_enum level);
 
 }  // namespace porttape

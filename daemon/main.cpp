@@ -1,8 +1,11 @@
 #include <csignal>
 #include <exception>
+#include <fcntl.h>
 #include <iostream>
+#include <poll.h>
 #include <string>
 #include <sys/resource.h>
+#include <unistd.h>
 #include <utility>
 #include <vector>
 
@@ -11,31 +14,56 @@
 #include "daemon/invocation.hpp"
 #include "daemon/log.hpp"
 #include "daemon/notify.hpp"
+#include "libport/base/unique_fd.hpp"
 
 namespace porttape {
 namespace {
 
+// A line on stderr, unless that is blocked.
+void tell(const std::string& text) {
+  const std::string line = "porttaped: " + text + '\n';
+  pollfd poll{STDERR_FILENO, POLLOUT, 0};
+  if (::poll(&poll, 1, 1000) > 0) (void)!::write(STDERR_FILENO, line.data(), line.size());
+}
+
 int fail(const Error& error) {
-  std::cerr << "porttaped: " << error.message << '\n';
+  tell(error.message);
   return exit_status_of(error.code);
+}
+
+// Whether a terminal's end is ours: it is in the foreground and has a controlling terminal.
+bool ends_with_terminal(const Invocation& line) {
+  return !line.background && !line.keeps_channels &&
+         UniqueFd(::open("/dev/tty", O_RDWR | O_CLOEXEC | O_NOCTTY));
+}
+
+bool ignores_hang_up() {
+  struct sigaction action {};
+  return ::sigaction(SIGHUP, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
 }
 
 int run(const Invocation& line) {
   Background background;
+  const bool ends_on_hang_up = ends_with_terminal(line);
   if (line.background) {
     const Result<std::optional<int>> child = background.start();
     if (!child) return fail(child.error());
     if (*child) return **child;
   }
-  Result<std::shared_ptr<spdlog::logger>> log = make_log(line.log_file, line.log_level);
+  const Result<Log> log = make_log({.file = line.log_file, .background = line.background}, line.log_level);
   if (!log) return fail(log.error());
   Loop loop;
-  Daemon daemon(loop, *log, {.keeps_channels = line.keeps_channels});
+  Daemon daemon(loop, log->logger,
+                {.keeps_channels = line.keeps_channels,
+                 .ends_on_hang_up = ends_on_hang_up,
+                 .ignores_hang_up = ignores_hang_up(),
+                 .reopen_log = log->reopen});
   if (Result<void> started = daemon.start(line.channels); !started) return fail(started.error());
   PidFile pid_file;
   if (!line.pid_file.empty()) {
     if (Result<void> written = pid_file.write(line.pid_file); !written) return fail(written.error());
   }
+  if (line.background && line.log_file.empty()) tell("the log goes to " + log->place);
   background.ready();
   notify_systemd("READY=1");
   const int status = daemon.run();

@@ -12,9 +12,9 @@
 
 namespace porttape {
 
-// Resolves a host name on a thread of its own, so that a slow name server stops nobody: the loop goes on, and
-// destroying the lookup does not wait for it. The callback comes once, from the loop, and may destroy the
-// lookup. Loop thread only.
+// Resolves a host name on one of the loop's other threads, so that a slow name server stops nobody: the loop
+// goes on, and destroying the lookup does not wait for it. The callback comes once, from the loop, and may
+// destroy the lookup. Loop thread only.
 class NameLookup {
  public:
   using Callback = std::function<void(const Result<std::vector<SocketAddress>>&)>;

@@ -88,6 +88,14 @@ PortType udp_type() {
           {"recv_ip", Kind::text, "*", "own address, * for all (with listen 127.0.0.1 unless given)"},
           {"recv_port", Kind::integer, "20000", "1 to 65535, 0 takes a free one and prints it", 0, kMaxPort},
           {"listen", Kind::flag, "", "datagrams go to who sent the latest one (udp-listen:)"},
+          {"from",
+           Kind::choice,
+           "",
+           "whose datagrams count: the peer's, or anybody's (default: peer; with listen, and in a program's "
+           "own ports, any)",
+           0,
+           0,
+           {"peer", "any"}},
       }),
       "UDP datagrams",
       {"recv_ip", "recv_port"}};
@@ -159,7 +167,14 @@ PortType recording_type(const PortType& inner, std::string_view name) {
   PortType type{name, inner.form, inner.options, "a port with a tape of it", inner.listening};
   const std::vector<OptionSpec> tape = {
       {"file", Kind::text, "port.log", "the tape: FILEr, FILEw, FILEe"},
-      {"overwrite", Kind::flag, "", "replaces an existing tape"},
+      {"on-existing",
+       Kind::choice,
+       "refuse",
+       "a tape of that name is there: an error, the next free name (laser.2.log), or it is replaced",
+       0,
+       0,
+       {"refuse", "next", "overwrite"}},
+      {"overwrite", Kind::flag, "", "the same as on-existing=overwrite"},
       {"failclosed", Kind::flag, "", "ends when the tape cannot be written; else the line stays up"},
   };
   type.options.insert(type.options.begin(), tape.begin(), tape.end());

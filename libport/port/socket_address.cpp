@@ -58,6 +58,15 @@ std::string SocketAddress::text() const {
   return host_and_port(host.data(), port());
 }
 
+bool same_host_and_port(const SocketAddress& one, const SocketAddress& other) {
+  if (one.family() != other.family() || one.port() != other.port()) return false;
+  if (one.family() == AF_INET)
+    return as<sockaddr_in>(one.storage).sin_addr.s_addr == as<sockaddr_in>(other.storage).sin_addr.s_addr;
+  const auto six = as<sockaddr_in6>(one.storage).sin6_addr;
+  const auto other_six = as<sockaddr_in6>(other.storage).sin6_addr;
+  return one.family() == AF_INET6 && std::memcmp(&six, &other_six, sizeof six) == 0;
+}
+
 std::string host_and_port(const std::string& host, long port) {
   return host.find(':') == std::string::npos ? fmt::format("{}:{}", host, port)
                                              : fmt::format("[{}]:{}", host, port);

@@ -23,6 +23,9 @@ struct SocketAddress {
   [[nodiscard]] std::string text() const;
 };
 
+// Whether two addresses of the internet are one, whatever else (flow, scope) comes with them.
+bool same_host_and_port(const SocketAddress& one, const SocketAddress& other);
+
 // `host:port` with brackets where the host is an IPv6 address.
 std::string host_and_port(const std::string& host, long port);
 

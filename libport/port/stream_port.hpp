@@ -30,6 +30,9 @@ namespace porttape {
 // again and again, after 100 ms, 200 ms, … 5 s. `alwaysopen` connects in prepare(), keeps the connection
 // through close(), and makes a new one when it drops.
 //
+// Where the kernel does not tell whether a peer is gone (sock_diag is refused, say), it is taken for a
+// half-closed one and nobody's arrival cuts it short; the log says so once.
+//
 // Closing is orderly (FIN after the bytes); hang_up(false) resets. What was not sent or not read is told by
 // on_dropped.
 class StreamPort : public Port {
@@ -61,7 +64,7 @@ class StreamPort : public Port {
   virtual Result<void> check_peer() { return {}; }  // before the first connection, without making one
   virtual void connect_to_peer(Connector& connector) = 0;
   virtual void set_up(int fd) { (void)fd; }
-  virtual PeerState peer_state(int fd) const = 0;
+  virtual PeerState peer_state(int fd) const = 0;  // asked by look_at_peer() alone
 
   PortContext context_;
   PortOptions options_;
@@ -94,6 +97,7 @@ class StreamPort : public Port {
   void on_readable();
   void received(ByteView data);
   void peer_ended();
+  PeerState look_at_peer(int fd);
   void on_drained();
   void on_line_timer();
   void watch_half_closed();
@@ -122,6 +126,7 @@ class StreamPort : public Port {
   bool up_ = false;           // on_up was told, on_down not yet
   bool interrupted_ = false;  // on_interrupted was told, on_resumed not yet
   bool reading_ = true;
+  bool told_unknown_ = false;
   std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
 };
 

@@ -44,12 +44,23 @@ std::size_t StreamPort::unread(int fd) {
   return ::ioctl(fd, FIONREAD, &bytes) == 0 && bytes > 0 ? static_cast<std::size_t>(bytes) : 0;
 }
 
+PeerState StreamPort::look_at_peer(int fd) {
+  const PeerState state = peer_state(fd);
+  if (state == PeerState::unknown && !std::exchange(told_unknown_, true)) {
+    context_.log->warn(
+        "{}: the kernel does not tell whether a peer has closed or only ended its sending; it is waited for "
+        "(does a sandbox forbid AF_NETLINK?)",
+        name());
+  }
+  return state;
+}
+
 void StreamPort::peer_ended() {
   const bool hung_up = line_->phase >= Phase::sending;
   line_->watch.watch_readable(false);
   // It may still read what is queued; a dead one shows when that is sent.
-  if (line_->phase == Phase::sending && peer_state(line_->fd.get()) != PeerState::gone) return;
-  if (!hung_up && !line_->end_wanted && peer_state(line_->fd.get()) != PeerState::gone) {
+  if (line_->phase == Phase::sending && look_at_peer(line_->fd.get()) != PeerState::gone) return;
+  if (!hung_up && !line_->end_wanted && look_at_peer(line_->fd.get()) != PeerState::gone) {
     // Before it is asked, since the last answer may come from within the question.
     line_->phase = Phase::half_closed;
     line_->since = Loop::now();
@@ -122,7 +133,7 @@ void StreamPort::watch_reading() {
 void StreamPort::watch_unread() {
   const int fd = line_->fd.get();
   // The end of a peer that died while it had more to send waits behind those bytes: the kernel knows.
-  const bool gone = has_event(fd, 0) || peer_state(fd) == PeerState::gone;
+  const bool gone = has_event(fd, 0) || look_at_peer(fd) == PeerState::gone;
   if (gone && !line_->gone_since) line_->gone_since = Loop::now();
   if (gone &&
       (unread(fd) == 0 || !listener().wants_rest() || Loop::now() - *line_->gone_since >= kRestLimit)) {
@@ -133,8 +144,8 @@ void StreamPort::watch_unread() {
 }
 
 void StreamPort::watch_half_closed() {
-  const PeerState peer = has_event(line_->fd.get(), 0) ? PeerState::gone : peer_state(line_->fd.get());
-  const bool hurry = peer == PeerState::unknown && has_event(listener_fd_.get(), POLLIN);
+  const PeerState peer = has_event(line_->fd.get(), 0) ? PeerState::gone : look_at_peer(line_->fd.get());
+  const bool hurry = peer == PeerState::remote && has_event(listener_fd_.get(), POLLIN);
   const bool counts = line_->quiet_ends || hurry;
   const Nanos limit = line_->quiet_ends && hurry ? kQuietWithNext : kQuiet;
   const bool quiet = counts && !congested() && Loop::now() - line_->since >= limit;

@@ -1,6 +1,7 @@
 #include "libport/port/tcp_peer.hpp"
 
 #include <array>
+#include <cerrno>
 #include <cstdint>
 #include <cstring>
 #include <linux/inet_diag.h>
@@ -64,9 +65,15 @@ PeerState tcp_peer_state(int fd) {
   const ssize_t size = ::recv(netlink.get(), answer.data(), answer.size(), 0);
   nlmsghdr header{};
   inet_diag_msg message{};
-  if (size < static_cast<ssize_t>(NLMSG_HDRLEN + sizeof message)) return PeerState::unknown;
+  if (size < static_cast<ssize_t>(NLMSG_HDRLEN + sizeof(nlmsgerr))) return PeerState::unknown;
   std::memcpy(&header, answer.data(), sizeof header);
+  if (header.nlmsg_type == NLMSG_ERROR) {
+    nlmsgerr error{};
+    std::memcpy(&error, answer.data() + NLMSG_HDRLEN, sizeof error);
+    return error.error == -ENOENT ? PeerState::remote : PeerState::unknown;
+  }
   if (header.nlmsg_type != SOCK_DIAG_BY_FAMILY) return PeerState::unknown;
+  if (size < static_cast<ssize_t>(NLMSG_HDRLEN + sizeof message)) return PeerState::unknown;
   std::memcpy(&message, answer.data() + NLMSG_HDRLEN, sizeof message);
   return message.idiag_inode == 0 ? PeerState::gone : PeerState::reading;  // no inode: no program has it
 }

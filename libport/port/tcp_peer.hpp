@@ -6,7 +6,8 @@ namespace porttape {
 enum class PeerState {
   gone,     // it has closed its socket: nobody will read an answer
   reading,  // it has only ended its sending direction (shutdown, half-close)
-  unknown   // its end is on another machine, where the two look the same
+  remote,   // its end is on another machine, where the two look the same
+  unknown   // the kernel did not tell
 };
 
 // Asks the kernel for the socket at the other end of a connected TCP socket, which it knows when that is on

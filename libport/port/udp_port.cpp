@@ -41,6 +41,11 @@ Result<std::vector<SocketAddress>> addresses_to_bind(const PortOptions& options,
   return addresses;
 }
 
+bool only_peer(const PortContext& context, const PortOptions& options) {
+  const std::string from = options.text("from");
+  return from.empty() ? !context.pulled && !options.flag("listen") : from == "peer";
+}
+
 }  // namespace
 
 UdpPort::UdpPort(const PortContext& context, const PortOptions& options)
@@ -48,6 +53,7 @@ UdpPort::UdpPort(const PortContext& context, const PortOptions& options)
       options_(options),
       readonly_(options.flag("readonly")),
       writeonly_(options.flag("writeonly")),
+      from_peer_(only_peer(context, options)),
       rest_timer_(*context.loop, [this] {
         if (opened_ && !up_) watch_->watch_readable(true);
       }) {}
@@ -153,7 +159,7 @@ UdpPort::Waiting UdpPort::read_away() {
 void UdpPort::come_up() {
   up_ = true;
   told_errors_.clear();
-  empty_ = 0;
+  empty_ = foreign_ = 0;
   watch_->watch_readable(reading_);
   listener().on_up();
 }
@@ -172,6 +178,10 @@ void UdpPort::tell_losses() {
   ask_for_overflow();
   if (empty_ > 0)
     tell_lost(std::exchange(empty_, 0), "empty datagrams, which a tape cannot hold, were dropped");
+  if (foreign_ > 0) {
+    context_.log->warn("{}: {} datagrams of others than the peer were dropped", name(),
+                       std::exchange(foreign_, 0));
+  }
 }
 
 void UdpPort::tell_lost(std::uint64_t datagrams, const char* how) {
@@ -273,14 +283,24 @@ bool UdpPort::receive_one() {
   const ssize_t size = ::recvmsg(fd_.get(), &message, 0);
   if (size < 0) return errno == EINTR || errno == ECONNREFUSED;
   sender.size = message.msg_namelen;
-  if (passive()) peer_ = sender;
   look_for_overflow(message);
+  if (is_foreign(sender)) return true;
+  if (passive()) peer_ = sender;
   if (size == 0) {
     ++empty_;
   } else if (writeonly_) {
     listener().on_dropped(static_cast<std::uint64_t>(size), "the port is for writing only");
   } else {
     listener().on_data(ByteView(buffer).first(static_cast<std::size_t>(size)));
+  }
+  return true;
+}
+
+bool UdpPort::is_foreign(const SocketAddress& sender) {
+  if (!from_peer_ || !peer_ || same_host_and_port(sender, *peer_)) return false;
+  if (foreign_++ == 0) {
+    context_.log->warn("{}: a datagram from {}, which is not the peer {}, is dropped; from=any takes all",
+                       name(), sender.text(), peer_->text());
   }
   return true;
 }

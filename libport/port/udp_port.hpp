@@ -19,12 +19,13 @@
 
 namespace porttape {
 
-// Datagrams: each write() is one, each on_data() is one. Receives on `recv_ip`:`recv_port` from anybody and
-// sends from there.
+// Datagrams: each write() is one, each on_data() is one. Receives on `recv_ip`:`recv_port` and sends from
+// there. With `from=peer` only the peer's datagrams count; those of others are dropped, told once a session
+// and counted.
 //
 // Without `listen` it sends to `dest_ip`:`dest_port` and is up once that name has resolved. With `listen` it
-// is passive: it comes up when the first datagram comes, and sends to whoever sent the latest. UDP has no
-// close: it is up until close() or hang_up().
+// is passive: it comes up when the first datagram comes, and sends to whoever sent the latest (with
+// `from=peer` the first, until the line goes down). UDP has no close: it is up until close() or hang_up().
 //
 // Empty datagrams are dropped (a tape cannot hold them), the kernel drops what comes faster than it is read;
 // on_dropped tells both, without bytes. Datagrams that the system does not take (too large, no route) are
@@ -63,6 +64,7 @@ class UdpPort final : public Port {
   void come_up();
   void on_readable();
   bool receive_one();
+  bool is_foreign(const SocketAddress& sender);
   void on_writable();
   void send_or_queue(ByteView datagram);
   bool send_one(ByteView datagram);  // false: later
@@ -77,6 +79,7 @@ class UdpPort final : public Port {
   PortOptions options_;
   const bool readonly_;
   const bool writeonly_;
+  const bool from_peer_;
   UniqueFd fd_;
   int family_ = 0;
   std::optional<FdWatch> watch_;
@@ -85,6 +88,7 @@ class UdpPort final : public Port {
   std::deque<Bytes> queue_;
   std::set<int> told_errors_;   // each once a session
   std::uint64_t empty_ = 0;     // datagrams dropped since open()
+  std::uint64_t foreign_ = 0;   // datagrams of others than the peer, dropped since open()
   std::uint32_t overflow_ = 0;  // datagrams lost in the kernel since bind, as told last
   Timer rest_timer_;
   bool opened_ = false;

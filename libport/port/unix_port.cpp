@@ -2,6 +2,7 @@
 
 #include <cerrno>
 #include <charconv>
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
@@ -38,7 +39,7 @@ UnixPort::UnixPort(const PortContext& context, const PortOptions& options)
 
 UnixPort::~UnixPort() {
   struct stat status {};
-  if (inode_ != 0 && ::lstat(path_.c_str(), &status) == 0 && status.st_ino == inode_)
+  if (node_ && ::lstat(path_.c_str(), &status) == 0 && *node_ == std::pair(status.st_dev, status.st_ino))
     (void)::unlink(path_.c_str());
 }
 
@@ -67,16 +68,34 @@ Result<UniqueFd> UnixPort::make_listener() {
   if (!address) return address.error();
   if (Result<void> place = free_place(*address); !place) return place.error();
   UniqueFd fd = make_socket();
-  (void)::fchmod(fd.get(),
-                 *mode);  // the file's permissions follow the socket's: they are right from the start
-  if (::bind(fd.get(), address->get(), address->size) != 0 || ::chmod(path_.c_str(), *mode) != 0 ||
-      ::listen(fd.get(), kBacklog) != 0) {
+  // The file's permissions are the socket's less the umask: never wider than `mode`, from the start.
+  if (!fd || ::fchmod(fd.get(), *mode) != 0 || ::bind(fd.get(), address->get(), address->size) != 0)
     return make_error(Errc::usage, fmt::format("socket '{}' cannot be made: {}", path_, errno_text(errno)));
-  }
-  struct stat status {};
-  if (::lstat(path_.c_str(), &status) == 0) inode_ = status.st_ino;
+  if (Result<void> own = own_node(*mode); !own) return own.error();
+  if (::listen(fd.get(), kBacklog) != 0)
+    return make_error(Errc::usage, fmt::format("socket '{}' cannot be made: {}", path_, errno_text(errno)));
   context_.log->info("listening on {}", path_);
   return fd;
+}
+
+// Takes note of the socket file that bind() made, and gives it what the umask took from its permissions. What
+// the name means may have changed since: only a socket of our own is touched, and no link is followed.
+Result<void> UnixPort::own_node(mode_t mode) {
+  const UniqueFd node(::open(path_.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
+  struct stat status {};
+  if (!node || ::fstat(node.get(), &status) != 0 || !S_ISSOCK(status.st_mode) ||
+      status.st_uid != ::geteuid()) {
+    return make_error(Errc::usage, fmt::format("socket '{}' was replaced as it was made; choose a folder "
+                                               "that nobody else writes to",
+                                               path_));
+  }
+  node_.emplace(status.st_dev, status.st_ino);
+  const std::string self = fmt::format("/proc/self/fd/{}", node.get());
+  if ((status.st_mode & 0777) != mode && ::chmod(self.c_str(), mode) != 0) {
+    context_.log->warn("socket '{}' has the permissions {:04o}, not {:04o}: {}", path_, status.st_mode & 0777,
+                       mode, errno_text(errno));
+  }
+  return {};
 }
 
 Result<void> UnixPort::check_peer() {

@@ -1,7 +1,9 @@
 #pragma once
 
-#include <cstdint>
+#include <optional>
 #include <string>
+#include <sys/types.h>
+#include <utility>
 
 #include "libport/port/stream_port.hpp"
 
@@ -9,7 +11,7 @@ namespace porttape {
 
 // A Unix stream socket at `path`. With `listen` it makes the socket file, with the permissions `mode`, and
 // takes it away at the end if it is still its own. It replaces nothing but a socket that nobody listens on,
-// left by a program that was killed.
+// left by a program that was killed. A link that another user puts in its place is never followed.
 class UnixPort final : public StreamPort {
  public:
   UnixPort(const PortContext& context, const PortOptions& options);
@@ -23,9 +25,10 @@ class UnixPort final : public StreamPort {
 
  private:
   [[nodiscard]] Result<void> free_place(const SocketAddress& address) const;
+  Result<void> own_node(mode_t mode);
 
   std::string path_;
-  std::uint64_t inode_ = 0;  // of the socket file we made, 0 for none
+  std::optional<std::pair<dev_t, ino_t>> node_;  // the socket file we made
 };
 
 }  // namespace porttape

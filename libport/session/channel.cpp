@@ -25,6 +25,15 @@ const OptionSpec kDevice{"device", Kind::text, "",
 const OptionSpec kTape{"tape", Kind::text, "", "NAME of the tape: NAMEr, NAMEw, NAMEe"};
 const OptionSpec kWaitDevice{"wait-device", Kind::flag, "", "a device that is missing is waited for"};
 
+const OptionSpec kOnExisting{
+    "on-existing",
+    Kind::choice,
+    "refuse",
+    "a tape of that name is there: an error, the next free name (laser.2.log), or it is replaced",
+    0,
+    0,
+    {"refuse", "next", "overwrite"}};
+
 bool is_replay_option(const OptionSpec& option) {
   const PortType* serial = find_port_type("serial");
   const bool common = serial->find(option.name) != nullptr;
@@ -97,7 +106,9 @@ Result<PortOptions> recording_device(const std::map<std::string, std::string>& v
   }
   device.type = recorded;
   device.values["file"] = new_tape(values.at("tape")).name();
-  if (values.contains("overwrite")) device.values["overwrite"] = "1";
+  const auto existing = values.find("on-existing");
+  if (existing != values.end()) device.values["on-existing"] = existing->second;
+  if (values.contains("overwrite")) device.values["on-existing"] = "overwrite";
   if (values.contains("fail-closed")) device.values["failclosed"] = "1";
   return device;
 }
@@ -111,7 +122,8 @@ std::vector<OptionSpec> channel_options(ChannelMode mode) {
       return {kDevice,
               kDriver,
               kTape,
-              {"overwrite", Kind::flag, "", "replaces an existing tape"},
+              kOnExisting,
+              {"overwrite", Kind::flag, "", "short for --on-existing overwrite"},
               {"fail-closed", Kind::flag, "", "ends when the tape cannot be written; else the line stays up"},
               kWaitDevice};
     case ChannelMode::replay:

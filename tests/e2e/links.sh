@@ -1,5 +1,5 @@
 #!/bin/bash
-# links.sh: what the daemon leaves behind when a signal ends it, and what SIGHUP does.
+# links.sh: what the daemon leaves behind when a signal ends it, and what the other signals do.
 # shellcheck source=lib.sh
 source "$(dirname "$0")/lib.sh"
 need socat
@@ -34,19 +34,19 @@ say "SIGTERM and SIGINT: exit 0, no link, tape closed"
 record "$work/turn.log"
 talk first
 find . -name '*.logr' | sort >before
-kill -HUP "$started"
-sleep 0.3
+kill -USR1 "$started"
+until_true 10 grep -q "turn.log is complete" "$work/log" || die "SIGUSR1 does not end the tape: $(cat "$work/log")"
 talk second
 kill -TERM "$started"
 status_of "$started"
-[[ $status == 0 ]] || die "after SIGHUP: exit $status: $(cat "$work/log")"
+[[ $status == 0 ]] || die "after SIGUSR1: exit $status: $(cat "$work/log")"
 find . -name '*.logr' | sort >after
 mapfile -t new < <(comm -13 before after)
-[[ ${#new[@]} == 1 ]] || die "SIGHUP started ${#new[@]} new tapes: ${new[*]:-}"
+[[ ${#new[@]} == 1 ]] || die "SIGUSR1 started ${#new[@]} new tapes: ${new[*]:-}"
 [[ $(payload "$work/turn.logr") == first ]] || die "the first tape does not end with the first talk"
 [[ $(payload "${new[0]}") == second ]] || die "the next tape does not hold the second talk"
 "$PORTTAPE" verify turn.log "${new[0]}" >out 2>&1 || die "verify: $(cat out)"
-say "SIGHUP: a next tape, ${new[0]}"
+say "SIGUSR1: a next tape, ${new[0]}"
 
 record "$work/killed.log"
 kill -KILL "$started"

@@ -1,0 +1,124 @@
+#include "daemon/log.hpp"
+
+#include <array>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <poll.h>
+#include <sstream>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <spdlog/spdlog.h>
+
+#include "daemon/log_target.hpp"
+#include "libport/base/unique_fd.hpp"
+#include "libport/port/socket_address.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+using testing::EndsWith;
+using testing::HasSubstr;
+using Protocol = SocketTarget::Protocol;
+
+std::string text_of(const std::string& path) {
+  std::stringstream text;
+  text << std::ifstream(path).rdbuf();
+  return text.str();
+}
+
+// A datagram socket at a path, as the journal and syslog have.
+class Collector {
+ public:
+  explicit Collector(const std::string& path) : fd_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
+    const SocketAddress address = *unix_address(path);
+    EXPECT_EQ(::bind(fd_.get(), address.get(), address.size), 0);
+  }
+  [[nodiscard]] std::string receive() const {
+    std::array<char, 4096> buffer{};
+    const ssize_t size = ::recv(fd_.get(), buffer.data(), buffer.size(), 0);
+    return {buffer.data(), size > 0 ? static_cast<std::size_t>(size) : 0};
+  }
+
+ private:
+  UniqueFd fd_;
+};
+
+TEST(Log, AFileIsAddedToAndOpenedAgain) {
+  const test::TempDir dir;
+  const std::string path = dir / "log";
+  std::ofstream(path) << "old\n";
+  {
+    const Result<Log> log = make_log({.file = path}, spdlog::level::info);
+    ASSERT_TRUE(log.has_value()) << log.error().message;
+    log->logger->info("one");
+    std::filesystem::rename(path, dir / "moved");
+    log->reopen();
+    log->logger->info("two");
+  }
+  EXPECT_THAT(text_of(dir / "moved") + text_of(path), HasSubstr("old\n"));
+  EXPECT_THAT(text_of(path), EndsWith("two\n"));
+}
+
+TEST(Log, AFileThatCannotBeWrittenIsAUsageError) {
+  const test::TempDir dir;
+  const Result<Log> log = make_log({.file = dir / "none/log"}, spdlog::level::info);
+  ASSERT_FALSE(log.has_value());
+  EXPECT_EQ(log.error().code, Errc::usage);
+  EXPECT_THAT(log.error().message, HasSubstr("none/log"));
+}
+
+TEST(Log, APipeThatNobodyReadsIsNoWait) {
+  const test::TempDir dir;
+  const std::string path = dir / "pipe";
+  ASSERT_EQ(::mkfifo(path.c_str(), 0600), 0);
+  const Result<Log> log = make_log({.file = path}, spdlog::level::info);
+  ASSERT_TRUE(log.has_value()) << log.error().message;
+  for (int n = 0; n < 2000; ++n) log->logger->info("{}", std::string(200, 'x'));
+}
+
+TEST(Log, InTheBackgroundItGoesToTheJournalElseToSyslog) {
+  const test::TempDir dir;
+  const LogPlace place{.file = {}, .background = true, .journal = dir / "journal", .syslog = dir / "syslog"};
+  const Collector syslog(place.syslog);
+  {
+    const Result<Log> log = make_log(place, spdlog::level::info);
+    ASSERT_TRUE(log.has_value());
+    EXPECT_EQ(log->place, "syslog");
+    log->logger->error("trouble");
+  }
+  EXPECT_THAT(syslog.receive(), HasSubstr("porttaped: trouble"));
+  const Collector journal(place.journal);
+  {
+    const Result<Log> log = make_log(place, spdlog::level::info);
+    ASSERT_TRUE(log.has_value());
+    EXPECT_EQ(log->place, "the journal");
+    log->logger->error("trouble");
+  }
+  EXPECT_EQ(journal.receive(), "PRIORITY=3\nSYSLOG_IDENTIFIER=porttaped\nMESSAGE=porttaped: trouble\n");
+}
+
+TEST(Log, InTheBackgroundWithoutEitherItIsAFileOfTheState) {
+  const test::TempDir dir;
+  ::setenv("XDG_STATE_HOME", dir.path().c_str(), 1);
+  const Result<Log> log = make_log(
+      {.file = {}, .background = true, .journal = dir / "none", .syslog = dir / "none"}, spdlog::level::info);
+  ::unsetenv("XDG_STATE_HOME");
+  ASSERT_TRUE(log.has_value()) << log.error().message;
+  EXPECT_EQ(log->place, dir / "porttape/" + std::to_string(::getpid()) + ".log");
+  EXPECT_TRUE(std::filesystem::exists(log->place));
+}
+
+TEST(Log, MessagesHaveThePriorityOfTheLine) {
+  EXPECT_EQ(as_message(Protocol::syslog, "<3>bad"), "<27>porttaped[" + std::to_string(::getpid()) + "]: bad");
+  EXPECT_EQ(as_message(Protocol::journal, "plain"),
+            "PRIORITY=6\nSYSLOG_IDENTIFIER=porttaped\nMESSAGE=plain\n");
+}
+
+}  // namespace
+}  // namespace porttape
