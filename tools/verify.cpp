@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "libport/tape/tape_summary.hpp"
+#include "libport/tape/judgement.hpp"
 #include "tools/command_line.hpp"
 #include "tools/text.hpp"
 #include "tools/verbs.hpp"
@@ -10,9 +10,12 @@ namespace {
 
 constexpr VerbHelp kHelp{
     "verify", "TAPE...",
-    "Reads tapes from end to end and says of each whether it is sound. A torn tail (the\n"
-    "recorder was killed inside a block) is a note. Exit status: 0 all are sound, 1 one is\n"
-    "damaged or cannot be read, 2 one is not a tape or not there.\n",
+    "Reads tapes from end to end and says of each whether it is sound: whole, ended, without a\n"
+    "gap, and its files those that were recorded (by the digests in its end). A tape of which\n"
+    "that is not so is 'no damage found', and notes say why: a gap, no end, a torn tail, still\n"
+    "being written. One without digests is 'sound as far as it can be checked'. A missing,\n"
+    "swapped, shortened or foreign file is damage. Exit status: 0 no damage, 1 one is damaged\n"
+    "or cannot be read, 2 one is not a tape or not there.\n",
     "  porttape verify laser.log\n"
     "  porttape verify *.logr || echo do not use these\n"};
 
@@ -29,14 +32,15 @@ int verify_tape(const std::string& argument, std::ostream& out, std::ostream& er
     }
     return exit_status_of(error.code);
   }
-  const auto damages = summary->damages();
-  for (const Error& damage : damages) out << summary->name << ": damaged: " << damage.message << '\n';
-  if (damages.empty()) {
-    out << summary->name << ": sound: " << summary->read.blocks << " read and " << summary->write.blocks
-        << " write blocks, " << seconds_text(summary->duration().count()) << " s\n";
+  const Judgement judgement = judge(*summary);
+  for (const std::string& damage : judgement.damages) out << summary->name << ": damaged: " << damage << '\n';
+  if (judgement.damages.empty()) {
+    out << summary->name << ": " << words_of(judgement.verdict) << ": " << summary->read.blocks
+        << " read and " << summary->write.blocks << " write blocks, "
+        << seconds_text(summary->duration().count()) << " s\n";
   }
-  for (const std::string& note : summary->torn_tails()) out << summary->name << ": note: " << note << '\n';
-  return damages.empty() ? exit_status::kPass : exit_status::kRuntime;
+  for (const std::string& note : judgement.notes) out << summary->name << ": note: " << note << '\n';
+  return judgement.damages.empty() ? exit_status::kPass : exit_status::kRuntime;
 }
 
 }  // namespace

@@ -2,8 +2,6 @@
 
 #include <array>
 #include <chrono>
-#include <filesystem>
-#include <fmt/format.h>
 #include <string_view>
 #include <utility>
 
@@ -14,24 +12,6 @@ namespace {
 
 // How often a tape that cannot be made or written is tried again, or told of.
 constexpr Nanos kRetry = std::chrono::seconds(1);
-
-// Whatever else is wrong with a place is told when the tape is made there.
-bool taken(const std::filesystem::path& path) {
-  std::error_code error;
-  return std::filesystem::exists(std::filesystem::symlink_status(path, error));
-}
-
-// The first free name after this one: `laser.log`, `laser.2.log`, `laser.3.log`, …
-TapePaths next_tape(const TapePaths& first) {
-  const std::string name = first.name();
-  const std::string_view stem =
-      name.ends_with(".log") ? std::string_view(name).substr(0, name.size() - 4) : name;
-  const std::string_view suffix = std::string_view(name).substr(stem.size());
-  for (int number = 2;; ++number) {
-    TapePaths paths = literal_tape(fmt::format("{}.{}{}", stem, number, suffix));
-    if (!taken(paths.read) && !taken(paths.write) && !taken(paths.events)) return paths;
-  }
-}
 
 }  // namespace
 
@@ -44,7 +24,7 @@ void RecordingPort::listen(PortListener& listener) {
 }
 
 Result<void> RecordingPort::prepare() {
-  if (Result<void> free = TapeWriter::check(options_.tape, {.overwrite = options_.overwrite}); !free)
+  if (Result<void> free = TapeWriter::check(options_.tape, {.on_existing = options_.on_existing}); !free)
     return free;
   return inner_->prepare();
 }
@@ -61,7 +41,7 @@ void RecordingPort::open() {
     if (tape_) tape_->open_event(tape_time());
   } else {
     zero_ = options_.now();
-    if (!options_.overwrite) begin_tape();
+    if (options_.on_existing != OnExisting::overwrite) begin_tape();
   }
   inner_->open();
 }
@@ -106,6 +86,7 @@ std::size_t RecordingPort::write_some(ByteView data) {
 
 bool RecordingPort::end_writing() {
   writing_ended_ = true;
+  if (tape_) tape_->half_close_event(tape_time(), Side::driver);
   return inner_->end_writing();
 }
 
@@ -135,6 +116,11 @@ void RecordingPort::on_down(const LineDown& down) {
   listener().on_down(down);
 }
 
+PortListener::Answers RecordingPort::on_ended() {
+  if (tape_) tape_->half_close_event(tape_time(), Side::device);
+  return listener().on_ended();
+}
+
 void RecordingPort::on_interrupted(const LineDown& down) {
   if (tape_) tape_->device_lost_event(tape_time(), down.error.message, false);
   listener().on_interrupted(down);
@@ -160,10 +146,12 @@ void RecordingPort::missed(std::size_t bytes) {
 void RecordingPort::start_tape() {
   started_ = true;
   next_try_ = options_.now() + kRetry;
-  Result<TapeWriter> tape =
-      TapeWriter::create(options_.tape, options_.header, {.overwrite = options_.overwrite});
+  options_.header.zero = tape_zero(zero_, options_.now());
+  Result<TapeWriter> tape = TapeWriter::create(
+      options_.tape, options_.header, {.on_existing = options_.on_existing, .first_number = first_number_});
   if (tape) {
     tape_ = std::move(*tape);
+    options_.tape = tape_->paths();
     next_try_ = {};
     context_.log->info("recording to {}", options_.tape.name());
     if (!missed_why_.empty()) tape_->gap_event(tape_time(), std::exchange(missed_bytes_, 0), missed_why_);
@@ -215,9 +203,11 @@ void RecordingPort::tell_of_failure() {
 
 void RecordingPort::rotate() {
   if (!started_) return;  // no driver yet, no tape
+  if (tape_) options_.header.previous = PreviousTape{tape_->id(), options_.tape.file_name()};
   end_tape();
-  options_.tape = next_tape(first_tape_);
-  options_.overwrite = false;
+  options_.tape = first_tape_;
+  options_.on_existing = OnExisting::next;
+  first_number_ = 2;
   started_ = false;
   if (!open_) return;
   zero_ = options_.now();

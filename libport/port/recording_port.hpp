@@ -21,7 +21,7 @@ class RecordingPort final : public Port, private PortListener {
   struct Options {
     TapePaths tape;
     TapeHeader header;
-    bool overwrite = false;
+    OnExisting on_existing = OnExisting::refuse;
     bool fail_closed = false;  // end with status 1 when the tape cannot be written; else the line stays up
     Instant (*now)() = &Loop::now;
   };
@@ -58,7 +58,7 @@ class RecordingPort final : public Port, private PortListener {
   void on_finished(int exit_status) override { listener().on_finished(exit_status); }
   void on_complete(int exit_status) override;
   void on_flush(FlushQueue queue) override { listener().on_flush(queue); }
-  Answers on_ended() override { return listener().on_ended(); }
+  Answers on_ended() override;
   bool wants_rest() override { return listener().wants_rest(); }
   void on_interrupted(const LineDown& down) override;
   void on_resumed() override;
@@ -75,6 +75,7 @@ class RecordingPort final : public Port, private PortListener {
   std::unique_ptr<Port> inner_;
   Options options_;
   TapePaths first_tape_;
+  unsigned first_number_ = 1;  // of the names that the next tape may take
   std::optional<TapeWriter> tape_;
   Instant zero_{};
   bool open_ = false;

@@ -6,6 +6,8 @@
 #include <sys/uio.h>
 #include <unistd.h>
 
+#include "libport/tape/tape_lock.hpp"
+
 namespace porttape {
 namespace {
 
@@ -20,6 +22,11 @@ std::unique_ptr<FileSink> FileSink::create(int folder, const std::filesystem::pa
       ::openat(folder, name.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, kMode));
   error = fd ? 0 : errno;
   if (!fd) return nullptr;
+  if (const TapeLock lock = lock_tape_file(fd.get(), folder, name); lock != TapeLock::held) {
+    error = lock == TapeLock::failed ? errno : EEXIST;
+    if (lock == TapeLock::failed) ::unlinkat(folder, name.c_str(), 0);
+    return nullptr;  // else it is somebody else's by now
+  }
   UniqueFd sync_fd(::fcntl(fd.get(), F_DUPFD_CLOEXEC, 0));
   error = sync_fd ? 0 : errno;
   if (!sync_fd) {

@@ -1,17 +1,11 @@
 #include "libport/tape/tape_writer.hpp"
 
 #include <algorithm>
-#include <array>
-#include <cerrno>
-#include <chrono>
-#include <cstdio>
-#include <ctime>
-#include <unistd.h>
 #include <utility>
 
-#include "libport/base/version.hpp"
 #include "libport/tape/block.hpp"
 #include "libport/tape/events.hpp"
+#include "libport/tape/payload_totals.hpp"
 #include "libport/tape/sync_thread.hpp"
 #include "libport/tape/tape_files.hpp"
 
@@ -19,33 +13,6 @@ namespace porttape {
 namespace {
 
 constexpr std::size_t kMaxBlock = std::size_t{64} * 1024;
-
-std::string utc_now() {
-  const auto now = std::chrono::floor<std::chrono::microseconds>(std::chrono::system_clock::now());
-  const auto since_epoch = now.time_since_epoch();
-  const auto seconds = std::chrono::floor<std::chrono::seconds>(since_epoch);
-  const std::time_t time = seconds.count();
-  std::tm utc{};
-  ::gmtime_r(&time, &utc);
-  std::array<char, 32> date{};
-  std::strftime(date.data(), date.size(), "%FT%T", &utc);
-  std::array<char, 48> text{};
-  std::snprintf(text.data(), text.size(), "%s.%06dZ", date.data(),
-                static_cast<int>((since_epoch - seconds).count()));
-  return text.data();
-}
-
-std::string host_name() {
-  std::array<char, 256> name{};
-  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
-}
-
-TapeHeader completed(TapeHeader header) {
-  if (header.created.empty()) header.created = utc_now();
-  if (header.host.empty()) header.host = host_name();
-  if (header.tool.empty()) header.tool = "porttape " + std::string(version());
-  return header;
-}
 
 }  // namespace
 
@@ -63,8 +30,10 @@ struct TapeWriter::Impl {
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
+  int begin(TapeHeader header, const TapeWriterOptions& options);
   [[nodiscard]] std::int64_t stamp(TapeTime at, bool is_block) const;
   void block(WholeAppender& file, TapeTime at, ByteView data);
+  void keep(const WholeAppender& file, std::int64_t at_us, ByteView data);
   void event(std::int64_t at_us, const std::string& line);
   void lose(std::int64_t at_us, std::uint64_t bytes, std::string why);
   void wrote();
@@ -75,6 +44,10 @@ struct TapeWriter::Impl {
   WholeAppender read;
   WholeAppender write;
   WholeAppender events;
+  PayloadCounter kept_read;
+  PayloadCounter kept_write;
+  TapePaths paths;
+  std::string id;
   std::optional<SyncThread> syncing;
   bool sync = false;
   bool finished = false;
@@ -91,6 +64,21 @@ struct TapeWriter::Impl {
   int sync_error = 0;
 };
 
+// Writes the header line. 0, or the errno: the files are to be closed then.
+int TapeWriter::Impl::begin(TapeHeader header, const TapeWriterOptions& options) {
+  header = completed(std::move(header));
+  id = header.id;
+  if (const int error = events.append({}, as_bytes(header_line(header))); error != 0) {
+    finished = true;
+    return error;
+  }
+  sync = options.sync;
+  if (!sync) return 0;
+  syncing.emplace(SyncThread::Sinks{&read.sink(), &write.sink(), &events.sink()});
+  syncing->note_write();
+  return 0;
+}
+
 std::int64_t TapeWriter::Impl::stamp(TapeTime at, bool is_block) const {
   const std::int64_t earliest = last_us + (last_was_block || last_us < 0 ? 1 : 0);
   const std::int64_t us = std::max(to_us(at), earliest);
@@ -106,11 +94,19 @@ void TapeWriter::Impl::block(WholeAppender& file, TapeTime at, ByteView data) {
   const auto header = encode_header(tape_time_us(us), static_cast<std::uint32_t>(data.size()));
   if (const int error = file.append(header, data); error != 0)
     return lose(us, data.size(), errno_text(error));
-  last_us = us;
-  last_was_block = true;
-  bytes_written += data.size();
+  keep(file, us, data);
   wrote();
   tell_gap(us);  // at the same stamp, where events come first: the gap ends with this block
+}
+
+// A block that stands on the tape.
+void TapeWriter::Impl::keep(const WholeAppender& file, std::int64_t at_us, ByteView data) {
+  PayloadCounter& kept = &file == &read ? kept_read : kept_write;
+  kept.begin_block();
+  kept.add(data);
+  last_us = at_us;
+  last_was_block = true;
+  bytes_written += data.size();
 }
 
 void TapeWriter::Impl::event(std::int64_t at_us, const std::string& line) {
@@ -149,7 +145,7 @@ void TapeWriter::Impl::tell_gap(std::int64_t at_us) {
 void TapeWriter::Impl::finish(TapeTime at) {
   if (finished) return;
   const std::int64_t us = stamp(at, false);
-  event(us, event_line(tape_time_us(us), "end"));
+  event(us, end_line(tape_time_us(us), kept_read.totals(), kept_write.totals()));
   finished = true;
   if (syncing) syncing->stop();
   close_all();
@@ -168,33 +164,33 @@ void TapeWriter::Impl::close_all() {
 }
 
 Result<void> TapeWriter::check(const TapePaths& paths, const TapeWriterOptions& options) {
-  return check_tape_files(paths, options.overwrite);
+  return check_tape_files(paths, options.on_existing);
 }
 
 Result<TapeWriter> TapeWriter::create(const TapePaths& paths, const TapeHeader& header,
                                       const TapeWriterOptions& options) {
-  auto files = NewTapeFiles::make(paths, options.overwrite);
+  auto files = NewTapeFiles::make(paths, options);
   if (!files) return files.error();
-  auto writer = on_sinks(std::move(files->sinks), header, options);
-  if (!writer) {
-    return make_error(Errc::io, "cannot write " + paths.events.string() + ": " + writer.error().message);
+  auto impl = std::make_unique<Impl>(std::move(files->sinks));
+  impl->paths = files->paths;
+  if (const int error = impl->begin(header, options); error != 0) {
+    files->discard();
+    impl->close_all();
+    return make_error(Errc::io, "cannot write " + files->paths.events.string() + ": " + errno_text(error));
   }
-  if (const auto published = files->publish(); !published) return published.error();
-  return writer;
+  if (const auto published = files->publish(); !published) {
+    files->discard();
+    return published.error();
+  }
+  return TapeWriter(std::move(impl));
 }
 
 Result<TapeWriter> TapeWriter::on_sinks(TapeSinks sinks, const TapeHeader& header,
                                         const TapeWriterOptions& options) {
   auto impl = std::make_unique<Impl>(std::move(sinks));
-  if (const int error = impl->events.append({}, as_bytes(header_line(completed(header)))); error != 0) {
-    impl->finished = true;
+  if (const int error = impl->begin(header, options); error != 0) {
     impl->close_all();
     return make_error(Errc::io, errno_text(error));
-  }
-  impl->sync = options.sync;
-  if (options.sync) {
-    impl->syncing.emplace(SyncThread::Sinks{&impl->read.sink(), &impl->write.sink(), &impl->events.sink()});
-    impl->syncing->note_write();
   }
   return TapeWriter(std::move(impl));
 }
@@ -241,6 +237,11 @@ void TapeWriter::device_back_event(TapeTime at) {
   impl_->event(us, event_line(tape_time_us(us), "device-back"));
 }
 
+void TapeWriter::half_close_event(TapeTime at, Side by) {
+  const std::int64_t us = impl_->stamp(at, false);
+  impl_->event(us, half_close_line(tape_time_us(us), by == Side::driver ? "driver" : "device"));
+}
+
 void TapeWriter::flush_event(TapeTime at, std::string_view queue) {
   const std::int64_t us = impl_->stamp(at, false);
   impl_->event(us, flush_line(tape_time_us(us), queue));
@@ -264,6 +265,8 @@ Result<void> TapeWriter::finish(TapeTime at) {
   return {};
 }
 
+const TapePaths& TapeWriter::paths() const { return impl_->paths; }
+const std::string& TapeWriter::id() const { return impl_->id; }
 bool TapeWriter::failing() const { return !impl_->failure.empty(); }
 std::string TapeWriter::failure() const { return impl_->failure; }
 std::uint64_t TapeWriter::bytes_lost() const { return impl_->bytes_lost; }
