@@ -11,6 +11,8 @@
 
 #include "libport/port/report_file.hpp"
 #include "libport/replay/tape_count.hpp"
+#include "libport/tape/byte_source.hpp"
+#include "libport/tape/events.hpp"
 
 namespace porttape {
 namespace {
@@ -45,17 +47,22 @@ Enum choice(const std::string& value, const std::pair<std::string_view, Enum> (&
 // What the engine is to know of a tape beforehand. The events file is small, so that it may be read through.
 Result<Engine::TapeFacts> facts_of(const TapePaths& tape) {
   Engine::TapeFacts facts;
-  Result<TapeReader> reader = TapeReader::open(tape, TapeReader::Select::events_only);
-  if (!reader) return reader.error();
+  std::error_code unknown;
+  if (!std::filesystem::exists(tape.events, unknown)) return facts;
+  Result<std::unique_ptr<FileSource>> source = FileSource::open(tape.events);
+  if (!source) return source.error();
+  Result<EventFile> events = EventFile::create(std::move(*source));
+  if (!events) return events.error();
   for (;;) {
-    const auto next = reader->next();
-    if (!next) return next.error();
-    if (!*next) return facts;
-    if ((*next)->kind == RecordKind::open) ++facts.opens;
-    const Record& record = **next;
-    if (record.kind == RecordKind::hang_up) facts.hang_ups.push_back(record.at);
-    if (record.kind == RecordKind::gap) {
-      facts.gaps.push_back({record.gap_from, record.at, record.gap_bytes, std::string(record.gap_why)});
+    const EventFile::Step step = events->next();
+    if (step == EventFile::Step::failed) return events->error();
+    if (step == EventFile::Step::end) return facts;
+    const TapeEvent& event = events->event();
+    if (event.kind == "open") ++facts.opens;
+    if (event.kind == "device-lost" && event.hung_up) facts.hang_ups.push_back(event.at);
+    if (event.kind == "gap") facts.gaps.push_back({event.from, event.at, event.bytes, event.why});
+    if (event.kind == "end" && event.read && event.write) {
+      facts.totals = TapeTotals{event.read->bytes, event.write->bytes};
     }
   }
 }
@@ -130,7 +137,8 @@ Result<void> ReplayPort::prepare() {
                                             : header->device.starts_with("udp"));
   facts->stamped_at_arrival =
       header && header->stamped ? *header->stamped == Stamped::arrival : schedule_->has_events();
-  facts->totals = count_small(options_.tape, *schedule_);
+  stamped_at_arrival_ = facts->stamped_at_arrival;
+  if (const auto counted = count_small(options_.tape, *schedule_)) facts->totals = counted;
   reports_ = std::make_unique<ReplayReports>(
       context_, ReplayReports::Options{options_.tape, options_.report_file, facts->totals},
       [this](const RunReport& report) { publish(report); });
@@ -174,7 +182,7 @@ void ReplayPort::set_reading(bool on) {
 }
 
 bool ReplayPort::discard() {
-  if (options_.config.timing == Timing::recorded || !schedule_ || !schedule_->has_events()) return false;
+  if (options_.config.timing == Timing::recorded || !stamped_at_arrival_) return false;
   dropping_ = true;
   pump();
   dropping_ = false;
@@ -182,7 +190,7 @@ bool ReplayPort::discard() {
 }
 
 void ReplayPort::peer_flushed(FlushQueue queue) {
-  if (queue == FlushQueue::out || !schedule_->has_events()) return;
+  if (queue == FlushQueue::out || !stamped_at_arrival_) return;
   engine_->on_flush(Loop::now());
   pump();
 }

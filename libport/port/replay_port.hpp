@@ -98,6 +98,7 @@ class ReplayPort final : public Port {
   bool open_ = false;
   bool dropping_ = false;
   bool datagrams_ = false;
+  bool stamped_at_arrival_ = false;
 };
 
 }  // namespace porttape
