@@ -15,6 +15,8 @@
 
 #include "daemon/log_target.hpp"
 
+#include "libport/port/printable_message.hpp"
+
 namespace porttape {
 namespace {
 
@@ -39,6 +41,7 @@ constexpr const char* kPattern = "%Y-%m-%d %H:%M:%S.%e %^%l%$ %n: %v";
 
 std::unique_ptr<spdlog::formatter> make_formatter(Style style) {
   auto formatter = std::make_unique<spdlog::pattern_formatter>();
+  formatter->add_flag<PrintableMessage>('v');
   if (style == Style::priorities) {
     formatter->add_flag<JournalPriority>('*').set_pattern("%*%n: %v");
   } else {

@@ -4,6 +4,7 @@
 #include <iostream>
 #include <poll.h>
 #include <string>
+#include <sys/resource.h>
 #include <unistd.h>
 #include <utility>
 #include <vector>
@@ -70,6 +71,14 @@ int run(const Invocation& line) {
   return status;
 }
 
+// Each channel needs a few descriptors, and the soft limit is low for programs that use select().
+void raise_descriptor_limit() {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur == limit.rlim_max) return;
+  limit.rlim_cur = limit.rlim_max;
+  (void)::setrlimit(RLIMIT_NOFILE, &limit);  // where it is refused, the channels that find no room say so
+}
+
 int main_of(const std::vector<std::string>& arguments) {
   // A reader that goes away, and a limit on the size of files, are errors of a write, not the end of the
   // line.
@@ -81,6 +90,7 @@ int main_of(const std::vector<std::string>& arguments) {
     std::cout << *line->print << std::flush;
     return std::cout ? 0 : exit_status::kRuntime;
   }
+  raise_descriptor_limit();
   return run(*line);
 }
 

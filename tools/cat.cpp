@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 
+#include "libport/base/printable.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "tools/cat_lines.hpp"
 #include "tools/command_line.hpp"
@@ -127,7 +128,7 @@ Result<void> print_tape(TapeReader& tape, const CatOptions& options, CatPrinter&
 
 int fail(const Error& error, std::ostream& out, std::ostream& err) {
   out.flush();
-  err << "porttape cat: " << error.message << '\n';
+  err << "porttape cat: " << printable_line(error.message) << '\n';
   return exit_status_of(error.code);
 }
 
@@ -142,7 +143,7 @@ int cat_tape(const std::string& argument, const CatOptions& options, CatPrinter&
   }
   if (const auto note = tape->torn_tail()) {
     out.flush();
-    err << "porttape cat: note: " << *note << '\n';
+    err << "porttape cat: note: " << printable_line(*note) << '\n';
   }
   return exit_status::kPass;
 }

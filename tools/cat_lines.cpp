@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "libport/base/json_text.hpp"
+#include "libport/base/printable.hpp"
 #include "tools/text.hpp"
 
 namespace porttape {
@@ -29,18 +30,6 @@ std::string_view details(const Record& record) {
   if (!line.starts_with(usual) || !line.ends_with('}')) return line;
   line = line.substr(usual.size(), line.size() - usual.size() - 1);
   return line.starts_with(',') ? line.substr(1) : line;
-}
-
-// UTF-8 with nothing in it that a terminal would obey: no C0 and no C1 controls.
-std::string safe(std::string_view text) {
-  std::string out = to_utf8(text);
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    const auto byte = static_cast<Byte>(out[i]);
-    const Byte next = i + 1 < out.size() ? static_cast<Byte>(out[i + 1]) : Byte{0};
-    if (byte < 0x20 || byte == 0x7F) out[i] = ' ';
-    if (byte == 0xC2 && next < 0xA0) out[i] = out[i + 1] = ' ';
-  }
-  return out;
 }
 
 }  // namespace
@@ -69,8 +58,8 @@ void TextCatPrinter::end() {
 void TextCatPrinter::event(const Record& record) {
   print_time(out_, record.at);
   if (color_) out_ << kYellow;
-  const std::string more = safe(details(record));
-  out_ << "-  " << to_printable(as_bytes(record.event)) << (more.empty() ? "" : "  ") << more;
+  const std::string more = printable_line(details(record));
+  out_ << "-  " << printable_line(record.event) << (more.empty() ? "" : "  ") << more;
   if (color_) out_ << kPlain;
   out_ << '\n';
 }
@@ -85,11 +74,7 @@ void JsonCatPrinter::data(ByteView piece) { out_ << to_hex(piece); }
 
 void JsonCatPrinter::end() { out_ << "\"}\n"; }
 
-// The line as it is on the tape: it is a JSON object already.
-void JsonCatPrinter::event(const Record& record) {
-  std::string line = to_utf8(record.event_line);
-  std::replace(line.begin(), line.end(), '\r', ' ');
-  out_ << line << '\n';
-}
+// The line of the tape is a JSON object already.
+void JsonCatPrinter::event(const Record& record) { out_ << json_for_terminal(record.event_line) << '\n'; }
 
 }  // namespace porttape

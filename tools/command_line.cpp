@@ -5,6 +5,7 @@
 #include <boost/program_options/value_semantic.hpp>
 
 #include "libport/base/error.hpp"
+#include "libport/base/printable.hpp"
 #include "tools/option_description.hpp"
 
 namespace porttape {
@@ -44,7 +45,8 @@ std::optional<int> CommandLine::parse(Arguments args, std::ostream& out, std::os
 }
 
 int CommandLine::usage_error(std::ostream& err, std::string_view what) const {
-  err << "porttape " << help_.verb << ": " << what << "; see porttape " << help_.verb << " --help\n";
+  err << "porttape " << help_.verb << ": " << printable_line(what) << "; see porttape " << help_.verb
+      << " --help\n";
   return exit_status::kUsage;
 }
 

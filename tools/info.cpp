@@ -1,7 +1,9 @@
 #include <algorithm>
 #include <iomanip>
 
-#include "libport/tape/tape_summary.hpp"
+#include "libport/base/json_text.hpp"
+#include "libport/base/printable.hpp"
+#include "libport/tape/judgement.hpp"
 #include "tools/command_line.hpp"
 #include "tools/json_object.hpp"
 #include "tools/text.hpp"
@@ -50,6 +52,50 @@ std::string to_json(const FileSummary& file, Micros duration) {
   return json.str();
 }
 
+std::string_view text_of(Transport transport) {
+  return transport == Transport::datagram ? "datagram" : "stream";
+}
+std::string_view text_of(Stamped stamped) { return stamped == Stamped::arrival ? "arrival" : "read"; }
+
+std::optional<std::string_view> text_or_none(std::string_view text) {
+  return text.empty() ? std::nullopt : std::optional(text);
+}
+
+std::string to_json(const std::optional<TapeZero>& zero) {
+  if (!zero) return "null";
+  JsonObject json;
+  json.add("wall", zero->wall)
+      .add("monotonic_us", zero->monotonic_us)
+      .add_or_null("boot", text_or_none(zero->boot));
+  return json.str();
+}
+
+std::string to_json(const std::optional<PreviousTape>& previous) {
+  if (!previous) return "null";
+  JsonObject json;
+  json.add("id", previous->id).add("name", previous->name);
+  return json.str();
+}
+
+std::string to_json(const std::vector<GapSummary>& gaps) {
+  std::string list;
+  for (const GapSummary& gap : gaps) {
+    JsonObject json;
+    json.add("from_us", to_us(gap.from))
+        .add("t_us", to_us(gap.at))
+        .add("bytes", gap.bytes)
+        .add("why", gap.why);
+    list += (list.empty() ? "" : ",") + json.str();
+  }
+  return "[" + list + "]";
+}
+
+std::string to_json(const std::vector<std::string>& texts) {
+  std::string list;
+  for (const std::string& text : texts) list += (list.empty() ? "" : ",") + json_quote(text);
+  return "[" + list + "]";
+}
+
 std::string to_json(const EventsSummary& events) {
   if (!events.exists) return "null";
   JsonObject kinds;
@@ -65,7 +111,14 @@ std::string to_json(const EventsSummary& events) {
       .add_raw("kinds", kinds.str())
       .add("gap_bytes", events.gap_bytes)
       .add_raw("torn", events.torn_tail ? "true" : "false")
-      .add_or_null("damage", message_of(events.damage));
+      .add_or_null("damage", message_of(events.damage))
+      .add_or_null("id", text_or_none(header.id))
+      .add_raw("zero", to_json(header.zero))
+      .add_or_null("transport", header.transport ? std::optional(text_of(*header.transport)) : std::nullopt)
+      .add_or_null("stamped", header.stamped ? std::optional(text_of(*header.stamped)) : std::nullopt)
+      .add_raw("previous", to_json(header.previous))
+      .add_raw("gaps", to_json(events.gaps))
+      .add_raw("ended", events.ended ? "true" : "false");
   return json.str();
 }
 
@@ -79,7 +132,7 @@ std::string to_json(const std::optional<LatencySummary>& latency) {
   return json.str();
 }
 
-void print_json(const TapeSummary& tape, std::ostream& out) {
+void print_json(const TapeSummary& tape, const Judgement& judgement, std::ostream& out) {
   JsonObject json;
   json.add("tape", tape.name)
       .add("layout", to_string(tape.layout))
@@ -90,7 +143,11 @@ void print_json(const TapeSummary& tape, std::ostream& out) {
       .add("answered", tape.answered)
       .add_raw("latency_us", to_json(tape.latency))
       .add_raw("events", to_json(tape.events))
-      .add_raw("sound", tape.damages().empty() ? "true" : "false");
+      .add_raw("sound", judgement.sound() ? "true" : "false")
+      .add("verdict", to_string(judgement.verdict))
+      .add_raw("damages", to_json(judgement.damages))
+      .add_raw("notes", to_json(judgement.notes))
+      .add_raw("being_written", tape.being_written ? "true" : "false");
   out << json.str() << '\n';
 }
 
@@ -113,16 +170,34 @@ void print_file(const FileSummary& file, std::string_view name, Micros duration,
 }
 
 // A header comes from a file that anyone may have written: nothing of it may reach a terminal raw.
-std::string safe(std::string_view text) { return to_printable(as_bytes(text)); }
+std::string safe(std::string_view text) { return printable_line(text); }
+
+void print_header(const TapeHeader& header, std::ostream& out) {
+  label(out, "recorded") << safe(header.created) << " by " << safe(header.tool) << " on " << safe(header.host)
+                         << '\n';
+  if (!header.id.empty()) label(out, "id") << safe(header.id) << '\n';
+  if (header.zero) {
+    label(out, "zero") << safe(header.zero->wall) << ", " << seconds_text(header.zero->monotonic_us)
+                       << " s after the boot";
+    if (!header.zero->boot.empty()) out << ' ' << safe(header.zero->boot);
+    out << '\n';
+  }
+  label(out, "device") << safe(header.device) << '\n';
+  label(out, "driver") << safe(header.driver) << '\n';
+  if (header.transport) label(out, "transport") << text_of(*header.transport) << '\n';
+  if (header.stamped) {
+    label(out, "stamped") << (*header.stamped == Stamped::arrival ? "when bytes arrived"
+                                                                  : "when bytes were read")
+                          << '\n';
+  }
+  if (header.previous) {
+    label(out, "previous") << safe(header.previous->name) << ' ' << safe(header.previous->id) << '\n';
+  }
+}
 
 void print_events(const EventsSummary& events, std::ostream& out) {
   if (!events.exists) return;
-  if (events.header) {
-    label(out, "recorded") << safe(events.header->created) << " by " << safe(events.header->tool) << " on "
-                           << safe(events.header->host) << '\n';
-    label(out, "device") << safe(events.header->device) << '\n';
-    label(out, "driver") << safe(events.header->driver) << '\n';
-  }
+  if (events.header) print_header(*events.header, out);
   label(out, "events");
   std::string_view separator;
   for (const auto& [kind, count] : events.kinds) {
@@ -133,10 +208,11 @@ void print_events(const EventsSummary& events, std::ostream& out) {
   if (events.count("gap") > 0) {
     label(out, "gaps") << events.count("gap") << ", " << events.gap_bytes << " bytes missing\n";
   }
+  label(out, "ended") << (events.ended ? "yes\n" : "no\n");
 }
 
-void print_text(const TapeSummary& tape, std::ostream& out) {
-  out << tape.name << '\n';
+void print_text(const TapeSummary& tape, const Judgement& judgement, std::ostream& out) {
+  out << safe(tape.name) << '\n';
   label(out, "layout") << to_string(tape.layout) << '\n';
   label(out, "duration") << seconds_text(tape.duration().count()) << " s\n";
   print_file(tape.read, "read", tape.duration(), out);
@@ -149,8 +225,9 @@ void print_text(const TapeSummary& tape, std::ostream& out) {
                           << '\n';
   }
   print_events(tape.events, out);
-  for (const std::string& note : tape.torn_tails()) label(out, "note") << note << '\n';
-  for (const Error& damage : tape.damages()) label(out, "damage") << damage.message << '\n';
+  label(out, "state") << words_of(judgement.verdict) << '\n';
+  for (const std::string& note : judgement.notes) label(out, "note") << safe(note) << '\n';
+  for (const std::string& damage : judgement.damages) label(out, "damage") << safe(damage) << '\n';
 }
 
 int info_of(const std::string& argument, bool json, std::ostream& out, std::ostream& err) {
@@ -158,11 +235,12 @@ int info_of(const std::string& argument, bool json, std::ostream& out, std::ostr
   const auto summary = paths ? summarize(*paths) : Result<TapeSummary>(paths.error());
   if (!summary) {
     out.flush();
-    err << "porttape info: " << summary.error().message << '\n';
+    err << "porttape info: " << safe(summary.error().message) << '\n';
     return exit_status_of(summary.error().code);
   }
-  json ? print_json(*summary, out) : print_text(*summary, out);
-  return summary->damages().empty() ? exit_status::kPass : exit_status::kRuntime;
+  const Judgement judgement = judge(*summary);
+  json ? print_json(*summary, judgement, out) : print_text(*summary, judgement, out);
+  return judgement.damages.empty() ? exit_status::kPass : exit_status::kRuntime;
 }
 
 }  // namespace

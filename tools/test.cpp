@@ -103,7 +103,7 @@ Result<TestRequest> read_request(const po::variables_map& values, const std::vec
 }
 
 int fail(const Error& error, std::ostream& err) {
-  fmt::print(err, "porttape test: {}\n", error.message);
+  fmt::print(err, "porttape test: {}\n", printable_line(error.message));
   return exit_status_of(error.code);
 }
 
@@ -113,7 +113,9 @@ int run_request(const TestRequest& request, std::ostream& out, std::ostream& err
   Result<RunReport> report = test.run();
   for (const std::string& note : test.notes()) fmt::print(err, "porttape test: {}\n", printable_line(note));
   if (!report) return fail(report.error(), err);
-  out << to_text(*report, wants_color(out)) << std::flush;
+  RunReport shown = *report;
+  shown.tape = printable_line(shown.tape);
+  out << to_text(shown, wants_color(out)) << std::flush;
   if (report->command_exit.value_or(0) != 0)
     fmt::print(err, "porttape test: the command ended with status {}\n", *report->command_exit);
   report->process_exit = output_status(out, test.exit_status(*report));

@@ -12,6 +12,7 @@
 #include <spdlog/spdlog.h>
 
 #include "libport/port/port_factory.hpp"
+#include "libport/port/printable_message.hpp"
 #include "libport/tape/tape_name.hpp"
 
 namespace porttape {
@@ -64,7 +65,9 @@ TestRun::TestRun(TestRequest request)
       idle_timer_(loop_, [this] { look_whether_idle(); }),
       signals_(loop_.io()) {
   log_->set_level(spdlog::level::err);
-  log_->set_pattern("porttape: %v");
+  auto formatter = std::make_unique<spdlog::pattern_formatter>();
+  formatter->add_flag<PrintableMessage>('v').set_pattern("porttape: %v");
+  log_->set_formatter(std::move(formatter));
 }
 
 TestRun::~TestRun() = default;

@@ -5,6 +5,7 @@
 #include <iomanip>
 
 #include "libport/base/error.hpp"
+#include "libport/base/printable.hpp"
 #include "libport/base/version.hpp"
 
 namespace porttape {
@@ -48,7 +49,7 @@ int run_porttape(Arguments args, std::ostream& out, std::ostream& err) {
   const auto* verb =
       std::find_if(kVerbs.begin(), kVerbs.end(), [&](const Verb& each) { return each.name == name; });
   if (verb == kVerbs.end()) {
-    err << "porttape: unknown " << (name.starts_with('-') ? "option" : "verb") << " '" << name
+    err << "porttape: unknown " << (name.starts_with('-') ? "option" : "verb") << " '" << printable_line(name)
         << "'; see porttape --help\n";
     return exit_status::kUsage;
   }

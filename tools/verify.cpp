@@ -1,6 +1,7 @@
 #include <algorithm>
 
-#include "libport/tape/tape_summary.hpp"
+#include "libport/base/printable.hpp"
+#include "libport/tape/judgement.hpp"
 #include "tools/command_line.hpp"
 #include "tools/text.hpp"
 #include "tools/verbs.hpp"
@@ -10,9 +11,12 @@ namespace {
 
 constexpr VerbHelp kHelp{
     "verify", "TAPE...",
-    "Reads tapes from end to end and says of each whether it is sound. A torn tail (the\n"
-    "recorder was killed inside a block) is a note. Exit status: 0 all are sound, 1 one is\n"
-    "damaged or cannot be read, 2 one is not a tape or not there.\n",
+    "Reads tapes from end to end and says of each whether it is sound: whole, ended, without a\n"
+    "gap, and its files those that were recorded (by the digests in its end). A tape of which\n"
+    "that is not so is 'no damage found', and notes say why: a gap, no end, a torn tail, still\n"
+    "being written. One without digests is 'sound as far as it can be checked'. A missing,\n"
+    "swapped, shortened or foreign file is damage. Exit status: 0 no damage, 1 one is damaged\n"
+    "or cannot be read, 2 one is not a tape or not there.\n",
     "  porttape verify laser.log\n"
     "  porttape verify *.logr || echo do not use these\n"};
 
@@ -22,21 +26,23 @@ int verify_tape(const std::string& argument, std::ostream& out, std::ostream& er
   if (!summary) {
     const Error& error = summary.error();
     if (error.code == Errc::not_a_tape) {
-      out << paths->name() << ": not a tape: " << error.message << '\n';
+      out << printable_line(paths->name()) << ": not a tape: " << printable_line(error.message) << '\n';
     } else {
       out.flush();
-      err << "porttape verify: " << error.message << '\n';
+      err << "porttape verify: " << printable_line(error.message) << '\n';
     }
     return exit_status_of(error.code);
   }
-  const auto damages = summary->damages();
-  for (const Error& damage : damages) out << summary->name << ": damaged: " << damage.message << '\n';
-  if (damages.empty()) {
-    out << summary->name << ": sound: " << summary->read.blocks << " read and " << summary->write.blocks
-        << " write blocks, " << seconds_text(summary->duration().count()) << " s\n";
+  const std::string name = printable_line(summary->name);
+  const Judgement judgement = judge(*summary);
+  for (const std::string& damage : judgement.damages)
+    out << name << ": damaged: " << printable_line(damage) << '\n';
+  if (judgement.damages.empty()) {
+    out << name << ": " << words_of(judgement.verdict) << ": " << summary->read.blocks << " read and "
+        << summary->write.blocks << " write blocks, " << seconds_text(summary->duration().count()) << " s\n";
   }
-  for (const std::string& note : summary->torn_tails()) out << summary->name << ": note: " << note << '\n';
-  return damages.empty() ? exit_status::kPass : exit_status::kRuntime;
+  for (const std::string& note : judgement.notes) out << name << ": note: " << printable_line(note) << '\n';
+  return judgement.damages.empty() ? exit_status::kPass : exit_status::kRuntime;
 }
 
 }  // namespace

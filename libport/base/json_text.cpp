@@ -52,4 +52,23 @@ std::string json_quote(std::string_view text) {
   return out;
 }
 
+std::string json_for_terminal(std::string_view json) {
+  std::string out;
+  out.reserve(json.size());
+  while (!json.empty()) {
+    const std::size_t length = utf8_length(json);
+    const std::string_view sequence = json.substr(0, length);
+    json.remove_prefix(length == 0 ? 1 : length);
+    const char32_t character = length == 0 ? U'\uFFFD' : utf8_character(sequence);
+    if (character < 0x20) {
+      out += ' ';  // between the strings, where alone JSON has it
+    } else if (is_obeyed(character)) {
+      append_escaped(out, character);
+    } else {
+      out += length == 0 ? kReplacement : sequence;
+    }
+  }
+  return out;
+}
+
 }  // namespace porttape

@@ -9,6 +9,15 @@
 #include "libport/base/utf8.hpp"
 
 namespace porttape {
+
+bool is_obeyed(char32_t character) {
+  const auto within = [&](char32_t first, char32_t last) { return character >= first && character <= last; };
+  return character < 0x20 || within(0x7F, 0x9F) ||          // C0, DEL, C1
+         character == 0x061C || within(0x200E, 0x200F) ||   // marks of direction
+         within(0x2028, 0x2029) ||                          // separators of lines and paragraphs
+         within(0x202A, 0x202E) || within(0x2066, 0x2069);  // embeddings, overrides, isolates
+}
+
 namespace {
 
 void append_character(std::string& out, char32_t character) {
@@ -23,17 +32,7 @@ void append_character(std::string& out, char32_t character) {
   out += text.data();
 }
 
-}  // namespace
-
-bool is_obeyed(char32_t character) {
-  const auto within = [&](char32_t first, char32_t last) { return character >= first && character <= last; };
-  return character < 0x20 || within(0x7F, 0x9F) ||          // C0, DEL, C1
-         character == 0x061C || within(0x200E, 0x200F) ||   // marks of direction
-         within(0x2028, 0x2029) ||                          // separators of lines and paragraphs
-         within(0x202A, 0x202E) || within(0x2066, 0x2069);  // embeddings, overrides, isolates
-}
-
-std::string printable_line(std::string_view text) {
+std::string printable(std::string_view text, bool keep_lines) {
   std::string out;
   out.reserve(text.size());
   while (!text.empty()) {
@@ -43,6 +42,8 @@ std::string printable_line(std::string_view text) {
     text.remove_prefix(length == 0 ? 1 : length);
     if (length == 0) {
       append_character(out, byte);
+    } else if (keep_lines && byte == '\n') {
+      out += text.empty() || text.front() == ' ' ? "\n" : "\n  ";
     } else if (const char32_t character = utf8_character(sequence); is_obeyed(character)) {
       append_character(out, character);
     } else {
@@ -51,5 +52,11 @@ std::string printable_line(std::string_view text) {
   }
   return out;
 }
+
+}  // namespace
+
+std::string printable_line(std::string_view text) { return printable(text, false); }
+
+std::string printable_lines(std::string_view text) { return printable(text, true); }
 
 }  // namespace porttape

@@ -12,6 +12,10 @@ namespace porttape {
 // A backslash stays as it is: what comes out is for eyes, not to be read back.
 std::string printable_line(std::string_view text);
 
+// The same, with line feeds kept: a line after the first begins with a space, so that none can pass for a
+// message of its own.
+std::string printable_lines(std::string_view text);
+
 // Whether a character would be obeyed; printable_line() and json_quote() escape these.
 bool is_obeyed(char32_t character);
 

@@ -80,12 +80,17 @@ struct Tape {
     if (read) {
       reads.emplace(value_of(TapeReader::open(paths, TapeReader::Select::reads_only)));
       writes.emplace(value_of(TapeReader::open(paths, TapeReader::Select::writes_only)));
+      zero = Clock::now();
     } else {
       writer.reset();
+      zero = Clock::now();
+      const porttape::TapeHeader header{.device = name,
+                                        .driver = "in-process",
+                                        .zero = porttape::tape_zero(zero, zero),
+                                        .stamped = porttape::Stamped::read};
       writer.emplace(
-          value_of(TapeWriter::create(paths, {.device = name, .driver = "in-process"}, {.overwrite = true})));
+          value_of(TapeWriter::create(paths, header, {.on_existing = porttape::OnExisting::overwrite})));
     }
-    zero = Clock::now();
   }
 
   [[nodiscard]] Instant when(TapeTime at) const { return ignore_times ? zero : zero + at.time_since_epoch(); }

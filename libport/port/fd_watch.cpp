@@ -1,10 +1,13 @@
 #include "libport/port/fd_watch.hpp"
 
 #include <array>
+#include <poll.h>
 #include <utility>
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/posix/basic_stream_descriptor.hpp>
+
+#include "libport/port/timer.hpp"
 
 namespace porttape {
 
@@ -22,9 +25,14 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
   State(Loop& owner, int fd, Callback on_readable, Callback on_writable)
       : loop(&owner),
         fence(owner.fence()),
-        descriptor(owner.io(), fd),
+        descriptor(owner.io()),
+        number(fd),
         sides{Side{Descriptor::wait_read, std::move(on_readable)},
-              Side{Descriptor::wait_write, std::move(on_writable)}} {}
+              Side{Descriptor::wait_write, std::move(on_writable)}} {
+    boost::system::error_code refused;
+    descriptor.assign(fd, refused);
+    if (refused) look_timer = std::make_unique<Timer>(owner, [this] { look(); });
+  }
 
   void watch(std::size_t index, bool on) {
     sides[index].wanted = on && !gone;
@@ -34,6 +42,10 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
   void wait(std::size_t index) {
     Side& side = sides[index];
     if (side.waiting || gone) return;
+    if (look_timer) {
+      if (!look_timer->due()) look_timer->set_after(kLook);
+      return;
+    }
     side.waiting = true;
     descriptor.async_wait(side.type, [self = shared_from_this(), index](const boost::system::error_code&) {
       Side& ready = self->sides[index];
@@ -44,9 +56,33 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
     });
   }
 
+  // Where the kernel does not watch it.
+  void look() {
+    const auto self = shared_from_this();
+    pollfd now{number, POLLIN | POLLOUT, 0};
+    const bool there = ::poll(&now, 1, 0) > 0;
+    const std::array<int, 2> events = {POLLIN | POLLHUP | POLLERR, POLLOUT | POLLHUP | POLLERR};
+    for (std::size_t index = 0; index < sides.size(); ++index) {
+      if (there && (now.revents & events[index]) != 0 && sides[index].wanted && !gone)
+        sides[index].callback();
+    }
+    if (!gone && (sides[0].wanted || sides[1].wanted)) look_timer->set_after(kLook);
+  }
+
+  void stop() {
+    gone = true;
+    if (look_timer) {
+      look_timer->cancel();
+    } else {
+      descriptor.release();
+    }
+  }
+
   Loop* loop;
   std::shared_ptr<Fence> fence;
   Descriptor descriptor;
+  int number;
+  std::unique_ptr<Timer> look_timer;
   std::array<Side, 2> sides;
   bool gone = false;
 };
@@ -58,8 +94,7 @@ FdWatch::~FdWatch() { stop(); }
 
 void FdWatch::stop() {
   if (state_->gone) return;
-  state_->gone = true;
-  state_->descriptor.release();
+  state_->stop();
 }
 
 void FdWatch::watch_readable(bool on) { state_->watch(0, on); }

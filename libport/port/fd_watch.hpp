@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <memory>
 
@@ -10,9 +11,13 @@ namespace porttape {
 // Tells when a descriptor can be read or written. Does not own the descriptor, which must stay open until
 // this is gone. Level semantics: while watched, the callback comes again as long as the condition holds. A
 // callback may destroy the watch. Loop thread only.
+//
+// A descriptor that the kernel does not watch (limits, or of a kind that has no events) is looked at every
+// kLook instead.
 class FdWatch {
  public:
   using Callback = std::function<void()>;
+  static constexpr Nanos kLook = std::chrono::milliseconds(10);
 
   FdWatch(Loop& loop, int fd, Callback on_readable, Callback on_writable = {});
   ~FdWatch();

@@ -12,6 +12,9 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 
+#include "libport/port/file_events.hpp"
+#include "libport/port/sampler.hpp"
+
 namespace porttape {
 namespace {
 
@@ -74,7 +77,9 @@ void Loop::run() {
   Instant idle_since = now();
   running_since_ = handler_began_ = idle_since;
   for (;;) {
-    const bool soon = patience_.expects_soon(idle_since) && poll_from(idle_since);
+    const bool polls = patience_.expects_soon(idle_since);
+    const bool soon = polls && poll_from(idle_since);
+    if (polls) patience_.poll_ended(soon, idle_since);
     if (!soon && io_->run_one() == 0) break;
     const Instant end = now();
     if (!soon) patience_.waited(end - idle_since);
@@ -124,17 +129,28 @@ std::span<Byte> Loop::read_buffer() {
   return {read_buffer_.get(), kReadBuffer};
 }
 
+FileEvents& Loop::file_events() {
+  // Everybody's, so behind nobody's fence; the same below.
+  if (!file_events_) within(nullptr, [this] { file_events_ = std::make_unique<FileEvents>(*this); });
+  return *file_events_;
+}
+
+Sampler& Loop::sampler() {
+  if (!sampler_) within(nullptr, [this] { sampler_ = std::make_unique<Sampler>(*this); });
+  return *sampler_;
+}
+
 void Loop::post(std::function<void()> task) { boost::asio::post(*io_, fenced(std::move(task))); }
 
 void Loop::within(const std::shared_ptr<Fence>& fence, const std::function<void()>& work) {
   handler_began_ = now();
-  if (!fence) return work();
   const std::shared_ptr<Fence> outer = std::exchange(fence_, fence);
   try {
     work();
     fence_ = outer;
   } catch (const std::exception& error) {
     fence_ = outer;
+    if (!fence) throw;
     fence->on_exception(error.what());
   }
 }

@@ -20,6 +20,9 @@ class io_context;
 
 namespace porttape {
 
+class FileEvents;
+class Sampler;
+
 // The event loop that ports live on: one thread, the one that calls run(). Owns the io_context; outlives
 // every port on it.
 class Loop {
@@ -61,6 +64,10 @@ class Loop {
   // Room for one read, shared by all ports of the loop. What is in it counts until the next port reads.
   std::span<Byte> read_buffer();
 
+  // What all ports of the loop share; made when first asked for.
+  FileEvents& file_events();
+  Sampler& sampler();
+
   // The latest stalls of run(): a handler that took longer than StallWatch::kShortest, a timer that came so
   // late. Those that ended after `moment`, oldest first.
   [[nodiscard]] std::vector<Stall> stalls_since(Instant moment) const { return stalls_.since(moment); }
@@ -69,6 +76,11 @@ class Loop {
 
   // For timers: one that was expected then comes now.
   void timer_comes(Instant expected);
+
+  // Waiting actively for a moment that is near keeps the loop's thread from everything else: when it did so
+  // last, for all ports together.
+  [[nodiscard]] Instant last_spin() const { return last_spin_; }
+  void spun_until(Instant moment) { last_spin_ = moment; }
 
   boost::asio::io_context& io() { return *io_; }
   [[nodiscard]] static Instant now() { return std::chrono::steady_clock::now(); }
@@ -85,11 +97,14 @@ class Loop {
   std::unique_ptr<boost::asio::io_context> io_;
   std::unique_ptr<Byte[]> read_buffer_;  // made when first asked for
   Patience patience_;
+  Instant last_spin_{};
   StallWatch stalls_;
   Instant handler_began_{};  // of the handler that runs, while run() does
   Instant running_since_ = Instant::max();
   std::shared_ptr<Fence> fence_;  // of what runs now
   std::shared_ptr<Gate> gate_;
+  std::unique_ptr<FileEvents> file_events_;
+  std::unique_ptr<Sampler> sampler_;
   Workers workers_;
 };
 

@@ -15,8 +15,20 @@ void Patience::polled(Instant last, Instant now) {
   short_waits_ = 0;
 }
 
+void Patience::poll_ended(bool met, Instant now) {
+  if (met) ++polls_met_;
+  if (++polls_ < kPollsJudged) return;
+  if (polls_met_ * 2 >= kPollsJudged) {
+    pause_ = kFirstPause;
+  } else {
+    pauses_until_ = now + pause_;
+    pause_ = std::min(pause_ * 2, kLongestPause);
+  }
+  polls_ = polls_met_ = 0;
+}
+
 bool Patience::expects_soon(Instant now) const {
-  return short_waits_ == kShortWaitsInARow && now >= rests_until_;
+  return short_waits_ == kShortWaitsInARow && now >= rests_until_ && now >= pauses_until_;
 }
 
 }  // namespace porttape

@@ -8,7 +8,8 @@ namespace porttape {
 
 // Guesses whether a loop's next event comes sooner than a sleeping thread is woken, so that polling for it
 // pays: yes while the last waits were all short; no for a while after a poll found other programs on the
-// processor, where polling would only use up the share that a quick answer needs later.
+// processor, where polling would only use up the share that a quick answer needs later; and while polls
+// mostly end without an event, as those do for events that come just later than a poll lasts.
 class Patience {
  public:
   // A wait that counts as short, with the wake-up and the work after it.
@@ -19,16 +20,28 @@ class Patience {
   static constexpr Nanos kFirstRest = std::chrono::seconds(1);  // doubles each time
   static constexpr Nanos kLongestRest = std::chrono::seconds(60);
 
+  // So many polls are judged together: when fewer than half of them met an event, none for a while. The while
+  // doubles each time, and begins anew when polls pay again.
+  static constexpr int kPollsJudged = 16;
+  static constexpr Nanos kFirstPause = std::chrono::milliseconds(20);
+  static constexpr Nanos kLongestPause = std::chrono::seconds(2);
+
   // The loop slept, and has handled what woke it: `time` in all.
   void waited(Nanos time);
   // The loop looked for events at these times and found none.
   void polled(Instant last, Instant now);
+  // A poll is over; whether it met an event.
+  void poll_ended(bool met, Instant now);
   [[nodiscard]] bool expects_soon(Instant now) const;
 
  private:
   int short_waits_ = 0;  // in a row
   Instant rests_until_{};
   Nanos rest_ = kFirstRest;
+  int polls_ = 0;
+  int polls_met_ = 0;
+  Instant pauses_until_{};
+  Nanos pause_ = kFirstPause;
 };
 
 }  // namespace porttape

@@ -28,17 +28,27 @@ Result<std::unique_ptr<Port>> make_replay_port(const PortContext& context, const
   return std::unique_ptr<Port>(std::make_unique<ReplayPort>(context, std::move(replay)));
 }
 
+OnExisting on_existing(const PortOptions& options) {
+  const std::string chosen = options.text("on-existing");
+  if (options.flag("overwrite") || chosen == "overwrite") return OnExisting::overwrite;
+  return chosen == "next" ? OnExisting::next : OnExisting::refuse;
+}
+
 Result<std::unique_ptr<Port>> make_recording_port(const PortContext& context, const PortOptions& options,
                                                   const std::string& peer) {
   PortOptions inner = options;
   inner.type.resize(inner.type.size() - kLogSuffix.size());
-  for (const char* own : {"file", "overwrite", "failclosed"}) inner.values.erase(own);
+  for (const char* own : {"file", "overwrite", "on-existing", "failclosed"}) inner.values.erase(own);
   Result<std::unique_ptr<Port>> port = make_port(context, inner, peer);
   if (!port) return port;
-  TapeKeeper::Options tape{.tape = literal_tape(options.text("file")),
-                           .header = {.device = inner.name(), .driver = peer},
-                           .overwrite = options.flag("overwrite"),
-                           .fail_closed = options.flag("failclosed")};
+  TapeKeeper::Options tape{
+      .tape = literal_tape(options.text("file")),
+      .header = {.device = inner.spelled(),
+                 .driver = peer,
+                 .transport = (*port)->keeps_datagrams() ? Transport::datagram : Transport::stream,
+                 .stamped = context.pulled ? Stamped::read : Stamped::arrival},
+      .on_existing = on_existing(options),
+      .fail_closed = options.flag("failclosed")};
   return std::unique_ptr<Port>(std::make_unique<RecordingPort>(
       context, std::move(*port), RecordingPort::Options{.tape = std::move(tape)}));
 }

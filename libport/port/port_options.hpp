@@ -24,6 +24,9 @@ struct PortOptions {
 
   // The short spelling of its main part, for messages: `serial:/dev/ttyUSB0`, `tcp-listen:127.0.0.1:20000`.
   [[nodiscard]] std::string name() const;
+  // The same with every other option that was given, such as parse_port() reads (a comma within a value
+  // apart, which no spelling has).
+  [[nodiscard]] std::string spelled() const;
 
   friend bool operator==(const PortOptions&, const PortOptions&) = default;
 };

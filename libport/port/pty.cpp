@@ -3,14 +3,12 @@
 #include <array>
 #include <cerrno>
 #include <charconv>
-#include <cstring>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <grp.h>
 #include <poll.h>
 #include <pwd.h>
 #include <stdlib.h>
-#include <sys/inotify.h>
 #include <sys/ioctl.h>
 #include <sys/stat.h>
 #include <termios.h>
@@ -62,7 +60,7 @@ short poll_master(int fd) {
 
 }  // namespace
 
-Result<Pty> Pty::create(const Access& access) {
+Result<Pty> Pty::create(FileEvents& events, const Access& access) {
   Pty pty;
   pty.master_.reset(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   if (!pty.master_) return pty_error("no pty to be had");
@@ -76,9 +74,7 @@ Result<Pty> Pty::create(const Access& access) {
   if (Result<void> packets = pty.packet_mode(true); !packets) return packets.error();
   if (Result<void> given = give_access(pty.slave_path_, access); !given) return given.error();
   if (Result<UniqueFd> slave = pty.open_slave(); !slave) return slave.error();
-  pty.wake_.reset(::inotify_init1(IN_NONBLOCK | IN_CLOEXEC));
-  if (!pty.wake_) return pty_error("inotify");
-  if (Result<void> watched = pty.watch(); !watched) return watched.error();
+  pty.watch_ = events.watch_file(pty.slave_path_);
   return pty;
 }
 
@@ -94,14 +90,6 @@ Result<UniqueFd> Pty::open_slave() const {
   return slave;
 }
 
-Result<void> Pty::watch() {
-  watch_ = ::inotify_add_watch(wake_.get(), slave_path_.c_str(), IN_OPEN | IN_CLOSE);
-  if (watch_ < 0) return pty_error("watching " + slave_path_);
-  return {};
-}
-
-void Pty::unwatch() { ::inotify_rm_watch(wake_.get(), watch_); }
-
 bool Pty::occupied() const {
   const short state = poll_master(master());
   return (state & POLLHUP) == 0 || (state & POLLIN) != 0;
@@ -109,51 +97,33 @@ bool Pty::occupied() const {
 
 bool Pty::open_now() const { return (poll_master(master()) & POLLHUP) == 0; }
 
-std::vector<Pty::Event> Pty::take_events() {
-  std::vector<Event> events;
-  alignas(inotify_event) std::array<char, 4096> buffer;
-  ssize_t size = 0;
-  while ((size = ::read(wake_.get(), buffer.data(), buffer.size())) > 0) {
-    for (std::size_t at = 0; at < static_cast<std::size_t>(size);) {
-      inotify_event event{};
-      std::memcpy(&event, buffer.data() + at, sizeof event);
-      if ((event.mask & IN_OPEN) != 0) events.push_back(Event::opened);
-      if ((event.mask & IN_CLOSE) != 0) events.push_back(Event::closed);
-      at += sizeof event + event.len;
-    }
-    if (static_cast<std::size_t>(size) < buffer.size() / 2) break;  // no full buffer: nothing is left
-  }
-  return events;
-}
-
 Result<void> Pty::settle() {
   // Our own open and flush are no news: not to inotify, not as a packet.
-  unwatch();
-  (void)take_events();
-  if (Result<void> plain = packet_mode(false); !plain) return plain;
-  {
-    const Result<UniqueFd> slave = open_slave();
-    if (!slave) return slave.error();
-    (void)::ioctl(slave->get(), TIOCNXCL);
-    (void)::tcflush(slave->get(), TCIFLUSH);
-    if (Result<void> raw = make_pty_raw(slave->get()); !raw) return raw;
-  }
-  if (Result<void> packets = packet_mode(true); !packets) return packets;
-  return watch();
+  Result<void> settled;
+  watch_->unnoticed([&] {
+    settled = packet_mode(false);
+    if (settled) settled = freshen();
+    if (Result<void> packets = packet_mode(true); settled) settled = packets;
+  });
+  return settled;
 }
 
-std::size_t Pty::unread() {
-  unwatch();
-  const std::size_t bytes = input_queue();
-  (void)watch();
-  return bytes;
+Result<void> Pty::freshen() const {
+  const Result<UniqueFd> slave = open_slave();
+  if (!slave) return slave.error();
+  (void)::ioctl(slave->get(), TIOCNXCL);
+  if (::tcflush(slave->get(), TCIFLUSH) != 0) return pty_error("flushing " + slave_path_);
+  return make_pty_raw(slave->get());
 }
 
-std::size_t Pty::input_queue() const {
-  const UniqueFd slave(::open(slave_path_.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-  int bytes = 0;
-  if (!slave || ::ioctl(slave.get(), FIONREAD, &bytes) != 0) return 0;
-  return static_cast<std::size_t>(bytes);
+std::optional<std::size_t> Pty::unread() {
+  std::optional<std::size_t> unread;
+  watch_->unnoticed([&] {
+    const UniqueFd slave(::open(slave_path_.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    int bytes = 0;
+    if (slave && ::ioctl(slave.get(), FIONREAD, &bytes) == 0) unread = static_cast<std::size_t>(bytes);
+  });
+  return unread;
 }
 
 }  // namespace porttape

@@ -1,10 +1,14 @@
 #pragma once
 
+#include <functional>
+#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "libport/base/result.hpp"
 #include "libport/base/unique_fd.hpp"
+#include "libport/port/file_events.hpp"
 
 namespace porttape {
 
@@ -17,7 +21,7 @@ namespace porttape {
 // come.
 class Pty {
  public:
-  enum class Event { opened, closed };
+  using Event = FileEvents::Event;
 
   // A raw pty in packet mode with these permissions on the slave. `owner` and `group` may be names or
   // numbers, or empty.
@@ -26,11 +30,11 @@ class Pty {
     std::string owner;
     std::string group;
   };
-  static Result<Pty> create(const Access& access);
+  static Result<Pty> create(FileEvents& events, const Access& access);
 
   [[nodiscard]] int master() const { return master_.get(); }
-  // Readable when a program has opened or closed the slave.
-  [[nodiscard]] int wake_fd() const { return wake_.get(); }
+  // Called from the loop when a program has opened or closed the slave.
+  void on_events(std::function<void()> callback) { watch_->on_event(std::move(callback)); }
   [[nodiscard]] const std::string& slave_path() const { return slave_path_; }
 
   // Whether a program has the slave open, or had and left bytes behind.
@@ -38,31 +42,31 @@ class Pty {
   // Whether a program has the slave open now.
   [[nodiscard]] bool open_now() const;
 
-  // The opens and closes since the last call, in order; empties wake_fd(). Equal ones in a row may be merged
-  // by the kernel. An open is there before the first byte that is written after it.
-  std::vector<Event> take_events();
+  // The opens and closes since the last call, in order. An open is there before the first byte that is
+  // written after it.
+  std::vector<Event> take_events() { return watch_->take(); }
+  // Whether each open and close is among them; else equal ones in a row may be one.
+  [[nodiscard]] bool exact() const { return watch_->exact(); }
 
   // Makes the line fresh for the next driver, as a real tty is: unread input gone, exclusive use given up,
-  // raw. Call after the last close. Fails when a driver left TIOCEXCL set and we are not root: then only a
-  // new pty helps.
+  // raw. Call after the last close. Fails when a driver left TIOCEXCL set and we are not root, or when no
+  // descriptor is to be had: what the last driver left is still there.
   Result<void> settle();
 
   // Bytes written to the driver that it has not read yet; counts at most what the line discipline holds
-  // (4095).
-  [[nodiscard]] std::size_t unread();
+  // (4095). Unknown when the slave cannot be looked at: the driver keeps it to itself (TIOCEXCL) and we are
+  // not root, or no descriptor is to be had.
+  [[nodiscard]] std::optional<std::size_t> unread();
 
  private:
   Pty() = default;
   Result<void> packet_mode(bool on);
   Result<UniqueFd> open_slave() const;
-  Result<void> watch();
-  void unwatch();
-  [[nodiscard]] std::size_t input_queue() const;
+  Result<void> freshen() const;
 
   UniqueFd master_;
-  UniqueFd wake_;  // inotify
-  int watch_ = -1;
   std::string slave_path_;
+  std::unique_ptr<FileEvents::Watch> watch_;
 };
 
 }  // namespace porttape

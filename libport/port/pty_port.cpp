@@ -12,6 +12,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include "libport/port/sampler.hpp"
 #include "libport/port/tty.hpp"
 
 namespace porttape {
@@ -20,10 +21,8 @@ namespace {
 constexpr Nanos kUnreadPoll =
     std::chrono::milliseconds(2);  // no event tells that a driver has read everything
 
-// How often the driver's settings are looked at: drivers set them mostly just after opening.
-constexpr Nanos kFirstLooks = std::chrono::milliseconds(10);
-constexpr Nanos kLaterLooks = std::chrono::milliseconds(100);
-constexpr Nanos kSettlingTime = std::chrono::seconds(1);
+// Where that cannot be seen, it has this long to read and close.
+constexpr Nanos kUnknownLimit = std::chrono::seconds(5);
 
 constexpr std::size_t kMostHeld = std::size_t{128} * 1024;
 
@@ -47,7 +46,6 @@ PtyPort::Line::Line(PtyPort& port, Pty made)
     : pty(std::move(made)),
       master_watch(
           *port.context_.loop, pty.master(), [&port] { port.on_readable(); }, [this] { outbox.flush(); }),
-      wake_watch(*port.context_.loop, pty.wake_fd(), [&port] { port.on_wake(); }),
       // A write fails only when the driver is gone, which the read side notices.
       outbox(
           pty.master(), Outbox::Kind::file, master_watch,
@@ -55,17 +53,16 @@ PtyPort::Line::Line(PtyPort& port, Pty made)
             if (port.up_) port.listener().on_drained();
           },
           [](int, std::size_t) {}) {
-  wake_watch.watch_readable(true);
+  pty.on_events([&port] { port.on_event(); });
 }
 
 PtyPort::PtyPort(const PortContext& context, const PortOptions& options)
     : context_(context),
       options_(options),
       hang_up_timer_(*context.loop, [this] { on_hang_up_timer(); }),
-      look_timer_(*context.loop, [this] { on_look_timer(); }),
       renew_timer_(*context.loop, [this] { renew_line(); }) {}
 
-PtyPort::~PtyPort() = default;
+PtyPort::~PtyPort() { context_.loop->sampler().remove(this); }
 
 Result<void> PtyPort::prepare() {
   if (Result<void> made = make_line(); !made) return made;
@@ -85,9 +82,13 @@ Result<void> PtyPort::prepare() {
 Result<void> PtyPort::make_line() {
   Result<Pty::Access> access = access_of(options_);
   if (!access) return access.error();
-  Result<Pty> pty = Pty::create(*access);
+  Result<Pty> pty = Pty::create(context_.loop->file_events(), *access);
   if (!pty) return pty.error();
-  line_ = std::make_unique<Line>(*this, std::move(*pty));
+  auto line = std::make_unique<Line>(*this, std::move(*pty));
+  drop_line();
+  line_ = std::move(line);
+  if (const std::string trouble = context_.loop->file_events().take_trouble(); !trouble.empty())
+    context_.log->warn("{}", trouble);
   return {};
 }
 
@@ -99,12 +100,21 @@ void PtyPort::announce_path() const {
   }
 }
 
+// One of the old line's callbacks may be running: it goes on the next turn of the loop.
+void PtyPort::drop_line() {
+  if (!line_) return;
+  line_->master_watch.stop();
+  line_->pty.on_events({});
+  context_.loop->post([old = std::shared_ptr<Line>(std::move(line_))] {});
+}
+
 void PtyPort::replace_line() {
   drop_held();
   openers_ = 0;
+  events_lost_ = false;
   peer_ = false;
-  // One of the old line's callbacks may be running: it goes on the next turn of the loop.
-  context_.loop->post([old = std::shared_ptr<Line>(std::move(line_))] {});
+  context_.loop->sampler().remove(this);
+  drop_line();
   renew_line();
 }
 
@@ -114,6 +124,10 @@ void PtyPort::renew_line() {
     renew_timer_.set_after(kRenewAgain);
     return;
   }
+  publish_line();
+}
+
+void PtyPort::publish_line() {
   if (link_) {
     if (Result<void> moved = link_->retarget(line_->pty.slave_path()); !moved)
       context_.log->error("{}", moved.error().message);
@@ -127,15 +141,16 @@ void PtyPort::open() {
     watch_reading();
     deliver_held_soon();
     set_up(true);
-  } else {
-    look();
+  } else if (line_) {
+    on_event();
   }
 }
 
+// Whether a peer is there that no event told of.
 void PtyPort::look() {
-  if (peer_ || !line_ || !line_->pty.occupied()) return;
-  (void)line_->pty.take_events();  // the open that we see is among them
-  peer_arrived();
+  if (peer_ || !line_ || (line_->pty.exact() && !events_lost_)) return;
+  if (line_->pty.occupied()) return peer_arrived(std::nullopt);
+  events_lost_ = false;
 }
 
 void PtyPort::close() {
@@ -162,11 +177,17 @@ void PtyPort::drop_held() {
 }
 
 void PtyPort::write(ByteView data) {
-  if (peer_ && line_) line_->outbox.write(data);
+  if (peer_ && line_) {
+    line_->outbox.write(data);
+  } else {
+    listener().on_dropped(data.size(), "no driver had it open");
+  }
 }
 
 std::optional<std::size_t> PtyPort::unread_by_peer() const {
-  return peer_ && line_ ? line_->outbox.pending() + line_->pty.unread() : 0;
+  if (!peer_ || !line_) return 0;
+  const std::optional<std::size_t> unread = line_->pty.unread();
+  return unread ? std::optional(line_->outbox.pending() + *unread) : std::nullopt;
 }
 
 void PtyPort::set_reading(bool on) {
@@ -186,30 +207,46 @@ void PtyPort::set_up(bool up, LineDown::Reason reason) {
   }
 }
 
-void PtyPort::peer_arrived() {
+void PtyPort::peer_arrived(Openers openers) {
   peer_ = true;
-  openers_ = 1;
+  openers_ = openers;
   context_.log->debug("{}: opened", name());
   watch_reading();
-  arrived_ = Loop::now();
-  look_timer_.set_after(kFirstLooks);
+  context_.loop->sampler().add(this, [this] { renew_mark(line_->pty.master()); });
   set_up(true);
+}
+
+// Nobody has it open and everything is read. Events up to the last close belong to the session that ends,
+// later ones to the next.
+void PtyPort::master_ended() {
+  const std::vector<Pty::Event> events = line_->pty.take_events();
+  auto next = events.begin();
+  while (next != events.end() && openers_ != 0) count(*next++);
+  events_lost_ = events_lost_ || openers_ != 0;
+  const Line* const line = line_.get();
+  peer_left();
+  if (line_.get() == line) handle_events({next, events.end()});
+  look();
+  events_lost_ = false;
 }
 
 void PtyPort::peer_left() {
   peer_ = false;
   openers_ = 0;
   hang_up_timer_.cancel();
-  look_timer_.cancel();
+  context_.loop->sampler().remove(this);
   context_.log->debug("{}: closed", name());
   line_->master_watch.watch_readable(false);
   drop_unsent();
   if (Result<void> settled = line_->pty.settle(); !settled) {
-    context_.log->debug("{}; a new pty takes its place", settled.error().message);
-    replace_line();
+    if (Result<void> made = make_line(); made) {
+      context_.log->info("{}; a new pty takes its place", settled.error().message);
+      publish_line();
+    } else {
+      context_.log->warn("{}; what the last driver did not read may reach the next", settled.error().message);
+    }
   }
   set_up(false);
-  look();  // opened again meanwhile
 }
 
 // What is unread counts as the new session's. If the last one left a tail, its bytes come late, but they
@@ -218,32 +255,55 @@ void PtyPort::peer_left() {
 void PtyPort::peer_reopened() {
   context_.log->debug("{}: closed and opened again", name());
   drop_unsent();
-  openers_ = 1;
+  hang_up_timer_.cancel();
   set_up(false);
   set_up(true);
 }
 
-void PtyPort::on_wake() {
+void PtyPort::on_event() {
   if (!line_) return;
-  take_events();
+  handle_events(line_->pty.take_events());
   look();
 }
 
 // Makes sessions of what programs did since the last look.
-void PtyPort::take_events() {
+void PtyPort::handle_events(const std::vector<Pty::Event>& events) {
   const Line* const line = line_.get();
-  for (const Pty::Event event : line_->pty.take_events()) {
+  for (const Pty::Event event : events) {
     if (line_.get() != line) return;  // hung up from within: these were the old line's
-    if (event == Pty::Event::closed) {
-      if (openers_ > 0) --openers_;
-    } else if (!peer_) {
-      peer_arrived();
-    } else if (openers_ == 0) {
-      peer_reopened();
-    } else {
-      ++openers_;
-      context_.log->info("{}: a second program has opened it", name());
-    }
+    handle_event(event);
+  }
+}
+
+void PtyPort::handle_event(Pty::Event event) {
+  const bool again = openers_ == 0;
+  const bool opened = event == Pty::Event::opened;
+  if (opened && !peer_) openers_ = 0;
+  count(event);
+  if (!opened) return;
+  if (!peer_) {
+    peer_arrived(openers_);
+  } else if (again) {
+    peer_reopened();
+  } else if (openers_) {
+    context_.log->info("{}: a second program has opened it", name());
+  }
+}
+
+void PtyPort::count(Pty::Event event) {
+  switch (event) {
+    case Pty::Event::opened:
+      openers_ = openers_ && line_->pty.exact() ? Openers(*openers_ + 1) : std::nullopt;
+      break;
+    case Pty::Event::closed:
+      if (openers_ && *openers_ > 0) --*openers_;
+      break;
+    case Pty::Event::unknown:
+      if (peer_) openers_.reset();
+      events_lost_ = true;
+      break;
+    case Pty::Event::changed:
+      break;
   }
 }
 
@@ -256,27 +316,25 @@ void PtyPort::on_readable() {
 }
 
 bool PtyPort::read_once() {
-  const ssize_t size = ::read(line_->pty.master(), buffer_.data(), buffer_.size());
+  const std::span<Byte> buffer = context_.loop->read_buffer().first(kReadSize);
+  const ssize_t size = ::read(line_->pty.master(), buffer.data(), buffer.size());
   if (size > 0) {
-    // A reopen may have come before these bytes without having woken us yet.
-    const Line* const line = line_.get();
-    take_events();
-    if (line_.get() != line) return false;
-    take_packet(ByteView(buffer_).first(static_cast<std::size_t>(size)));
-    return static_cast<std::size_t>(size) == buffer_.size();
+    take_packet(ByteView(buffer).first(static_cast<std::size_t>(size)));
+    return static_cast<std::size_t>(size) == buffer.size();
   }
   if (size < 0 && (errno == EAGAIN || errno == EINTR)) return false;
-  peer_left();
+  master_ended();
   return false;
 }
 
-// A session that has just begun is not read before its device is up.
+// A reopen may have come before these bytes without having woken us yet. A session that has just begun is not
+// read before its device is up: then they are kept.
 void PtyPort::take_packet(ByteView packet) {
-  if (may_deliver() && held_.empty()) {
-    handle_packet(packet);
-  } else {
-    held_.assign(packet.begin(), packet.end());
-  }
+  const std::vector<Pty::Event> events = line_->pty.take_events();
+  if (events.empty()) return handle_packet(packet);
+  held_.assign(packet.begin(), packet.end());
+  handle_events(events);
+  deliver_held();
 }
 
 void PtyPort::deliver_held() {
@@ -297,22 +355,25 @@ void PtyPort::handle_packet(ByteView packet) {
     if (packet.size() > 1) listener().on_data(packet.subspan(1));
     return;
   }
-  if ((status & TIOCPKT_FLUSHREAD) != 0) {
-    context_.log->trace("{}: the driver flushed its input", name());
+  const bool in = (status & TIOCPKT_FLUSHREAD) != 0;
+  const bool out = (status & TIOCPKT_FLUSHWRITE) != 0;
+  if (in) {
     const bool was_congested = congested();
     line_->outbox.discard();
     if (was_congested && up_) listener().on_drained();
   }
+  if (in || out) listener().on_flush(in && out ? FlushQueue::both : in ? FlushQueue::in : FlushQueue::out);
 }
 
 void PtyPort::read_pending() {
   deliver_held();
   // What a pty can hold, so that a driver that goes on writing does not keep us.
   for (std::size_t left = kMostHeld; left > 0 && line_ && may_deliver();) {
-    const ssize_t size = ::read(line_->pty.master(), buffer_.data(), buffer_.size());
+    const std::span<Byte> buffer = context_.loop->read_buffer().first(kReadSize);
+    const ssize_t size = ::read(line_->pty.master(), buffer.data(), buffer.size());
     if (size <= 0) break;
     left -= std::min(left, static_cast<std::size_t>(size));
-    handle_packet(ByteView(buffer_).first(static_cast<std::size_t>(size)));
+    take_packet(ByteView(buffer).first(static_cast<std::size_t>(size)));
   }
 }
 
@@ -331,22 +392,29 @@ void PtyPort::hang_up(bool after_reading) {
     });
     return;
   }
+  unknown_since_.reset();
   hang_up_timer_.set_after(kUnreadPoll);
 }
 
 void PtyPort::on_hang_up_timer() {
   if (!peer_) return;
-  if (congested() || line_->pty.unread() > 0) {
-    hang_up_timer_.set_after(kUnreadPoll);
-  } else {
+  const std::optional<std::size_t> unread = congested() ? 1 : line_->pty.unread();
+  if (!unread) tell_waiting();
+  if (unread == 0 || (!unread && Loop::now() - *unknown_since_ >= kUnknownLimit)) {
     hang_up(false);
+  } else {
+    hang_up_timer_.set_after(kUnreadPoll);
   }
 }
 
-void PtyPort::on_look_timer() {
-  if (!peer_ || !line_) return;
-  renew_mark(line_->pty.master());
-  look_timer_.set_after(Loop::now() - arrived_ < kSettlingTime ? kFirstLooks : kLaterLooks);
+void PtyPort::tell_waiting() {
+  if (unknown_since_) return;
+  unknown_since_ = Loop::now();
+  context_.log->warn(
+      "{}: whether the driver has read everything cannot be seen (it keeps the line to itself, TIOCEXCL, and "
+      "this "
+      "process is not root; or no descriptor is left); it has {} s to close",
+      name(), std::chrono::duration_cast<std::chrono::seconds>(kUnknownLimit).count());
 }
 
 std::string PtyPort::name() const {

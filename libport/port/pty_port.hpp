@@ -1,9 +1,9 @@
 #pragma once
 
-#include <array>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "libport/port/context.hpp"
 #include "libport/port/fd_watch.hpp"
@@ -19,6 +19,24 @@ namespace porttape {
 // A pseudo-terminal that a program opens as if it were the device. Passive: up while a program has the slave
 // open. Owns the pty and its link. One peer at a time: a second program that opens it shares the line, as on
 // a real tty.
+//
+// Sessions are made of what is known of the openers:
+//
+// | what is seen                          | openers before | then                                          |
+// |---------------------------------------|----------------|-----------------------------------------------|
+// | an open                               | no session     | a session begins                              |
+// | an open                               | 0              | closed and opened again: one ends, one begins |
+// | an open                               | 1 or more      | one more, the session goes on                 |
+// | an open                               | unknown        | the session goes on                           |
+// | a close                               | known          | one less; that nobody is left, HUP says       |
+// | HUP and no byte left (read gives EIO) | any            | the session ends; opens after that last close |
+// |                                       |                | begin the next                                |
+// | no HUP, no session                    | 0, or lost     | where events were lost, or opens cannot be    |
+// |                                       |                | told one by one: a session begins             |
+//
+// Their number is exact where each open and close is told (Pty::exact). It is unknown after an open that may
+// stand for several, after lost events, and for a session that was found without an event. HUP, which the
+// kernel shows while nobody has the slave open, is always true, and with it the number is 0.
 class PtyPort final : public Port {
  public:
   PtyPort(const PortContext& context, const PortOptions& options);
@@ -40,6 +58,8 @@ class PtyPort final : public Port {
   [[nodiscard]] std::string name() const override;
 
  private:
+  using Openers = std::optional<int>;  // how many descriptors programs have open; none: unknown
+
   static constexpr std::size_t kReadSize = 4096;  // a status byte and the 4095 bytes that a pty gives at most
 
   // What belongs to one pty and goes with it.
@@ -47,17 +67,20 @@ class PtyPort final : public Port {
     Line(PtyPort& port, Pty made);
     Pty pty;
     FdWatch master_watch;
-    FdWatch wake_watch;
     Outbox outbox;
   };
 
   Result<void> make_line();
   void announce_path() const;
+  void publish_line();
   void replace_line();
+  void drop_line();
   void renew_line();
-  void look();  // whether a peer is there that no event told of
-  void on_wake();
-  void take_events();
+  void look();
+  void on_event();
+  void handle_events(const std::vector<Pty::Event>& events);
+  void handle_event(Pty::Event event);
+  void count(Pty::Event event);
   void watch_reading();
   void on_readable();
   bool read_once();  // true when there may be more
@@ -66,26 +89,26 @@ class PtyPort final : public Port {
   void handle_packet(ByteView packet);
   void deliver_held();
   void deliver_held_soon();
-  void peer_arrived();
+  void peer_arrived(Openers openers);
+  void master_ended();
   void peer_left();
   void peer_reopened();
   void drop_unsent();
   void drop_held();
   void set_up(bool up, LineDown::Reason reason = LineDown::Reason::closed);
   void on_hang_up_timer();
-  void on_look_timer();
+  void tell_waiting();
 
   PortContext context_;
   PortOptions options_;
   std::optional<PtyLink> link_;
   std::unique_ptr<Line> line_;  // null before prepare(), and while no new pty can be made
   Timer hang_up_timer_;
-  Timer look_timer_;   // no event tells of changed settings
-  Timer renew_timer_;  // while there is no line
-  Instant arrived_{};
-  std::array<Byte, kReadSize> buffer_{};
-  Bytes held_;       // a packet that was read when the session began or reading stopped: delivered first
-  int openers_ = 0;  // an estimate (inotify merges events); only decides whether CLOSE, OPEN was a reopen
+  Timer renew_timer_;                     // while there is no line
+  std::optional<Instant> unknown_since_;  // hanging up, without seeing whether the driver has read everything
+  Bytes held_;  // a packet that was read when the session began or reading stopped: delivered first
+  Openers openers_ = 0;
+  bool events_lost_ = false;  // since HUP was seen last
   bool accepting_ = false;
   bool peer_ = false;
   bool up_ = false;

@@ -8,7 +8,7 @@ namespace porttape {
 
 RecordingPort::RecordingPort(const PortContext& context, std::unique_ptr<Port> inner, Options options)
     : inner_(std::move(inner)),
-      overwrite_(options.tape.overwrite),
+      replaces_(options.tape.on_existing == OnExisting::overwrite),
       now_(options.now),
       keeper_(context, std::move(options.tape), [this] { listener().on_finished(exit_status::kRuntime); }) {}
 
@@ -30,7 +30,7 @@ void RecordingPort::open() {
     keeper_.opened(now);
   } else {
     zero_ = now;
-    if (!overwrite_) begin_tape();
+    if (!replaces_) begin_tape();
   }
   inner_->open();
 }
@@ -68,6 +68,7 @@ std::size_t RecordingPort::write_some(ByteView data) {
 
 bool RecordingPort::end_writing() {
   writing_ended_ = true;
+  keeper_.note(now_(), [](TapeWriter& tape, TapeTime at) { tape.half_close_event(at, Side::driver); });
   return inner_->end_writing();
 }
 
@@ -112,6 +113,11 @@ void RecordingPort::on_down(const LineDown& down) {
   const bool left = !inner_->passive() && !(writing_ended_ && down.reason == LineDown::Reason::closed);
   if (left) note_lost(down, true);
   listener().on_down(down);
+}
+
+PortListener::Answers RecordingPort::on_ended() {
+  keeper_.note(now_(), [](TapeWriter& tape, TapeTime at) { tape.half_close_event(at, Side::device); });
+  return listener().on_ended();
 }
 
 void RecordingPort::on_interrupted(const LineDown& down) {

@@ -56,7 +56,7 @@ class RecordingPort final : public Port, private PortListener {
   void on_finished(int exit_status) override { listener().on_finished(exit_status); }
   void on_complete(int exit_status) override;
   void on_flush(FlushQueue queue) override { listener().on_flush(queue); }
-  Answers on_ended() override { return listener().on_ended(); }
+  Answers on_ended() override;
   bool wants_rest() override { return listener().wants_rest(); }
   void on_interrupted(const LineDown& down) override;
   void on_resumed() override;
@@ -67,7 +67,7 @@ class RecordingPort final : public Port, private PortListener {
   void note_lost(const LineDown& down, bool hung_up);
 
   std::unique_ptr<Port> inner_;
-  bool overwrite_;
+  bool replaces_;  // the tape of that name
   Instant (*now_)();
   TapeKeeper keeper_;
   Instant zero_{};  // of the first open()

@@ -8,6 +8,7 @@
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
 #include "libport/port/port_options.hpp"
+#include "libport/port/replay_reports.hpp"
 #include "libport/port/timer.hpp"
 #include "libport/replay/engine.hpp"
 #include "libport/tape/tape_name.hpp"
@@ -39,17 +40,22 @@ class ReplayPort final : public Port {
   void close() override;
   void write(ByteView data) override;
   bool end_writing() override;
-  [[nodiscard]] bool congested() const override { return false; }
+  // A driver that writes on while the tape is read on to where it writes.
+  [[nodiscard]] bool congested() const override { return congested_; }
   // What is due counts as read, where the tape is stamped at arrival and answers follow their questions. Else
   // nothing is dropped: the tape holds what its driver read, or plays by a clock that a slow reader lags
   // behind.
   bool discard() override;
+  // The same for a driver that flushes what came to it, whatever the timing; a tape that its driver stamped
+  // when reading holds nothing that was flushed. A flush on the tape has no effect: the driver makes its own.
+  void peer_flushed(FlushQueue queue) override;
   [[nodiscard]] std::string awaits() override;
   // Each block of a tape of UDP was a datagram.
   [[nodiscard]] bool keeps_datagrams() const override { return datagrams_; }
   void set_reading(bool on) override;
   void hang_up(bool) override {}
-  // Ends the run; the status is its verdict's.
+  // Ends the run; the status is its verdict's. Takes 5 s at most: what is not known or not written then is
+  // told.
   void finish() override;
   [[nodiscard]] std::string name() const override { return "logreader:" + options_.tape.name(); }
 
@@ -58,7 +64,7 @@ class ReplayPort final : public Port {
     return engine_ ? engine_->next_deadline() : std::nullopt;
   }
 
-  // The latest run's, once one has ended.
+  // The latest run's, once it is complete.
   [[nodiscard]] const std::optional<RunReport>& report() const { return report_; }
 
  private:
@@ -66,8 +72,12 @@ class ReplayPort final : public Port {
   [[nodiscard]] Instant pump_time(Instant now) const;
   void perform(ReplayActions& actions);
   void set_timer();
+  [[nodiscard]] bool may_spin(Instant due) const;
   void on_timer();
   void take_report(RunReport report);
+  void publish(const RunReport& report);
+  void continue_finish();
+  void add_stalls(RunReport& report, Instant begun) const;
   [[nodiscard]] int status() const;
 
   PortContext context_;
@@ -76,12 +86,19 @@ class ReplayPort final : public Port {
   std::optional<TapeReader> writes_;
   std::unique_ptr<Engine> engine_;
   Timer timer_;
+  std::unique_ptr<ReplayReports> reports_;
   std::optional<RunReport> report_;
-  Instant last_spin_{};
+  std::optional<Instant> run_begun_;
+  std::optional<Timer> finish_timer_;
+  Instant finish_limit_{};
+  bool any_run_ = false;  // has ended
   bool report_failed_ = false;
+  bool congested_ = false;
+  bool reading_on_ = false;  // the engine has used up its budget
   bool open_ = false;
   bool dropping_ = false;
   bool datagrams_ = false;
+  bool stamped_at_arrival_ = false;
 };
 
 }  // namespace porttape

@@ -1,8 +1,11 @@
 #include "libport/port/serial_port.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <poll.h>
+#include <span>
 #include <sys/file.h>
 #include <sys/ioctl.h>
 #include <sys/stat.h>
@@ -16,6 +19,8 @@ namespace porttape {
 namespace {
 
 Error missing(std::string message) { return make_error(Errc::device_missing, std::move(message)); }
+
+constexpr std::size_t kMostHeld = std::size_t{64} * 1024;
 
 LineSettings settings_of(const PortOptions& options) {
   LineSettings settings;
@@ -70,7 +75,11 @@ SerialPort::Line::Line(SerialPort& port, UniqueFd opened)
 SerialPort::SerialPort(const PortContext& context, const PortOptions& options)
     : context_(context), options_(options), device_(options.text("device")) {}
 
-SerialPort::~SerialPort() = default;
+SerialPort::~SerialPort() {
+  if (!line_) return;
+  line_->watch.stop();
+  close_elsewhere(std::move(line_->fd));
+}
 
 Result<void> SerialPort::prepare() {
   struct stat status {};
@@ -82,7 +91,8 @@ Result<void> SerialPort::prepare() {
     }
     return missing(fmt::format("device '{}': {}; {}", device_, errno_text(error), advice_for(error)));
   }
-  if (!S_ISCHR(status.st_mode) || !is_tty_device(status.st_rdev)) {
+  // Where it cannot be known, opening it tells.
+  if (!S_ISCHR(status.st_mode) || is_tty_device(status.st_rdev) == false) {
     return missing(fmt::format("device '{}' is {}, not a serial device", device_,
                                S_ISDIR(status.st_mode)   ? "a folder"
                                : S_ISREG(status.st_mode) ? "a file"
@@ -114,7 +124,7 @@ void SerialPort::open() {
     listener().on_up();
     return;
   }
-  if (!interrupted_) try_open();
+  if (!interrupted_ && closing_ == 0) try_open();
 }
 
 void SerialPort::try_open() {
@@ -185,11 +195,37 @@ void SerialPort::discard_unsent() {
 
 void SerialPort::drop_line() {
   discard_unsent();
-  // Closed at once, so that the device gets its old name back when it is plugged in again. The rest goes on
-  // the next turn of the loop, since one of its callbacks may be running.
+  // The rest goes on the next turn of the loop, since one of its callbacks may be running.
   line_->watch.stop();
-  line_->fd.reset();
+  close_elsewhere(std::move(line_->fd));
   context_.loop->post([old = std::shared_ptr<Line>(std::move(line_))] {});
+}
+
+void SerialPort::close_elsewhere(UniqueFd fd) {
+  if (context_.pulled) return;  // its program waits in its calls, and has closed it when they return
+  // Unplugged: nothing can be sent, and while it is held the device gets another name when it comes back.
+  pollfd state{fd.get(), 0, 0};
+  if (::poll(&state, 1, 0) > 0 && (state.revents & POLLHUP) != 0) return;
+  const auto held = std::make_shared<UniqueFd>(std::move(fd));
+  ++closing_;
+  const bool taken = context_.loop->run_elsewhere(
+      closing_strand_, [held] { held->reset(); },
+      [this, alive = std::weak_ptr<int>(alive_)] {
+        if (!alive.expired()) closed();
+      });
+  if (taken) return;
+  --closing_;
+  int unsent = 0;
+  if (::ioctl(held->get(), TIOCOUTQ, &unsent) != 0) unsent = 0;
+  (void)::tcflush(held->get(), TCOFLUSH);
+  if (unsent > 0) {
+    listener().on_dropped(static_cast<std::uint64_t>(unsent),
+                          "no thread was to be had to wait until the device has sent them");
+  }
+}
+
+void SerialPort::closed() {
+  if (--closing_ == 0 && opened_ && !interrupted_) try_open();
 }
 
 void SerialPort::write(ByteView data) {
@@ -247,9 +283,10 @@ void SerialPort::on_readable() {
 }
 
 bool SerialPort::read_once() {
-  const ssize_t size = ::read(line_->fd.get(), buffer_.data(), buffer_.size());
+  const std::span<Byte> buffer = context_.loop->read_buffer();
+  const ssize_t size = ::read(line_->fd.get(), buffer.data(), buffer.size());
   if (size > 0) {
-    listener().on_data(ByteView(buffer_).first(static_cast<std::size_t>(size)));
+    listener().on_data(ByteView(buffer).first(static_cast<std::size_t>(size)));
     return static_cast<std::size_t>(size) >= 4095;  // what a tty gives at most: there may be more
   }
   if (size < 0 && (errno == EAGAIN || errno == EINTR)) return false;
@@ -258,13 +295,16 @@ bool SerialPort::read_once() {
 }
 
 void SerialPort::read_pending() {
-  int left = 0;
-  if (!line_ || ::ioctl(line_->fd.get(), FIONREAD, &left) != 0) return;
+  int there = 0;
+  // Where it cannot be seen how much there is, what a tty holds at most.
+  const bool known = line_ && ::ioctl(line_->fd.get(), FIONREAD, &there) == 0;
+  std::size_t left = known ? static_cast<std::size_t>(std::max(there, 0)) : kMostHeld;
   while (line_ && reading_ && left > 0) {
-    const ssize_t size = ::read(line_->fd.get(), buffer_.data(), buffer_.size());
+    const std::span<Byte> buffer = context_.loop->read_buffer();
+    const ssize_t size = ::read(line_->fd.get(), buffer.data(), buffer.size());
     if (size <= 0) return;
-    left -= static_cast<int>(size);
-    listener().on_data(ByteView(buffer_).first(static_cast<std::size_t>(size)));
+    left -= std::min(left, static_cast<std::size_t>(size));
+    listener().on_data(ByteView(buffer).first(static_cast<std::size_t>(size)));
   }
 }
 

@@ -1,10 +1,10 @@
 #pragma once
 
-#include <array>
 #include <memory>
 #include <string>
 
 #include "libport/base/unique_fd.hpp"
+#include "libport/base/workers.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/fd_watch.hpp"
 #include "libport/port/outbox.hpp"
@@ -18,7 +18,8 @@ namespace porttape {
 // A serial device, opened raw, exclusive (TIOCEXCL and flock), with any baud rate, read back. `alwaysopen`
 // opens it in prepare(), keeps it open and opens it again when it was unplugged and comes back; `wait` waits
 // for a device that is missing instead of failing. A device that goes away is closed at once, so that it
-// comes back under its own name.
+// comes back under its own name. Any other close may wait for unsent output (up to 30 s in the kernel): it is
+// done on another thread, and an open() that follows waits for it.
 class SerialPort final : public Port {
  public:
   SerialPort(const PortContext& context, const PortOptions& options);
@@ -42,8 +43,6 @@ class SerialPort final : public Port {
   [[nodiscard]] std::string name() const override { return options_.name(); }
 
  private:
-  static constexpr std::size_t kReadSize = 16384;
-
   struct Line {
     Line(SerialPort& port, UniqueFd opened);
     UniqueFd fd;
@@ -61,13 +60,16 @@ class SerialPort final : public Port {
   void lost(int error_number);
   void discard_unsent();
   void drop_line();
+  void close_elsewhere(UniqueFd fd);
+  void closed();
 
   PortContext context_;
   PortOptions options_;
   std::string device_;
   std::unique_ptr<Line> line_;
   std::unique_ptr<PathWatch> waiting_;
-  std::array<Byte, kReadSize> buffer_{};
+  Workers::Strand closing_strand_;
+  int closing_ = 0;  // closes under way
   bool opened_ = false;
   bool up_ = false;
   bool interrupted_ = false;  // lost though `alwaysopen`, and not back yet

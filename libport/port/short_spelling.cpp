@@ -108,6 +108,20 @@ Result<PortOptions> parse_short_spelling(std::string_view spec) {
   return options;
 }
 
+std::string PortOptions::spelled() const {
+  std::string text = name();
+  const PortType* known = find_port_type(type);
+  const bool listens = known != nullptr && flag("listen") && !known->listening.main.empty();
+  const ShortForm form = known == nullptr ? ShortForm{} : listens ? known->listening : known->form;
+  for (const auto& [option, value] : values) {
+    if (option == form.main || option == form.port || (listens && option == "listen")) continue;
+    const OptionSpec* spec = known == nullptr ? nullptr : known->find(option);
+    const bool is_flag = spec != nullptr && spec->kind == OptionSpec::Kind::flag;
+    text += is_flag ? "," + option : "," + option + "=" + value;
+  }
+  return text;
+}
+
 std::string PortOptions::name() const {
   const PortType* known = find_port_type(type);
   if (known == nullptr) return type;

@@ -2,9 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <filesystem>
-#include <fmt/format.h>
-#include <string_view>
 #include <utility>
 
 #include <spdlog/spdlog.h>
@@ -26,24 +23,6 @@ constexpr Nanos kWatchEvery = milliseconds(250);
 constexpr Nanos kSilence = seconds(1);
 constexpr Nanos kFailClosedSilence = milliseconds(1500);
 
-// Whatever else is wrong with a place is told when the tape is made there.
-bool taken(const std::filesystem::path& path) {
-  std::error_code error;
-  return std::filesystem::exists(std::filesystem::symlink_status(path, error));
-}
-
-// The first free name after this one: `laser.log`, `laser.2.log`, `laser.3.log`, …
-TapePaths next_tape(const TapePaths& first) {
-  const std::string name = first.name();
-  const std::string_view stem =
-      name.ends_with(".log") ? std::string_view(name).substr(0, name.size() - 4) : name;
-  const std::string_view suffix = std::string_view(name).substr(stem.size());
-  for (int number = 2;; ++number) {
-    TapePaths paths = literal_tape(fmt::format("{}.{}{}", stem, number, suffix));
-    if (!taken(paths.read) && !taken(paths.write) && !taken(paths.events)) return paths;
-  }
-}
-
 }  // namespace
 
 struct TapeKeeper::Ending {
@@ -54,7 +33,6 @@ struct TapeKeeper::Ending {
 TapeKeeper::TapeKeeper(const PortContext& context, Options options, std::function<void()> on_must_end)
     : context_(context),
       options_(std::move(options)),
-      first_tape_(options_.tape),
       on_must_end_(std::move(on_must_end)),
       retry_(options_.retry),
       retry_timer_(*context.loop, [this] { start(); }),
@@ -64,7 +42,7 @@ TapeKeeper::TapeKeeper(const PortContext& context, Options options, std::functio
 TapeKeeper::~TapeKeeper() = default;
 
 Result<void> TapeKeeper::check() const {
-  return TapeWriter::check(options_.tape, {.overwrite = options_.overwrite});
+  return TapeWriter::check(options_.tape, {.on_existing = options_.on_existing});
 }
 
 TapeTime TapeKeeper::tape_time(Instant at) const { return TapeTime{duration_cast<Micros>(at - zero_)}; }
@@ -76,9 +54,10 @@ void TapeKeeper::begin(Instant zero) {
 }
 
 void TapeKeeper::start() {
+  options_.header.zero = tape_zero(zero_, Loop::now());
   LiveTape::Options live{.paths = options_.tape,
                          .header = options_.header,
-                         .writer = {.overwrite = options_.overwrite},
+                         .writer = {.on_existing = options_.on_existing, .first_number = first_number_},
                          .queue_bytes = options_.queue_bytes,
                          .on_news = {},
                          .make = options_.make};
@@ -213,9 +192,12 @@ void TapeKeeper::watch_disk() {
 
 void TapeKeeper::rotate(Instant now) {
   if (!begun_) return;
+  if (const auto status = tape_ ? std::optional(tape_->status()) : std::nullopt;
+      status && !status->id.empty())
+    options_.header.previous = PreviousTape{status->id, status->paths.file_name()};
   end_current(now);
-  options_.tape = next_tape(first_tape_);
-  options_.overwrite = false;
+  options_.on_existing = OnExisting::next;
+  first_number_ = 2;
   zero_ = now;
   if (open_since_) open_since_ = now;
   start();

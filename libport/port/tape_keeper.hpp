@@ -23,7 +23,7 @@ class TapeKeeper {
   struct Options {
     TapePaths tape;
     TapeHeader header;
-    bool overwrite = false;
+    OnExisting on_existing = OnExisting::refuse;
     bool fail_closed = false;  // on_must_end when the tape cannot be written; else the line stays up
     Nanos retry = std::chrono::seconds(1);  // then 2 s, 4 s, … 30 s: a tape that could not be made
     std::size_t queue_bytes = std::size_t{8} << 20;
@@ -79,7 +79,7 @@ class TapeKeeper {
 
   PortContext context_;
   Options options_;
-  TapePaths first_tape_;
+  unsigned first_number_ = 1;  // of the names that the next tape may take
   std::function<void()> on_must_end_;
   std::unique_ptr<LiveTape> tape_;  // null before begin(), and while it cannot be made
   std::list<Ending> ending_;        // tapes that are being finished

@@ -119,14 +119,15 @@ Result<void> set_modem_line(int fd, int line, bool on) {
   return {};
 }
 
-bool is_tty_device(std::uint64_t device) {
+std::optional<bool> is_tty_device(std::uint64_t device) {
   const unsigned major_number = gnu_dev_major(device);
   if (major_number >= kFirstPtsMajor && major_number <= kLastPtsMajor) return true;
   std::error_code error;
   const auto subsystem = std::filesystem::read_symlink(
       fmt::format("/sys/dev/char/{}:{}/subsystem", major_number, gnu_dev_minor(device)), error);
-  // Without sysfs the question stays open until the device is opened.
-  return error ? !std::filesystem::exists("/sys/dev/char") : subsystem.filename() == "tty";
+  if (!error) return subsystem.filename() == "tty";
+  if (std::filesystem::exists("/sys/dev/char", error)) return false;
+  return std::nullopt;
 }
 
 }  // namespace porttape

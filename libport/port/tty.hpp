@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "libport/base/result.hpp"
@@ -40,7 +41,7 @@ void renew_mark(int fd);
 Result<void> set_modem_line(int fd, int line, bool on);
 
 // Whether this character device is a tty, told without opening it (opening raises DTR). `device` is its
-// st_rdev.
-bool is_tty_device(std::uint64_t device);
+// st_rdev. Unknown where there is no sysfs.
+std::optional<bool> is_tty_device(std::uint64_t device);
 
 }  // namespace porttape

@@ -1,18 +1,33 @@
 #include "libport/replay/engine.hpp"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
-#include <limits>
+#include <cstdio>
+#include <string>
 #include <utility>
 
 #include "libport/replay/engine_impl.hpp"
-#include "libport/replay/hint.hpp"
 
 namespace porttape {
 namespace {
 
-constexpr std::uint64_t kMostHints = 8;          // a run; each may read far on the tape
 constexpr std::size_t kMostMismatchesHeld = 16;  // between two calls of advance(); the rest is only counted
+
+constexpr std::size_t kMostGapsTold = 8;
+
+std::string text_of(const TapeGap& gap) {
+  const auto seconds = [](TapeTime at) {
+    std::array<char, 48> text{};
+    const std::int64_t us = to_us(at);
+    std::snprintf(text.data(), text.size(), "%lld.%06lld s", static_cast<long long>(us / 1'000'000),
+                  static_cast<long long>(us % 1'000'000));
+    return std::string(text.data());
+  };
+  const std::string what = gap.bytes > 0 ? std::to_string(gap.bytes) + " bytes are" : "something is";
+  return what + " missing on the tape from " + seconds(gap.from) + " to " + seconds(gap.to) +
+         (gap.why.empty() ? "" : " (" + gap.why + ")") + ": what the driver wrote there was not compared";
+}
 
 ReplayConfig effective(ReplayConfig config) {
   if (config.timing == Timing::none) config.strictness = std::min(config.strictness, 1);
@@ -25,23 +40,11 @@ Engine::Impl::Impl(const ReplayConfig& replay_config, const TapeFacts& facts, Re
                    RecordSource& write_source)
     : config(effective(replay_config)),
       hang_ups(facts.hang_ups),
-      writes(write_source),
-      matcher(write_source, config.burst_gap),
-      player(config, facts, schedule, matcher) {}
-
-void Engine::Impl::open(Instant at) {
-  now = at;
-  dirty = true;
-  if (driver_open && run) return;
-  driver_open = true;
-  if (run) {
-    reopen();
-  } else if (!any_run || config.on_reopen != OnReopen::continue_) {
-    begin_run();
-  } else if (config.at_end == AtEnd::hangup) {
-    pending.hang_up = true;
-  }
-  exchanged = writing_ended = device_gone = false;
+      totals(facts.totals),
+      gaps(facts.gaps),
+      matcher(write_source, budget, config.burst_gap),
+      player(config, facts, schedule, budget, matcher) {
+  if (config.strictness > 0) matcher.set_gaps(gaps);
 }
 
 void Engine::Impl::begin_run() {
@@ -53,105 +56,56 @@ void Engine::Impl::begin_run() {
   stop_if_damaged();
 }
 
-void Engine::Impl::reopen() {
-  switch (on_open) {
-    case Reopen::restart_session:
-      player.restart_session(now);
-      break;
-    case Reopen::resume:
-      settle(Player::Lost::due);
-      if (!run) return;
-      player.resume(now);
-      break;
-    case Reopen::next_open: {
-      player.continue_at_next_open(now);
-      const std::uint64_t there = player.schedule().passed().writes;
-      if (can_realign() && (!matcher.comparing() || matcher.position() < there)) matcher.realign(there);
-      break;
-    }
-  }
-  stop_if_damaged();
-}
-
-void Engine::Impl::write(Instant at, ByteView data) {
-  now = at;
-  dirty = true;
-  if (!run || data.empty()) return;
-  run->written(data.size());
+// Gives how much of it is done with.
+std::size_t Engine::Impl::write(ByteView data, bool counted) {
+  if (!run) return data.size();
+  if (!counted) run->written(data.size());
   exchanged = true;
-  if (device_gone) return;
   const bool recorded = config.timing == Timing::recorded;
   if (recorded && !matcher.comparing() && now - matcher.last_write() >= config.quiet) {
     matcher.realign_to_time(player.timeline().tape(now - config.jitter));
   }
-  while (run && !data.empty()) {
-    const std::uint64_t room = room_before_hang_up();
-    if (room == 0) break;
-    const Matcher::Step step = matcher.write(now, data.first(std::min<std::uint64_t>(room, data.size())));
-    data = data.subspan(step.used);
+  ByteView rest = data;
+  while (run && !rest.empty() && !device_gone) {
+    const Matcher::Step step = matcher.write(now, rest, next_hang_up());
+    rest = rest.subspan(step.used);
     if (step.outcome == Matcher::Outcome::block) {
       if (const auto fault = player.check_recorded(step, now)) tell_fault(*fault);
-    } else if (matcher.error()) {
+    } else if (matcher.error() || step.outcome == Matcher::Outcome::gone) {
       break;
+    } else if (step.outcome == Matcher::Outcome::later) {
+      return data.size() - rest.size();
     } else if (step.outcome != Matcher::Outcome::taken) {
-      tell_difference(data);
+      tell_difference(rest);
       matcher.diverge();
     }
   }
   stop_if_damaged();
+  return data.size();
 }
 
-std::uint64_t Engine::Impl::room_before_hang_up() {
+// The recorded hang-up that is next, while the bytes are compared.
+std::optional<TapeTime> Engine::Impl::next_hang_up() {
   const std::size_t next = player.schedule().hang_ups_passed();
-  const bool ahead = matcher.comparing() && next < hang_ups.size() && hang_ups[next] >= matcher.position();
-  return ahead ? hang_ups[next] - matcher.position() : std::numeric_limits<std::uint64_t>::max();
-}
-
-void Engine::Impl::close(Instant at) {
-  now = at;
-  dirty = true;
-  driver_open = false;
-  if (!run) return;
-  const auto meaning = meaning_of_close();
-  if (run && !meaning) end_run();
-  on_open = meaning.value_or(Reopen::resume);
-}
-
-// What the next open will be; nothing when the run is over.
-std::optional<Engine::Impl::Reopen> Engine::Impl::meaning_of_close() {
-  if (config.on_reopen == OnReopen::continue_) {
-    return player.nothing_left() ? std::nullopt : std::optional(Reopen::resume);
-  }
-  if (config.on_reopen == OnReopen::automatic) {
-    const bool ahead = player.open_ahead();
-    if (ahead && player.at_recorded_reopen()) return Reopen::next_open;
-    if ((ahead && !exchanged) || player.just_passed_open(now)) return Reopen::restart_session;
-    settle(Player::Lost::all);
-    return ahead ? std::optional(Reopen::next_open) : std::nullopt;
-  }
-  settle(Player::Lost::all);
-  return std::nullopt;
-}
-
-void Engine::Impl::settle(Player::Lost lost) {
-  while (run) {
-    const auto fault = player.settle(now, lost);
-    if (!fault) return stop_if_damaged();
-    tell_fault(*fault);
-  }
+  if (!matcher.comparing() || next >= hang_ups.size()) return std::nullopt;
+  return hang_ups[next];
 }
 
 ReplayActions Engine::Impl::advance(Instant at, std::size_t max_bytes) {
+  budget.refill();
+  work();
   now = std::max(now, at);
   dirty = false;
   if (!run && driver_open && std::exchange(writing_ended, false)) pending.hang_up = true;
   // The end of a run is told alone, so that nothing of the next run is mixed in.
   if (pending.run_ended || !run) {
-    dirty = run.has_value();
+    dirty = run.has_value() || !inputs.empty();
     return std::exchange(pending, {});
   }
   ReplayActions out;
-  if (driver_open) play(max_bytes, out);
+  player.set_behind(!inputs.empty());
+  if (driver_open && !switching()) play(max_bytes, out);
+  dirty = dirty || !inputs.empty();
   out.mismatches = std::move(pending.mismatches);
   out.hang_up = out.hang_up || pending.hang_up;
   out.run_ended = std::move(pending.run_ended);
@@ -171,12 +125,21 @@ void Engine::Impl::play(std::size_t max_bytes, ReplayActions& out) {
     if (fresh > 0 && before == 0 && !was_blocked) run->lateness(now - *player.delivered_due());
     if (!fault) break;
     tell_fault(*fault);
+    if (run && budget.spent()) {
+      player.wake_at(now);
+      break;
+    }
   }
   if (!blocked && (!player.wake() || *player.wake() > now)) was_blocked = false;
   stop_if_damaged();
-  if (run && writing_ended && !blocked && (player.session_played() || !player.wake())) {
-    writing_ended = false;
-    out.hang_up = true;
+  if (run && writing_ended && !blocked) {
+    const std::optional<bool> played = player.session_played();
+    if (!played) {
+      player.wake_at(now);
+    } else if (*played || !player.wake()) {
+      writing_ended = false;
+      out.hang_up = true;
+    }
   }
   if (run && player.used_up() && !tape_end_told) at_tape_end();
 }
@@ -189,19 +152,33 @@ void Engine::Impl::at_tape_end() {
 }
 
 void Engine::Impl::end_run() {
-  const Schedule::Totals passed = player.schedule().drain();
-  const auto unsent = matcher.first_unsent();
-  RunReport report = run->report(config, now, unsent.has_value() || matcher.matched() < passed.writes);
-  report.to_driver_of = passed.reads;
-  report.from_driver_of = passed.writes;
+  const std::optional<bool> any_unsent = matcher.any_unsent();
+  RunReport report = run->report(config, now, any_unsent.value_or(false));
   report.from_driver_matched = matcher.matched();
-  if (unsent) {
+  if (!any_unsent && run->report(config, now, true).verdict != report.verdict) {
+    report.undecided_from = matcher.position();
+  }
+  if (const auto unsent = matcher.first_unsent()) {
     report.next_expected = unsent->bytes;
     report.next_expected_offset = unsent->offset;
     report.next_expected_tape = unsent->at;
   }
+  if (totals) add_totals(report, *totals);
+  add_gaps(report);
   pending.run_ended = std::move(report);
   run.reset();
+}
+
+// The gaps that the run came to.
+void Engine::Impl::add_gaps(RunReport& report) {
+  const std::size_t reached = std::max(matcher.gaps_reached(), player.gaps_reached());
+  for (std::size_t i = 0; i < std::min(reached, gaps.size()); ++i) {
+    if (i == kMostGapsTold) {
+      report.doubts.push_back({Doubt::Kind::gap, "and " + std::to_string(reached - i) + " more gaps"});
+      return;
+    }
+    report.doubts.push_back({Doubt::Kind::gap, text_of(gaps[i])});
+  }
 }
 
 void Engine::Impl::stop_if_damaged() {
@@ -218,11 +195,7 @@ void Engine::Impl::tell_difference(ByteView got) {
   if (config.strictness == 0) return;
   Mismatch mismatch = matcher.describe(got);
   mismatch.real = run->since_begin(now);
-  if (run->mismatches() < kMostHints) {
-    mismatch.hint = find_hint(writes, mismatch.tape_offset, got);
-    matcher.restore_source();
-  }
-  tell(std::move(mismatch));
+  tell_mismatch(std::move(mismatch));
 }
 
 void Engine::Impl::tell_fault(const Player::TimingFault& fault) {
@@ -234,10 +207,10 @@ void Engine::Impl::tell_fault(const Player::TimingFault& fault) {
   mismatch.real = run->since_begin(fault.real);
   mismatch.error = fault.error;
   mismatch.own_late = std::chrono::ceil<Micros>(run->last_lateness());
-  tell(std::move(mismatch));
+  tell_mismatch(std::move(mismatch));
 }
 
-void Engine::Impl::tell(Mismatch mismatch) {
+void Engine::Impl::tell_mismatch(Mismatch mismatch) {
   // A run that ends here has no more use for the walk, so it may go ahead to where the driver is.
   if (fails()) player.schedule().pass_write(mismatch.tape_offset);
   mismatch.exchange = player.schedule().exchange_of(mismatch.tape_offset);
@@ -251,30 +224,25 @@ void Engine::Impl::tell(Mismatch mismatch) {
   }
 }
 
-std::optional<RunReport> Engine::Impl::finish(Instant at) {
-  now = std::max(now, at);
-  dirty = false;
-  if (driver_open) settle(Player::Lost::all);
-  if (run) end_run();
-  return std::exchange(pending, {}).run_ended;
-}
-
 Engine::Engine(const ReplayConfig& config, const TapeFacts& facts, RecordSource& schedule,
                RecordSource& writes)
     : impl_(std::make_unique<Impl>(config, facts, schedule, writes)) {}
 
 Engine::~Engine() = default;
 
-void Engine::on_open(Instant now) { impl_->open(now); }
-
-void Engine::on_write(Instant now, ByteView data) { impl_->write(now, data); }
-
+void Engine::on_open(Instant now) { impl_->tell({.kind = Impl::Input::Kind::open, .at = now}); }
+void Engine::on_write(Instant now, ByteView data) { impl_->tell_write(now, data); }
 void Engine::on_writing_ended(Instant now) {
-  impl_->now = now;
-  impl_->dirty = impl_->writing_ended = true;
+  impl_->tell({.kind = Impl::Input::Kind::writing_ended, .at = now});
 }
+void Engine::on_flush(Instant now) { impl_->tell({.kind = Impl::Input::Kind::flush, .at = now}); }
+void Engine::on_close(Instant now) { impl_->tell({.kind = Impl::Input::Kind::close, .at = now}); }
+void Engine::finish(Instant now) { impl_->tell({.kind = Impl::Input::Kind::finish, .at = now}); }
 
-void Engine::on_close(Instant now) { impl_->close(now); }
+bool Engine::finished() const { return impl_->finished; }
+void Engine::give_up(Instant now) { impl_->give_up(now); }
+void Engine::set_totals(const TapeTotals& totals) { impl_->totals = totals; }
+std::size_t Engine::backlog() const { return impl_->backlog; }
 
 std::optional<Instant> Engine::next_deadline() const {
   if (impl_->dirty) return impl_->now;
@@ -283,8 +251,6 @@ std::optional<Instant> Engine::next_deadline() const {
 }
 
 ReplayActions Engine::advance(Instant now, std::size_t max_bytes) { return impl_->advance(now, max_bytes); }
-
-std::optional<RunReport> Engine::finish(Instant now) { return impl_->finish(now); }
 
 std::optional<Engine::Unsent> Engine::first_unsent() const {
   const auto unsent = impl_->run ? impl_->matcher.first_unsent() : std::nullopt;

@@ -46,7 +46,8 @@ struct ReplayActions {
 // in merged order, `writes` the w file alone; both must outlive the engine and be its own. An error of a
 // source ends the run with RunReport::trouble; the next on_open tries again from the start.
 //
-// The end of a run reads the rest of the tape to count it.
+// No call reads more of the tape than a Budget holds: what is left over, also of what it was told, goes on at
+// the next advance(), and next_deadline() is due until then.
 class Engine {
  public:
   struct TapeFacts {
@@ -55,9 +56,12 @@ class Engine {
     // `open` events on the whole tape: a close with one ahead does not end the run. With 0, only an open that
     // the walk already stands at is seen to be ahead.
     std::uint64_t opens = 0;
-    // For each recorded hang-up the recorded bytes of writes before it: what the driver writes beyond, until
-    // it closes, went to nobody when it was recorded, and is not compared.
-    std::vector<std::uint64_t> hang_ups{};
+    // When each recorded hang-up was: what the driver writes beyond the writes recorded before it, until it
+    // closes, went to nobody then, and is not compared.
+    std::vector<TapeTime> hang_ups{};
+    std::vector<TapeGap> gaps{};
+    // What the tape holds, if known; else the reports say nothing of it (see add_totals).
+    std::optional<TapeTotals> totals{};
   };
 
   Engine(const ReplayConfig& config, const TapeFacts& facts, RecordSource& schedule, RecordSource& writes);
@@ -70,6 +74,8 @@ class Engine {
   // It writes no more in this session and still reads (a connection closed in one direction): the device ends
   // its own when all that the tape has for it without further writes was delivered.
   void on_writing_ended(Instant now);
+  // It throws away what is due and was not delivered yet; what is due later still comes.
+  void on_flush(Instant now);
   void on_close(Instant now);
 
   // When advance() should be called next; nothing while only the driver can move things on.
@@ -79,11 +85,23 @@ class Engine {
   // <= now).
   [[nodiscard]] ReplayActions advance(Instant now, std::size_t max_bytes = 65536);
 
-  // The program or the command ends: ends the run (if one has begun) and gives its report.
-  [[nodiscard]] std::optional<RunReport> finish(Instant now);
+  // The program or the command ends: ends the run, if one has begun; its report comes from advance(). Nothing
+  // else is to be told to the engine then.
+  void finish(Instant now);
+  // Whether finish() is done with.
+  [[nodiscard]] bool finished() const;
+  // Ends the run at once, whatever is still to be read, and forgets what the engine was told and has not
+  // looked at yet; its report comes from advance().
+  void give_up(Instant now);
+
+  // The tape is counted.
+  void set_totals(const TapeTotals& totals);
+
+  // Bytes it was told of by on_write and has not looked at yet; they grow with a driver that writes on.
+  [[nodiscard]] std::size_t backlog() const;
 
   // The first recorded bytes that the driver has not written in this run; nothing when it wrote all, or while
-  // no run goes on.
+  // no run goes on, or the tape was not read so far.
   struct Unsent {
     std::uint64_t offset = 0;  // in the tape's stream
     TapeTime at{};

@@ -10,7 +10,6 @@ namespace porttape {
 namespace {
 
 constexpr std::uint64_t kReach = std::uint64_t{16} << 20;
-constexpr std::uint64_t kFarthestOffset = std::uint64_t{256} << 20;
 constexpr std::size_t kLongestNeedle = 16;
 
 // Finds a short needle in a stream that is fed byte by byte (Knuth, Morris, Pratt).
@@ -56,6 +55,7 @@ struct Found {
 bool look_through(const Record& piece, std::uint64_t offset, Needle& needle,
                   std::array<TapeTime, kLongestNeedle>& times, Found& found) {
   std::uint64_t position = piece.stream_offset;
+  if (position + piece.data.size() + kReach + kLongestNeedle < offset) return true;
   for (const Byte byte : piece.data) {
     times[position % kLongestNeedle] = piece.at;
     ++position;
@@ -83,12 +83,14 @@ void append(std::string& text, const char* words, const Place& place) {
 
 }  // namespace
 
-std::string find_hint(RecordSource& writes, std::uint64_t offset, ByteView got) {
-  if (got.empty() || offset > kFarthestOffset || !writes.rewind()) return {};
+std::optional<std::string> find_hint(RecordSource& writes, std::uint64_t offset, ByteView got,
+                                     const GiveUp& give_up) {
+  if (got.empty() || !writes.rewind()) return std::string();
   Needle needle(got);
   Found found;
   std::array<TapeTime, kLongestNeedle> times{};
-  while (true) {
+  for (unsigned looked = 1;; ++looked) {
+    if (looked % kRecordsBetweenLooks == 0 && give_up && give_up()) return std::nullopt;
     const auto record = writes.next();
     if (!record || !*record) break;
     if ((*record)->kind == RecordKind::write && !look_through(**record, offset, needle, times, found)) break;

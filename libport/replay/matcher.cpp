@@ -1,6 +1,7 @@
 #include "libport/replay/matcher.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace porttape {
 namespace {
@@ -23,9 +24,12 @@ void Matcher::rewind() {
   arrivals_.clear();
   recent_.clear();
   skipped_.reset();
+  next_gap_ = 0;
+  realigned_ = false;
+  search_.end();
 }
 
-Matcher::Step Matcher::write(Instant now, ByteView data) {
+Matcher::Step Matcher::write(Instant now, ByteView data, std::optional<TapeTime> until) {
   if (data.empty()) return {};
   Step step;
   if (!comparing_) {
@@ -35,8 +39,9 @@ Matcher::Step Matcher::write(Instant now, ByteView data) {
     step.used = data.size();
   } else {
     surplus_ = false;
-    step = compare(now, data);
+    step = compare(now, data, until);
   }
+  if (step.used == 0 && (step.outcome == Outcome::later || step.outcome == Outcome::gone)) return step;
   written_ += step.used;
   last_write_ = now;
   arrival_open_ = true;
@@ -44,15 +49,30 @@ Matcher::Step Matcher::write(Instant now, ByteView data) {
   return step;
 }
 
-Matcher::Step Matcher::compare(Instant now, ByteView data) {
+Matcher::Step Matcher::compare(Instant now, ByteView data, std::optional<TapeTime> until) {
   Step step;
   while (step.used < data.size()) {
-    const ByteView expected = stream_.front();
+    const WriteStream::State state = stream_.look();
+    const bool ended = state == WriteStream::State::end;
+    if (state == WriteStream::State::later) {
+      step.outcome = Outcome::later;
+      return step;
+    }
+    if (until && (ended || stream_.front_at() >= *until)) {
+      step.outcome = Outcome::gone;
+      return step;
+    }
+    reach_gaps(ended);
     const ByteView rest = data.subspan(step.used);
-    if (expected.empty()) {
+    if (search_.active()) {
+      if (search(now, rest, ended, step)) return step;
+      continue;
+    }
+    if (ended) {
       step.outcome = Outcome::extra;
       return step;
     }
+    const ByteView expected = stream_.front();
     const ByteView shorter = expected.first(std::min(expected.size(), rest.size()));
     const auto differing = std::mismatch(shorter.begin(), shorter.end(), rest.begin()).first;
     const auto same = static_cast<std::size_t>(differing - shorter.begin());
@@ -74,6 +94,47 @@ Matcher::Step Matcher::compare(Instant now, ByteView data) {
     if (piece_done) complete({stream_.position(), written_ + step.used, now});
   }
   return step;
+}
+
+// The gaps that end before the next recorded byte.
+void Matcher::reach_gaps(bool ended) {
+  const bool realigned = std::exchange(realigned_, false);
+  while (gaps_ != nullptr && next_gap_ < gaps_->size() &&
+         (ended || stream_.front_at() >= (*gaps_)[next_gap_].to)) {
+    const TapeGap& gap = (*gaps_)[next_gap_++];
+    if (gap.bytes > 0 && !realigned) search_.begin(gap.bytes);
+  }
+}
+
+// Behind a gap: the next byte of the driver. True where there is something to tell.
+bool Matcher::search(Instant now, ByteView rest, bool ended, Step& step) {
+  const std::optional<Byte> front = ended ? std::nullopt : std::optional(stream_.front().front());
+  switch (search_.take(rest.front(), front)) {
+    case GapSearch::Found::retry:
+      return false;
+    case GapSearch::Found::too_many:
+      step.outcome = ended ? Outcome::extra : Outcome::differs;
+      return true;
+    case GapSearch::Found::known:
+    case GapSearch::Found::skipped:
+      ++step.used;
+      return false;
+    case GapSearch::Found::front:
+      break;
+  }
+  const bool piece_done = stream_.front().size() == 1;
+  const bool block_done = piece_done && stream_.front_ends_block();
+  step.at = stream_.front_at();
+  remember(rest.first(1));
+  stream_.consume(1);
+  ++step.used;
+  ++matched_;
+  if (block_done) {
+    step.outcome = Outcome::block;
+    return true;
+  }
+  if (piece_done) complete({stream_.position(), written_ + step.used, now});
+  return false;
 }
 
 void Matcher::complete(const Completion& done) {
@@ -158,21 +219,36 @@ void Matcher::compare_again() {
   recent_.clear();
   comparing_ = true;
   surplus_ = true;
+  realigned_ = true;
+  search_.end();
 }
 
 void Matcher::note_skipped(std::uint64_t tape_end) {
   if (comparing_ && !skipped_ && position() < tape_end) skipped_ = first_unsent();
 }
 
+std::optional<bool> Matcher::at_end() {
+  const WriteStream::State state = stream_.look();
+  if (state == WriteStream::State::later) return std::nullopt;
+  return state == WriteStream::State::end;
+}
+
+std::optional<bool> Matcher::any_unsent() {
+  if (skipped_) return true;
+  const std::optional<bool> ended = at_end();
+  if (!ended) return std::nullopt;
+  return !*ended;
+}
+
 std::optional<Matcher::Unsent> Matcher::first_unsent() {
   if (skipped_) return skipped_;
-  if (at_end()) return std::nullopt;
+  if (at_end().value_or(true)) return std::nullopt;
   return Unsent{position(), stream_.front_at(), stream_.peek(kShownBytes)};
 }
 
 Mismatch Matcher::describe(ByteView got) {
   Mismatch mismatch;
-  mismatch.kind = at_end() ? MismatchKind::extra : MismatchKind::data;
+  mismatch.kind = at_end().value_or(false) ? MismatchKind::extra : MismatchKind::data;
   mismatch.offset = written_;
   mismatch.tape_offset = position();
   mismatch.tape = stream_.front_at();

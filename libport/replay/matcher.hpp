@@ -4,9 +4,12 @@
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <vector>
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
+#include "libport/replay/budget.hpp"
+#include "libport/replay/gap_search.hpp"
 #include "libport/replay/report.hpp"
 #include "libport/replay/write_stream.hpp"
 
@@ -31,6 +34,8 @@ class Matcher {
     block,    // a recorded block is complete
     differs,  // the byte after those used is not the recorded one
     extra,    // the tape expects nothing more
+    gone,     // the device had gone (see `until`): nobody expects the rest
+    later,    // the budget is spent: call again with the rest when it is refilled
   };
   struct Step {
     Outcome outcome = Outcome::taken;
@@ -51,14 +56,19 @@ class Matcher {
     Bytes bytes;
   };
 
-  Matcher(RecordSource& writes, Micros arrival_gap) : stream_(writes), arrival_gap_(arrival_gap) {}
+  Matcher(RecordSource& writes, Budget& budget, Micros arrival_gap)
+      : stream_(writes, budget), arrival_gap_(arrival_gap) {}
+
+  // The tape's gaps, in order; what they swallowed of the driver's bytes is no difference. Must outlive it.
+  void set_gaps(const std::vector<TapeGap>& gaps) { gaps_ = &gaps; }
 
   // Back to the tape's start, comparing.
   void rewind();
 
   // Takes bytes from the front of `data` until something is to be told; call again with the rest. After
-  // `differs` and `extra` the caller says diverge() first.
-  Step write(Instant now, ByteView data);
+  // `differs` and `extra` the caller says diverge() first. Writes recorded `until` then or later are not
+  // compared with.
+  Step write(Instant now, ByteView data, std::optional<TapeTime> until = {});
   void diverge();
 
   // Something was delivered: what the driver writes next is a new arrival.
@@ -80,18 +90,22 @@ class Matcher {
   // A data or extra mismatch at the position with `got`; run-related fields are left to the caller.
   [[nodiscard]] Mismatch describe(ByteView got);
 
-  // Someone else has used the source meanwhile.
-  void restore_source() { stream_.restore(); }
-
+  // The driver is in a gap: its latest bytes are none that the tape has.
+  [[nodiscard]] bool astray() const { return comparing_ && search_.astray(); }
+  // How many of the gaps the driver has written up to.
+  [[nodiscard]] std::size_t gaps_reached() const { return next_gap_; }
   [[nodiscard]] bool comparing() const { return comparing_; }
-  [[nodiscard]] bool at_end() { return stream_.at_end(); }
+  // Whether the tape expects nothing more; nothing while that is not known.
+  [[nodiscard]] std::optional<bool> at_end();
   // Whether anything came beyond the recorded offset `begin`.
   [[nodiscard]] bool touched(std::uint64_t begin) const { return position() > begin || !arrivals_.empty(); }
   [[nodiscard]] Instant last_write() const { return last_write_; }
   [[nodiscard]] std::uint64_t position() const { return stream_.position(); }
   [[nodiscard]] std::uint64_t written() const { return written_; }
   [[nodiscard]] std::uint64_t matched() const { return matched_; }
-  // The first recorded bytes that the driver did not send.
+  // Whether there are recorded bytes that the driver did not send; nothing while that is not known.
+  [[nodiscard]] std::optional<bool> any_unsent();
+  // The first of them, as far as known.
   [[nodiscard]] std::optional<Unsent> first_unsent();
   [[nodiscard]] const std::optional<Error>& error() const { return stream_.error(); }
 
@@ -101,7 +115,9 @@ class Matcher {
     Instant real{};
   };
 
-  Step compare(Instant now, ByteView data);
+  Step compare(Instant now, ByteView data, std::optional<TapeTime> until);
+  bool search(Instant now, ByteView rest, bool ended, Step& step);
+  void reach_gaps(bool ended);
   void count(Instant now, std::size_t bytes);
   void complete(const Completion& done);
   void remember(ByteView matched);
@@ -122,6 +138,10 @@ class Matcher {
   std::deque<Arrival> arrivals_;
   Bytes recent_;  // the last matched bytes
   std::optional<Unsent> skipped_;
+  const std::vector<TapeGap>* gaps_ = nullptr;
+  std::size_t next_gap_ = 0;
+  bool realigned_ = false;  // since bytes were last compared
+  GapSearch search_;
 };
 
 }  // namespace porttape

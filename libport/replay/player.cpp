@@ -9,38 +9,35 @@ namespace {
 // A burst is cut here, so that a stream of single bytes without a pause still plays in time.
 constexpr Micros kLongestBurst{100'000};
 
-// Bounds the steps of one play() that deliver nothing, for tapes with endless empty records.
-constexpr int kIdleStepsPerPlay = 4096;
-
 }  // namespace
 
 Player::Player(const ReplayConfig& config, const Engine::TapeFacts& facts, RecordSource& schedule,
-               Matcher& matcher)
+               Budget& budget, Matcher& matcher)
     : config_(config),
       facts_(facts),
       burst_(config.chunks == Chunks::burst ||
              (config.chunks == Chunks::automatic && !facts.stamped_at_arrival)),
+      budget_(budget),
       matcher_(matcher),
-      schedule_(schedule),
+      schedule_(schedule, budget),
       timeline_(config.rate) {}
 
 void Player::begin(Instant now) {
   schedule_.rewind();
   gate_ = {};
+  untimed_ = false;
+  gaps_reached_ = 0;
   passed_open_.reset();
   arrival_known_ = false;
   arrival_started_ = false;
   lenient_ = config_.strictness == 0;
   used_up_ = false;
-  while (!schedule_.at_end() && is_note(schedule_.head()->kind)) pass();
-  const bool recorded_open = !schedule_.at_end() && schedule_.head()->kind == RecordKind::open;
-  const TapeTime start = recorded_open ? schedule_.head()->at : TapeTime{};
-  if (recorded_open) pass();
-  start_at(start, now);
+  seek_ = {Seek::To::start, now};
 }
 
 void Player::start_at(TapeTime tape, Instant now) {
   timeline_.anchor(tape, now);
+  gaps_reached_ = schedule_.gaps_passed();
   session_start_ = tape;
   last_event_ = {tape, now};
   floor_ = now;
@@ -48,53 +45,29 @@ void Player::start_at(TapeTime tape, Instant now) {
   matcher_.answered();
 }
 
-void Player::continue_at_next_open(Instant now) {
-  const auto opened = schedule_.pass_next_open();
-  arrival_known_ = false;
-  arrival_started_ = false;
-  gate_ = {false, schedule_.passed().writes, schedule_.passed().writes, TapeTime{}};
-  passed_open_.reset();
-  start_at(opened.value_or(session_start_), now);
-}
+void Player::continue_at_next_open(Instant now) { seek_ = {Seek::To::next_open, now}; }
 
 void Player::restart_session(Instant now) {
   passed_open_.reset();
   start_at(session_start_, now);
 }
 
-void Player::resume(Instant now) {
-  if (at_recorded_reopen()) {
-    continue_at_next_open(now);
-  } else {
-    matcher_.answered();
-    wake_ = now;
-  }
-}
+void Player::resume(Instant now) { seek_ = {Seek::To::reopen_if_near, now}; }
 
 std::optional<Player::TimingFault> Player::play(Instant now, std::size_t max_bytes, bool blocked,
                                                 ReplayActions& out) {
   Turn turn{now, Mode::deliver, blocked, max_bytes, &out};
   if (out.deliver.empty()) delivered_due_.reset();
-  int idle_steps = 0;
-  while (idle_steps < kIdleStepsPerPlay) {
+  for (bool go_on = true; go_on;) {
     const std::size_t held = out.deliver.size();
     turn.room = max_bytes - std::min(max_bytes, held);
     const Progress progress = step(turn);
-    if (out.deliver.size() == held) ++idle_steps;
     if (progress == Progress::waits) return std::nullopt;
     if (progress == Progress::fault) return std::exchange(fault_, std::nullopt);
+    go_on = out.deliver.size() > held || !budget_.spent();
   }
   wake_ = now;
   return std::nullopt;
-}
-
-std::optional<Player::TimingFault> Player::settle(Instant now, Lost lost) {
-  Turn turn{now, lost == Lost::all ? Mode::drop_all : Mode::drop_due, false, 0, nullptr};
-  while (true) {
-    const Progress progress = step(turn);
-    if (progress == Progress::waits) return std::nullopt;
-    if (progress == Progress::fault) return std::exchange(fault_, std::nullopt);
-  }
 }
 
 Player::Progress Player::step(Turn& turn) {
@@ -112,6 +85,7 @@ Player::Progress Player::step(Turn& turn) {
     case RecordKind::hang_up:
       return at_hang_up(turn);
     case RecordKind::gap:
+      return at_gap();
     case RecordKind::event:
       break;
   }
@@ -164,7 +138,7 @@ Player::Progress Player::at_read(Turn& turn) {
   if (!gate_opens(turn.now, head.at)) return Progress::waits;
   begin_arrival();
   const Instant when = due(arrival_first_);
-  if (turn.mode == Mode::drop_all || (turn.mode == Mode::drop_due && when <= turn.now)) {
+  if (turn.mode == Mode::drop_all || (turn.mode != Mode::deliver && when <= turn.now)) {
     floor_ = when;
     last_event_ = {head.at, when};
     pass();
@@ -192,7 +166,9 @@ void Player::deliver(Turn& turn, Instant when) {
   if (!delivered_due_) delivered_due_ = when;
   floor_ = when;
   last_event_ = {schedule_.head()->at, turn.now};
+  untimed_ = false;
   matcher_.answered();
+  gaps_reached_ = schedule_.gaps_passed();
   arrival_continues_ = true;
   schedule_.take(part.size());
   if (part.size() == rest.size()) pass();
@@ -239,7 +215,7 @@ Player::Progress Player::at_timed_write(const Turn& turn) {
   const std::uint64_t end = schedule_.passed().writes + head.data.size();
   const auto done = matcher_.completion(end);
   if (!done) {
-    if (!lenient_ || turn.mode != Mode::deliver) return wait(std::nullopt);
+    if (!silence_counts() || turn.mode != Mode::deliver) return wait(std::nullopt);
     const Silence silence = next_silence(head.at);
     if (turn.now < silence.end) return wait(silence.end);
     matcher_.diverge();
@@ -249,11 +225,23 @@ Player::Progress Player::at_timed_write(const Turn& turn) {
     pass();
     return Progress::passed;
   }
-  fault_ = compare_time(*done, head.at, timeline_.after(last_event_.real, head.at - last_event_.tape));
+  if (!std::exchange(untimed_, false)) {
+    fault_ = compare_time(*done, head.at, timeline_.after(last_event_.real, head.at - last_event_.tape));
+  }
   gate_.end = end;
   open_gate(head.at, done->real, done->real);
   pass();
   return fault_ ? Progress::fault : Progress::passed;
+}
+
+Player::Progress Player::at_gap() {
+  if (schedule_.head()->gap_bytes > 0 && gated() && !schedule_.line_closed()) {
+    gate_.gap = schedule_.passed().writes > 0;  // a device that is never asked goes on by itself
+    if (!gate_.pending) gate_.at = schedule_.head()->at;
+    untimed_ = true;
+  }
+  pass();
+  return Progress::passed;
 }
 
 Player::Progress Player::at_close(const Turn& turn) {
@@ -279,8 +267,8 @@ Player::Progress Player::at_open(const Turn& turn) {
   // A driver that writes what the tape has after the reopen has gone on without one. Bytes that the tape has
   // not (a trailing one, written just before the close) do not tell.
   const bool went_on = matcher_.comparing() && matcher_.touched(schedule_.passed().writes);
-  const bool gave_up = lenient_ && turn.now >= patience_end(at);
-  if (!went_on && !gave_up) return wait(lenient_ ? std::optional(patience_end(at)) : std::nullopt);
+  const bool gave_up = silence_counts() && turn.now >= patience_end(at);
+  if (!went_on && !gave_up) return wait(silence_counts() ? std::optional(patience_end(at)) : std::nullopt);
   const Instant since = went_on ? matcher_.last_write() : patience_end(at);
   timeline_.anchor(at, since);
   floor_ = std::max(floor_, since);
@@ -292,8 +280,13 @@ Player::Progress Player::at_open(const Turn& turn) {
 Player::Progress Player::at_end(const Turn& turn) {
   if (schedule_.error()) return wait(std::nullopt);
   if (!gate_opens(turn.now, gate_.at)) return Progress::waits;
-  if (!lenient_ && !matcher_.at_end()) return wait(std::nullopt);
+  if (!lenient_) {
+    const std::optional<bool> all_came = matcher_.at_end();
+    if (!all_came) return wait(turn.now);
+    if (!*all_came) return wait(std::nullopt);
+  }
   used_up_ = true;
+  gaps_reached_ = schedule_.gaps_passed();
   return wait(std::nullopt);
 }
 

@@ -9,22 +9,23 @@ namespace porttape {
 
 // Whether the question before the head has been asked. `next_at`: the recorded time of what waits behind it.
 bool Player::gate_opens(Instant now, TapeTime next_at) {
-  if (!gate_.pending) return true;
-  if (const auto done = matcher_.completion(gate_.end)) {
+  if (!gate_.pending && !gate_.gap) return true;
+  if (const auto done = gate_.pending ? matcher_.completion(gate_.end) : std::nullopt) {
     open_gate(gate_.at, done->real, done->real);
     return true;
   }
-  if (const auto come = matcher_.take(gate_.end)) {
+  if (const auto come = gate_.pending ? matcher_.take(gate_.end) : std::nullopt) {
     open_gate(gate_.at, *come, *come);
     return true;
   }
-  if (!lenient_) return wait_for_driver();
+  if (!silence_counts() && !in_gap()) return wait_for_driver();
   const Silence silence = next_silence(next_at);
   if (now < silence.end) {
     wake_ = silence.end;
     return false;
   }
-  matcher_.realign(gate_.end);
+  // In a gap the place is still to be found: nothing of the tape counts as asked.
+  if (!gate_.gap && !matcher_.astray()) matcher_.realign(gate_.end);
   if (silence.after_writing) {
     open_gate(gate_.at, matcher_.last_write(), silence.end);
   } else {
@@ -39,6 +40,7 @@ void Player::open_gate(TapeTime tape, Instant real, Instant not_before) {
   last_event_ = {tape, real};
   floor_ = std::max(floor_, not_before);
   gate_.pending = false;
+  gate_.gap = false;
   gate_.begin = gate_.end;
 }
 
@@ -51,7 +53,7 @@ bool Player::wait_for_driver() {
 // was due.
 Player::Silence Player::next_silence(TapeTime next_at) const {
   const Instant patience = patience_end(next_at);
-  if (matcher_.touched(gate_.begin)) {
+  if (matcher_.touched(gate_.begin) || matcher_.astray()) {
     const Instant quiet = saturating_add(matcher_.last_write(), config_.quiet);
     if (quiet <= patience) return {quiet, true};
   }
@@ -69,38 +71,6 @@ void Player::become_lenient(Instant now) {
   if (lenient_) return;
   lenient_ = true;
   lenient_since_ = now;
-}
-
-bool Player::nothing_left() {
-  while (!schedule_.at_end() &&
-         (is_note(schedule_.head()->kind) || schedule_.head()->kind == RecordKind::close ||
-          schedule_.head()->kind == RecordKind::hang_up)) {
-    pass();
-  }
-  if (!schedule_.at_end() || schedule_.error()) return false;
-  const bool asked = !gate_.pending || matcher_.position() >= gate_.end;
-  return asked && (lenient_ || matcher_.at_end());
-}
-
-bool Player::open_ahead() {
-  if (schedule_.at_end()) return false;
-  return schedule_.opens_passed() < facts_.opens || schedule_.head()->kind == RecordKind::open;
-}
-
-bool Player::at_recorded_reopen() {
-  while (!schedule_.at_end() &&
-         (is_note(schedule_.head()->kind) || schedule_.head()->kind == RecordKind::hang_up)) {
-    pass();
-  }
-  if (schedule_.at_end()) return false;
-  const RecordKind kind = schedule_.head()->kind;
-  if (kind != RecordKind::open && kind != RecordKind::close) return false;
-  return !gate_.pending || matcher_.position() >= gate_.end;
-}
-
-bool Player::just_passed_open(Instant now) {
-  if (!passed_open_ || now > saturating_add(passed_open_->when, config_.patience)) return false;
-  return !matcher_.touched(passed_open_->writes_end) && !nothing_left();
 }
 
 std::optional<Player::TimingFault> Player::check_recorded(const Matcher::Step& step, Instant now) const {

@@ -20,6 +20,20 @@ std::string_view to_string(Verdict verdict) {
   return "extra";
 }
 
+void add_totals(RunReport& report, const TapeTotals& totals) {
+  report.to_driver_of = totals.reads;
+  report.from_driver_of = totals.writes;
+  if (report.undecided_from && totals.writes > *report.undecided_from) report.verdict = Verdict::incomplete;
+  report.undecided_from.reset();
+}
+
+void give_up_totals(RunReport& report, std::string_view why) {
+  if (!report.undecided_from) return;
+  report.undecided_from.reset();
+  report.verdict = Verdict::incomplete;
+  if (!report.trouble) report.trouble = why;
+}
+
 int exit_status_of(const RunReport& report) {
   if (report.process_exit) return *report.process_exit;
   if (report.trouble) return exit_status::kRuntime;

@@ -43,6 +43,22 @@ struct Doubt {
   friend bool operator==(const Doubt&, const Doubt&) = default;
 };
 
+// A stretch of a tape in which something is missing.
+struct TapeGap {
+  TapeTime from{};
+  TapeTime to{};            // where the tape goes on
+  std::uint64_t bytes = 0;  // of both directions; 0: unknown, or no bytes
+  std::string why;
+};
+
+// What a whole tape holds, in bytes.
+struct TapeTotals {
+  std::uint64_t reads = 0;
+  std::uint64_t writes = 0;
+
+  friend bool operator==(const TapeTotals&, const TapeTotals&) = default;
+};
+
 // The verdict on one run with what led to it. The report file and `porttape test` print it.
 struct RunReport {
   Verdict verdict = Verdict::pass;
@@ -52,10 +68,10 @@ struct RunReport {
   double rate = 1.0;
   Nanos duration{};
   std::uint64_t to_driver_bytes = 0;
-  std::uint64_t to_driver_of = 0;
+  std::optional<std::uint64_t> to_driver_of;  // nothing: the tape was not counted
   std::uint64_t from_driver_bytes = 0;
   std::uint64_t from_driver_matched = 0;
-  std::uint64_t from_driver_of = 0;
+  std::optional<std::uint64_t> from_driver_of;
   std::optional<Mismatch> mismatch;  // the first one
   std::uint64_t mismatches = 0;      // all of them (on-mismatch warn goes on)
   double timer_late_p50_us = 0;      // how late our own deliveries were
@@ -67,6 +83,10 @@ struct RunReport {
   std::optional<std::string>
       trouble;  // the tape could not be read on: damage, I/O; the exit status is then 1
 
+  // The verdict stands only if the tape has no writes beyond this offset, which was not known when the run
+  // ended: add_totals() settles it.
+  std::optional<std::uint64_t> undecided_from;
+
   // The first recorded bytes the driver never sent (a few of them), where in the tape's write stream, and
   // when recorded.
   Bytes next_expected;
@@ -75,6 +95,11 @@ struct RunReport {
 };
 
 std::string_view to_string(Verdict verdict);
+
+// Says what the tape holds, and settles an undecided verdict by it.
+void add_totals(RunReport& report, const TapeTotals& totals);
+// The tape could not be counted: an undecided verdict is `incomplete`, and the report's trouble says `why`.
+void give_up_totals(RunReport& report, std::string_view why);
 int exit_status_of(const RunReport& report);
 
 // The report of contract section 6, one JSON object, newline at the end.

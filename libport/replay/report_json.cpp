@@ -6,8 +6,10 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "libport/base/json_text.hpp"
 #include "libport/replay/report.hpp"
@@ -26,6 +28,7 @@ std::string number(double value) {
 std::string number(std::uint64_t value) { return std::to_string(value); }
 std::string number(std::int64_t value) { return std::to_string(value); }
 std::string number(int value) { return std::to_string(value); }
+std::string number(const std::optional<std::uint64_t>& value) { return value ? number(*value) : "null"; }
 
 // Collects `"key":value` pairs.
 class Object {
@@ -90,6 +93,18 @@ std::string next_expected_json(const RunReport& report) {
       .str();
 }
 
+std::string doubts_json(const std::vector<Doubt>& doubts) {
+  std::string list;
+  for (const Doubt& doubt : doubts) {
+    if (!list.empty()) list += ',';
+    list += Object()
+                .add("kind", json_quote(doubt.kind == Doubt::Kind::gap ? "gap" : "stall"))
+                .add("text", json_quote(doubt.text))
+                .str();
+  }
+  return '[' + list + ']';
+}
+
 double seconds(Nanos time) { return static_cast<double>(std::chrono::floor<Micros>(time).count()) / 1e6; }
 
 }  // namespace
@@ -118,6 +133,7 @@ std::string to_json(const RunReport& report) {
                                 .str())
       .add("command_exit", report.command_exit ? number(*report.command_exit) : "null")
       .add("mismatches", number(report.mismatches))
+      .add("doubts", doubts_json(report.doubts))
       .add("next_expected", report.next_expected.empty() ? "null" : next_expected_json(report));
   if (report.trouble) json.add("trouble", json_quote(*report.trouble));
   return json.str() + '\n';

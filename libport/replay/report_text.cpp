@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -127,10 +128,13 @@ std::string mismatch_lines(const Mismatch& mismatch, const Paint& paint) {
 }
 
 std::string unsent_lines(const RunReport& report) {
-  const std::uint64_t matched = std::min(report.from_driver_matched, report.from_driver_of);
   const Side next = side({}, report.next_expected);
-  std::string out =
-      "  " + counted(report.from_driver_of - matched, "recorded byte") + " never came from the driver";
+  std::string out = "  recorded bytes";
+  if (report.from_driver_of) {
+    const std::uint64_t matched = std::min(report.from_driver_matched, *report.from_driver_of);
+    out = "  " + counted(*report.from_driver_of - matched, "recorded byte");
+  }
+  out += " never came from the driver";
   if (report.next_expected.empty()) return out + '\n';
   return out + "; the first, byte " + std::to_string(report.next_expected_offset) +
          " of the tape's writes, recorded at " + seconds(to_us(report.next_expected_tape)) +
@@ -139,12 +143,14 @@ std::string unsent_lines(const RunReport& report) {
 
 std::string head_line(const RunReport& report, const Paint& paint) {
   const std::string verdict(to_string(report.verdict));
+  const std::optional<std::uint64_t>& from = report.from_driver_of;
+  const std::optional<std::uint64_t>& to = report.to_driver_of;
   const bool good = report.verdict == Verdict::pass && !report.trouble;
-  return (good ? paint.green(verdict) : paint.red(verdict)) +
+  return (good ? paint.green(verdict) : paint.red(verdict)) + (report.doubts.empty() ? "" : ", with doubts") +
          (report.tape.empty() ? "" : "  " + to_printable(as_bytes(report.tape))) + ": from the driver " +
-         std::to_string(report.from_driver_matched) + " of " + counted(report.from_driver_of, "byte") +
-         " as recorded, to the driver " + std::to_string(report.to_driver_bytes) + " of " +
-         std::to_string(report.to_driver_of) + ", " +
+         std::to_string(report.from_driver_matched) + (from ? " of " + counted(*from, "byte") : " bytes") +
+         " as recorded, to the driver " + std::to_string(report.to_driver_bytes) +
+         (to ? " of " + std::to_string(*to) : " (the tape was not counted)") + ", " +
          seconds(std::chrono::floor<Micros>(report.duration).count()) + '\n';
 }
 
@@ -155,6 +161,9 @@ std::string to_text(const RunReport& report, bool color) {
   std::string out = head_line(report, paint);
   if (report.trouble) out += "  " + paint.red("the tape could not be read on: ") + *report.trouble + '\n';
   if (report.mismatch) out += mismatch_lines(*report.mismatch, paint);
+  for (const Doubt& doubt : report.doubts) {
+    out += "  doubt     " + to_printable(as_bytes(doubt.text)) + '\n';
+  }
   if (report.mismatches > 1) out += "  mismatches in all: " + std::to_string(report.mismatches) + '\n';
   if (report.verdict == Verdict::incomplete) out += unsent_lines(report);
   if (report.mismatch && report.mismatch->kind == MismatchKind::timing) {

@@ -11,6 +11,7 @@ void Schedule::rewind() {
   passed_ = {};
   opens_passed_ = 0;
   hang_ups_passed_ = 0;
+  gaps_passed_ = 0;
   exchange_ = 0;
   answered_ = true;
   line_closed_ = false;
@@ -35,6 +36,7 @@ const Record* Schedule::head() {
 void Schedule::pop() {
   const Record* record = head();
   if (record == nullptr) return;
+  budget_.spend(record->data.size());
   switch (record->kind) {
     case RecordKind::read:
       passed_.reads += record->data.size();
@@ -56,6 +58,8 @@ void Schedule::pop() {
       ++hang_ups_passed_;
       break;
     case RecordKind::gap:
+      ++gaps_passed_;
+      break;
     case RecordKind::event:
       break;
   }
@@ -68,25 +72,8 @@ ByteView Schedule::rest() {
   return record == nullptr ? ByteView{} : record->data.subspan(taken_);
 }
 
-std::optional<TapeTime> Schedule::pass_next_open() {
-  while (const Record* record = head()) {
-    const bool open = record->kind == RecordKind::open;
-    const TapeTime at = record->at;
-    pop();
-    if (open) return at;
-  }
-  return std::nullopt;
-}
-
 void Schedule::pass_write(std::uint64_t offset) {
-  while (passed_.writes <= offset && head() != nullptr) pop();
-}
-
-Schedule::Totals Schedule::drain() {
-  if (totals_) return *totals_;
-  while (head() != nullptr) pop();
-  if (!error_) totals_ = passed_;
-  return passed_;
+  while (passed_.writes <= offset && !spent() && head() != nullptr) pop();
 }
 
 std::uint64_t Schedule::exchange_of(std::uint64_t offset) {

@@ -6,6 +6,7 @@
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/error.hpp"
+#include "libport/replay/budget.hpp"
 #include "libport/tape/record.hpp"
 
 namespace porttape {
@@ -13,8 +14,8 @@ namespace porttape {
 // The walk over the whole tape in merged order: the record it stands at, how much of a read is delivered, and
 // what it has passed so far. Knows no time but the tape's.
 //
-// Refers to its source, which must outlive it. After an error of the source the walk looks ended and error()
-// is set.
+// Refers to its source and its budget, which must outlive it; whoever walks in a loop asks spent(). After an
+// error of the source the walk looks ended and error() is set.
 class Schedule {
  public:
   struct Totals {
@@ -22,7 +23,7 @@ class Schedule {
     std::uint64_t writes = 0;  // bytes
   };
 
-  explicit Schedule(RecordSource& source) : source_(source) {}
+  Schedule(RecordSource& source, Budget& budget) : source_(source), budget_(budget) {}
 
   void rewind();
 
@@ -34,20 +35,18 @@ class Schedule {
   [[nodiscard]] ByteView rest();
   void take(std::size_t count) { taken_ += count; }
 
-  // Over everything up to and including the next `open`, which it gives; nothing when there is none.
-  std::optional<TapeTime> pass_next_open();
-
-  // Over everything up to and including the write that holds the byte at `offset`.
+  // Over everything up to and including the write that holds the byte at `offset`, as far as the budget goes.
   void pass_write(std::uint64_t offset);
 
-  // Over the whole rest: what the tape holds. Known and cheap from the second time on.
-  Totals drain();
+  // No more walking in this call.
+  [[nodiscard]] bool spent() const { return budget_.spent(); }
 
   [[nodiscard]] bool at_end() { return head() == nullptr; }
   // Bytes of either direction in the records passed.
   [[nodiscard]] const Totals& passed() const { return passed_; }
   [[nodiscard]] std::uint64_t opens_passed() const { return opens_passed_; }
   [[nodiscard]] std::size_t hang_ups_passed() const { return hang_ups_passed_; }
+  [[nodiscard]] std::size_t gaps_passed() const { return gaps_passed_; }
   // Whether the walk is between a recorded close and open: nobody had the line then.
   [[nodiscard]] bool line_closed() const { return line_closed_; }
   // 1-based number of the exchange that the byte at `offset` of the write stream belongs to. Exact for what
@@ -57,13 +56,14 @@ class Schedule {
 
  private:
   RecordSource& source_;
+  Budget& budget_;
   std::optional<Record> head_;
   bool loaded_ = false;
   std::size_t taken_ = 0;
   Totals passed_;
-  std::optional<Totals> totals_;
   std::uint64_t opens_passed_ = 0;
   std::size_t hang_ups_passed_ = 0;
+  std::size_t gaps_passed_ = 0;
   std::uint64_t exchange_ = 0;
   bool answered_ = true;  // a read came after the last write
   bool line_closed_ = false;

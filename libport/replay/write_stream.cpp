@@ -8,49 +8,74 @@ void WriteStream::rewind() {
   pieces_.clear();
   used_ = 0;
   position_ = 0;
+  to_skip_ = 0;
+  skip_before_.reset();
   last_at_ = {};
   ended_ = false;
   error_.reset();
   if (auto result = source_.rewind(); !result) error_ = result.error();
 }
 
-void WriteStream::restore() {
-  const std::uint64_t position = position_;
-  rewind();
-  skip_to(position);
-}
-
 // Reads one more piece that holds bytes.
-bool WriteStream::load() {
+WriteStream::State WriteStream::load(Budget& budget) {
   while (!ended_ && !error_) {
+    if (budget.spent()) return State::later;
     auto record = source_.next();
     if (!record) {
       error_ = record.error();
     } else if (!*record) {
       ended_ = true;
-    } else if ((*record)->kind == RecordKind::write && !(*record)->data.empty()) {
+    } else {
       const Record& piece = **record;
+      budget.spend(piece.data.size());
+      if (piece.kind != RecordKind::write || piece.data.empty()) continue;
       pieces_.push_back({Bytes(piece.data.begin(), piece.data.end()), piece.at, piece.last_piece()});
-      return true;
+      return State::bytes;
     }
   }
-  return false;
+  return State::end;
 }
 
-ByteView WriteStream::front() {
-  if (pieces_.empty() && !load()) return {};
+WriteStream::State WriteStream::look() {
+  while (true) {
+    if (pieces_.empty()) {
+      const State loaded = load(budget_);
+      if (loaded == State::end) {
+        position_ -= to_skip_;
+        to_skip_ = 0;
+        skip_before_.reset();
+      }
+      if (loaded != State::bytes) return loaded;
+    }
+    const std::size_t held = pieces_.front().data.size() - used_;
+    if (to_skip_ > 0) {
+      const auto part = static_cast<std::size_t>(std::min<std::uint64_t>(held, to_skip_));
+      to_skip_ -= part;
+      drop(part);
+    } else if (skip_before_ && pieces_.front().at < *skip_before_) {
+      position_ += held;
+      drop(held);
+    } else {
+      skip_before_.reset();
+      return State::bytes;
+    }
+  }
+}
+
+ByteView WriteStream::front() const {
+  if (skips() || pieces_.empty()) return {};
   return ByteView(pieces_.front().data).subspan(used_);
 }
 
-TapeTime WriteStream::front_at() { return front().empty() ? last_at_ : pieces_.front().at; }
-
-bool WriteStream::front_ends_block() { return !front().empty() && pieces_.front().ends_block; }
-
 void WriteStream::consume(std::size_t count) {
   if (count == 0) return;
+  position_ += count;
+  drop(count);
+}
+
+void WriteStream::drop(std::size_t count) {
   last_at_ = pieces_.front().at;
   used_ += count;
-  position_ += count;
   if (used_ == pieces_.front().data.size()) {
     pieces_.pop_front();
     used_ = 0;
@@ -58,12 +83,14 @@ void WriteStream::consume(std::size_t count) {
 }
 
 Bytes WriteStream::peek(std::size_t count) {
+  Bytes bytes;
+  if (look() != State::bytes) return bytes;
   std::size_t held = 0;
   for (const Piece& piece : pieces_) held += piece.data.size();
   held -= used_;
-  while (held < count && load()) held += pieces_.back().data.size();
+  Budget ahead;  // its own: it is asked for once a mismatch
+  while (held < count && load(ahead) == State::bytes) held += pieces_.back().data.size();
 
-  Bytes bytes;
   std::size_t skip = used_;
   for (const Piece& piece : pieces_) {
     const ByteView rest = ByteView(piece.data).subspan(skip);
@@ -75,13 +102,9 @@ Bytes WriteStream::peek(std::size_t count) {
 }
 
 void WriteStream::skip_to(std::uint64_t offset) {
-  while (position_ < offset && !at_end()) {
-    consume(static_cast<std::size_t>(std::min<std::uint64_t>(front().size(), offset - position_)));
-  }
-}
-
-void WriteStream::skip_before(TapeTime at) {
-  while (!at_end() && front_at() < at) consume(front().size());
+  if (offset <= position_) return;
+  to_skip_ += offset - position_;
+  position_ = offset;
 }
 
 }  // namespace porttape

@@ -8,6 +8,7 @@
 #include "libport/base/bytes.hpp"
 #include "libport/base/error.hpp"
 #include "libport/base/time.hpp"
+#include "libport/replay/budget.hpp"
 #include "libport/tape/record.hpp"
 
 namespace porttape {
@@ -16,35 +17,43 @@ namespace porttape {
 // boundaries and times. Looks ahead only when asked to, so it holds one piece of the tape. Zero-length blocks
 // do not show.
 //
-// Refers to its source, which must outlive it. After an error of the source the stream looks ended and
-// error() is set.
+// Drive it by look(), which reads as far as the budget allows; front() and its like are about what look() has
+// found. Refers to its source and its budget, which must outlive it. After an error of the source the stream
+// looks ended and error() is set.
 class WriteStream {
  public:
-  explicit WriteStream(RecordSource& source) : source_(source) {}
+  enum class State : std::uint8_t {
+    bytes,  // front() has some
+    end,
+    later  // not known yet: the budget is spent; ask again when it is refilled
+  };
+
+  WriteStream(RecordSource& source, Budget& budget) : source_(source), budget_(budget) {}
 
   void rewind();
 
-  // Finds the position again after someone else has used the source.
-  void restore();
+  // What comes at the position.
+  [[nodiscard]] State look();
 
-  // The bytes at the position, up to the end of the piece they are in; empty at the stream's end.
-  [[nodiscard]] ByteView front();
-  // When the block at the position was written; at the stream's end, when the last one was.
-  [[nodiscard]] TapeTime front_at();
+  // After `bytes`: the bytes at the position, up to the end of the piece they are in.
+  [[nodiscard]] ByteView front() const;
+  // When the block at the position was written; where look() gave no bytes, when the last one was.
+  [[nodiscard]] TapeTime front_at() const {
+    return skips() || pieces_.empty() ? last_at_ : pieces_.front().at;
+  }
   // Whether front() reaches the end of its block.
-  [[nodiscard]] bool front_ends_block();
-  [[nodiscard]] bool at_end() { return front().empty(); }
+  [[nodiscard]] bool front_ends_block() const { return !front().empty() && pieces_.front().ends_block; }
 
   // Moves over `count` bytes of front().
   void consume(std::size_t count);
 
-  // Up to `count` bytes from the position on, across blocks.
+  // Up to `count` bytes from the position on, across blocks; fewer where many empty ones are between.
   [[nodiscard]] Bytes peek(std::size_t count);
 
-  // Forward to `offset`, or to the stream's end.
+  // Forward to `offset`, or to the stream's end: position() says so at once, look() does the reading.
   void skip_to(std::uint64_t offset);
-  // Forward over whole blocks written before `at`.
-  void skip_before(TapeTime at);
+  // Forward over whole blocks written before `at`; position() grows as look() gets there.
+  void skip_before(TapeTime at) { skip_before_ = at; }
 
   [[nodiscard]] std::uint64_t position() const { return position_; }
   [[nodiscard]] const std::optional<Error>& error() const { return error_; }
@@ -56,12 +65,17 @@ class WriteStream {
     bool ends_block = false;
   };
 
-  bool load();
+  State load(Budget& budget);
+  void drop(std::size_t count);
+  [[nodiscard]] bool skips() const { return to_skip_ > 0 || skip_before_.has_value(); }
 
   RecordSource& source_;
+  Budget& budget_;
   std::deque<Piece> pieces_;
   std::size_t used_ = 0;  // of the first piece
   std::uint64_t position_ = 0;
+  std::uint64_t to_skip_ = 0;  // bytes before the position that are still to be read
+  std::optional<TapeTime> skip_before_;
   TapeTime last_at_{};
   bool ended_ = false;
   std::optional<Error> error_;

@@ -166,9 +166,9 @@ Result<ChannelPorts> named_ports(const ChannelSpec& spec) {
 
 Result<std::unique_ptr<Session>> make_session(const PortContext& context, const ChannelPorts& ports,
                                               std::function<void(int)> on_end) {
-  Result<std::unique_ptr<Port>> driver = make_port(context, ports.driver, ports.device.name());
+  Result<std::unique_ptr<Port>> driver = make_port(context, ports.driver, ports.device.spelled());
   if (!driver) return driver.error();
-  Result<std::unique_ptr<Port>> device = make_port(context, ports.device, ports.driver.name());
+  Result<std::unique_ptr<Port>> device = make_port(context, ports.device, ports.driver.spelled());
   if (!device) return device.error();
   return std::make_unique<Session>(context, std::move(*driver), std::move(*device), std::move(on_end));
 }

@@ -1,7 +1,9 @@
 #include "libport/tape/events.hpp"
 
 #include <algorithm>
+#include <charconv>
 #include <cstring>
+#include <system_error>
 #include <utility>
 
 #include <boost/json/parse.hpp>
@@ -34,6 +36,50 @@ std::optional<std::int64_t> number_of(const json::object& object, std::string_vi
   const std::int64_t* number = value == nullptr ? nullptr : value->if_int64();
   if (number == nullptr || *number < 0) return std::nullopt;
   return *number;
+}
+
+const json::object* object_of(const json::object& object, std::string_view key) {
+  const json::value* value = object.if_contains({key.data(), key.size()});
+  return value == nullptr ? nullptr : value->if_object();
+}
+
+// The zero that a `zero` event or the header's object tells.
+std::optional<TapeZero> zero_of(const json::object* object) {
+  if (object == nullptr) return std::nullopt;
+  return TapeZero{text_of(*object, "wall"), number_of(*object, "monotonic_us").value_or(0),
+                  text_of(*object, "boot")};
+}
+
+std::optional<std::uint64_t> digest_of(const std::string& hex) {
+  std::uint64_t digest = 0;
+  const auto [end, error] = std::from_chars(hex.data(), hex.data() + hex.size(), digest, 16);
+  if (hex.size() != 16 || error != std::errc() || end != hex.data() + hex.size()) return std::nullopt;
+  return digest;
+}
+
+std::optional<PayloadTotals> totals_of(const json::object* object) {
+  if (object == nullptr) return std::nullopt;
+  const auto blocks = number_of(*object, "blocks");
+  const auto bytes = number_of(*object, "bytes");
+  if (!blocks || !bytes) return std::nullopt;
+  return PayloadTotals{static_cast<std::uint64_t>(*blocks), static_cast<std::uint64_t>(*bytes),
+                       digest_of(text_of(*object, "xxh3"))};
+}
+
+TapeHeader header_of(const json::object& object) {
+  TapeHeader header{text_of(object, "device"), text_of(object, "driver"), text_of(object, "created"),
+                    text_of(object, "host"),   text_of(object, "tool"),   text_of(object, "id")};
+  header.zero = zero_of(object_of(object, "zero"));
+  const std::string transport = text_of(object, "transport");
+  if (transport == "stream") header.transport = Transport::stream;
+  if (transport == "datagram") header.transport = Transport::datagram;
+  const std::string stamped = text_of(object, "stamped");
+  if (stamped == "arrival") header.stamped = Stamped::arrival;
+  if (stamped == "read") header.stamped = Stamped::read;
+  if (const json::object* previous = object_of(object, "previous")) {
+    header.previous = PreviousTape{text_of(*previous, "id"), text_of(*previous, "name")};
+  }
+  return header;
 }
 
 }  // namespace
@@ -122,8 +168,7 @@ Result<void> EventFile::read_header() {
                                             (number ? std::to_string(*number) : "?") +
                                             "; this porttape reads version 1");
   }
-  header_ = TapeHeader{text_of(*object, "device"), text_of(*object, "driver"), text_of(*object, "created"),
-                       text_of(*object, "host"), text_of(*object, "tool")};
+  header_ = header_of(*object);
   return {};
 }
 
@@ -159,6 +204,10 @@ std::string EventFile::take(std::string_view line) {
   event_.from = tape_time_us(number_of(*object, "from_us").value_or(0));
   const json::value* hung_up = object->if_contains("hung_up");
   event_.hung_up = hung_up != nullptr && hung_up->is_bool() && hung_up->get_bool();
+  const bool ends = event_.kind == "end";
+  event_.read = ends ? totals_of(object_of(*object, "read")) : std::nullopt;
+  event_.write = ends ? totals_of(object_of(*object, "write")) : std::nullopt;
+  if (event_.kind == "zero") header_->zero = zero_of(object);
   event_.line = line;
   return {};
 }

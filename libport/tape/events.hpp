@@ -8,6 +8,7 @@
 
 #include "libport/base/time.hpp"
 #include "libport/tape/byte_source.hpp"
+#include "libport/tape/payload_totals.hpp"
 #include "libport/tape/tape_header.hpp"
 
 namespace porttape {
@@ -16,13 +17,15 @@ namespace porttape {
 // apart.
 struct TapeEvent {
   TapeTime at{};
-  std::string kind;         // "open", "mark", …; may be unknown
-  std::string text;         // mark
-  std::string why;          // gap
-  std::uint64_t bytes = 0;  // gap
-  TapeTime from{};          // gap: when it began
-  bool hung_up = false;     // device-lost: the driver's line broke with it
-  std::string_view line;    // the whole JSON object, without the newline
+  std::string kind;                   // "open", "mark", …; may be unknown
+  std::string text;                   // mark
+  std::string why;                    // gap
+  std::uint64_t bytes = 0;            // gap
+  TapeTime from{};                    // gap: when it began
+  bool hung_up = false;               // device-lost: the driver's line broke with it
+  std::optional<PayloadTotals> read;  // end: what the r and w files hold; nothing where it does not say so
+  std::optional<PayloadTotals> write;
+  std::string_view line;  // the whole JSON object, without the newline
 };
 
 // Reads the events file line by line through one buffer of kMaxLine bytes. Owns the source.
@@ -45,7 +48,7 @@ class EventFile {
   [[nodiscard]] const Error& error() const {
     return *error_;
   }  // after `failed`: Errc::damaged_tape or Errc::io
-  // Nothing if the file ended before its first line did.
+  // Nothing if the file ended before its first line did. A `zero` event that has come replaces its zero.
   [[nodiscard]] const std::optional<TapeHeader>& header() const { return header_; }
   // After `end`: an unfinished last line as a note for a person, nothing if there is none.
   [[nodiscard]] std::optional<std::string> torn_tail() const;
@@ -77,6 +80,8 @@ std::string header_line(const TapeHeader& header);
 std::string event_line(TapeTime at, std::string_view kind);
 std::string mark_line(TapeTime at, std::string_view text);  // a long text is cut to 4096 bytes
 std::string device_lost_line(TapeTime at, std::string_view why, bool hung_up);
+std::string half_close_line(TapeTime at, std::string_view by);
+std::string end_line(TapeTime at, const PayloadTotals& read, const PayloadTotals& write);
 std::string flush_line(TapeTime at, std::string_view queue);
 std::string gap_line(TapeTime at, std::uint64_t bytes, TapeTime from, std::string_view why);
 

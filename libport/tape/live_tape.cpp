@@ -108,7 +108,7 @@ void LiveTape::Shared::make(std::unique_lock<std::mutex>& lock) {
   Result<TapeWriter> made = options.make ? options.make(options)
                                          : TapeWriter::create(options.paths, options.header, options.writer);
   struct stat folder {};
-  const bool known = made && ::stat(options.paths.read.c_str(), &folder) == 0;
+  const bool known = made && ::stat(made->paths().read.c_str(), &folder) == 0;
   lock.lock();
   if (!made) {
     status.phase = Status::Phase::not_made;
@@ -117,7 +117,8 @@ void LiveTape::Shared::make(std::unique_lock<std::mutex>& lock) {
   }
   writer = std::move(*made);
   syncers = writer->syncers();
-  status.paths = options.paths;
+  status.paths = writer->paths();
+  status.id = writer->id();
   if (known) device = folder.st_dev;
 }
 

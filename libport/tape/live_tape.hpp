@@ -65,6 +65,7 @@ class LiveTape {
     enum class Phase : std::uint8_t { being_made, direct, queued, not_made, finished };
     Phase phase = Phase::being_made;
     TapePaths paths;                  // once made
+    std::string id;                   // of its header, once made
     std::optional<Error> error;       // not made, or finished and something is missing
     std::string failure;              // why the last block could not be written; empty when it was
     int sync_error = 0;               // the errno of the first sync that failed

@@ -5,26 +5,37 @@
 #include <fcntl.h>
 #include <string>
 #include <sys/stat.h>
+#include <system_error>
 #include <unistd.h>
 #include <utility>
+
+#include "libport/tape/tape_lock.hpp"
 
 namespace porttape {
 namespace {
 
 namespace fs = std::filesystem;
 
-// One file to be made, by its folder's descriptor, so that both steps are about the same folder.
+// One file to be made, by its folder's descriptor, so that all steps are about the same folder.
 struct Place {
   fs::path path;
   UniqueFd folder;
   bool exists = false;
+  UniqueFd existing;  // the file that is to be replaced, locked
 
   [[nodiscard]] fs::path file() const { return path.filename(); }
 };
 
 Error refuse(const std::string& what) { return make_error(Errc::usage, "cannot make the tape: " + what); }
 
-Result<Place> look_at(const fs::path& path, bool overwrite) {
+Error is_live(const fs::path& path) {
+  return refuse(
+      path.string() +
+      " is being written by another recording, which cannot be replaced; end that one first, or take "
+      "another name");
+}
+
+Result<Place> look_at_folder(const fs::path& path) {
   Place place;
   place.path = path;
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
@@ -34,33 +45,86 @@ Result<Place> look_at(const fs::path& path, bool overwrite) {
   if (::faccessat(place.folder.get(), ".", W_OK | X_OK, AT_EACCESS) != 0) {
     return refuse("the folder " + folder.string() + " is not writable: " + errno_text(errno));
   }
+  return place;
+}
+
+Result<Place> look_at(const fs::path& path, OnExisting on_existing) {
+  auto place = look_at_folder(path);
+  if (!place || on_existing == OnExisting::next) return place;
   struct stat status {};
-  if (::fstatat(place.folder.get(), place.file().c_str(), &status, AT_SYMLINK_NOFOLLOW) != 0) {
+  if (::fstatat(place->folder.get(), place->file().c_str(), &status, AT_SYMLINK_NOFOLLOW) != 0) {
     if (errno == ENOENT) return place;
     return refuse(path.string() + ": " + errno_text(errno));
   }
-  place.exists = true;
+  place->exists = true;
   if (S_ISLNK(status.st_mode)) {
     return refuse(path.string() +
                   " is a symbolic link, which is never written through; remove it or take another name");
   }
   if (!S_ISREG(status.st_mode)) return refuse(path.string() + " is not a regular file; take another name");
-  if (!overwrite)
-    return refuse(path.string() + " exists; take another name, or --overwrite to replace the tape");
-  return place;
+  if (is_being_written(path)) return is_live(path);
+  if (on_existing == OnExisting::overwrite) return place;
+  return refuse(
+      path.string() +
+      " exists; take another name, or --on-existing next for a numbered one, or --overwrite to replace "
+      "the tape");
 }
 
 using Places = std::array<Place, 3>;
 
-Result<Places> look_at(const TapePaths& paths, bool overwrite) {
+Result<Places> look_at(const TapePaths& paths, OnExisting on_existing) {
   Places places;
   std::size_t i = 0;
   for (const fs::path* path : {&paths.read, &paths.write, &paths.events}) {
-    auto place = look_at(*path, overwrite);
+    auto place = look_at(*path, on_existing);
     if (!place) return place.error();
     places.at(i++) = std::move(*place);
   }
   return places;
+}
+
+// Locks the file that is to be replaced. False: there is another one under the name by now, or none.
+Result<bool> lock_existing(Place& place) {
+  place.existing.reset(::openat(place.folder.get(), place.file().c_str(),
+                                O_WRONLY | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC));
+  if (!place.existing) {
+    if (errno == ENOENT) return false;
+    return refuse(place.path.string() + " cannot be locked to be replaced: " + errno_text(errno) +
+                  "; remove it or take another name");
+  }
+  switch (lock_tape_file(place.existing.get(), place.folder.get(), place.file())) {
+    case TapeLock::held:
+      return true;
+    case TapeLock::moved:
+      return false;
+    case TapeLock::taken:
+      return is_live(place.path);
+    case TapeLock::failed:
+      break;
+  }
+  return make_error(Errc::io, "cannot lock " + place.path.string() + ": " + errno_text(errno));
+}
+
+// The place, with the lock of the file that stands there. It may change while it is looked at, by other
+// recorders that replace it; each of them holds the lock for long, so that few rounds are enough.
+Result<Place> take_place(const fs::path& path, OnExisting on_existing) {
+  constexpr int kRounds = 100;
+  for (int round = 0; round < kRounds; ++round) {
+    auto place = look_at(path, on_existing);
+    if (!place || !place->exists) return place;
+    const auto locked = lock_existing(*place);
+    if (!locked) return locked.error();
+    if (*locked) return place;
+  }
+  return is_live(path);
+}
+
+// Whatever else is wrong with a place is told when a file is made there.
+bool is_taken(const TapePaths& paths) {
+  std::error_code ignored;
+  return fs::exists(fs::symlink_status(paths.read, ignored)) ||
+         fs::exists(fs::symlink_status(paths.write, ignored)) ||
+         fs::exists(fs::symlink_status(paths.events, ignored));
 }
 
 Error cannot_make(const Place& place, int error) {
@@ -77,8 +141,8 @@ fs::path replacement_name(const fs::path& name) {
 
 }  // namespace
 
-Result<void> check_tape_files(const TapePaths& paths, bool overwrite) {
-  const auto places = look_at(paths, overwrite);
+Result<void> check_tape_files(const TapePaths& paths, OnExisting on_existing) {
+  const auto places = look_at(paths, on_existing);
   if (!places) return places.error();
   return {};
 }
@@ -92,21 +156,37 @@ struct NewTapeFiles::Entry {
 NewTapeFiles::NewTapeFiles() : entries_(std::make_unique<Entries>()) {}
 NewTapeFiles::NewTapeFiles(NewTapeFiles&&) noexcept = default;
 
-NewTapeFiles::~NewTapeFiles() {
+NewTapeFiles::~NewTapeFiles() { discard(); }
+
+void NewTapeFiles::discard() {
   if (!entries_) return;
-  for (const Entry& entry : *entries_) {
-    if (entry.made) ::unlinkat(entry.place.folder.get(), entry.name.c_str(), 0);
+  for (Entry& entry : *entries_) {
+    if (std::exchange(entry.made, false)) ::unlinkat(entry.place.folder.get(), entry.name.c_str(), 0);
   }
 }
 
-Result<NewTapeFiles> NewTapeFiles::make(const TapePaths& paths, bool overwrite) {
-  auto places = look_at(paths, overwrite);
-  if (!places) return places.error();
+Result<NewTapeFiles> NewTapeFiles::make(const TapePaths& paths, const TapeWriterOptions& options) {
+  if (options.on_existing != OnExisting::next) return make_at(paths, options.on_existing);
+  for (unsigned number = options.first_number;; ++number) {
+    const TapePaths candidate = numbered_tape(paths, number);
+    if (is_taken(candidate)) continue;
+    auto files = make_at(candidate, OnExisting::refuse);
+    if (files || !is_taken(candidate)) return files;  // else somebody was faster
+  }
+}
+
+Result<NewTapeFiles> NewTapeFiles::make_at(const TapePaths& paths, OnExisting on_existing) {
+  std::array<std::unique_ptr<TapeSink>, 3> sinks;  // outlive `files`: what is removed is still locked
   NewTapeFiles files;
-  std::array<std::unique_ptr<TapeSink>, 3> sinks;
+  files.paths = paths;
+  const std::array<const fs::path*, 3> all{&paths.read, &paths.write, &paths.events};
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    auto place = take_place(*all.at(i), on_existing);
+    if (!place) return place.error();
+    files.entries_->at(i).place = std::move(*place);
+  }
   for (std::size_t i = 0; i < sinks.size(); ++i) {
     Entry& entry = files.entries_->at(i);
-    entry.place = std::move(places->at(i));
     entry.name = entry.place.exists ? replacement_name(entry.place.file()) : entry.place.file();
     int error = 0;
     sinks.at(i) = FileSink::create(entry.place.folder.get(), entry.name, error);

@@ -9,14 +9,15 @@
 namespace porttape {
 
 // Whether the files of a new tape can be made: see TapeWriter::check().
-Result<void> check_tape_files(const TapePaths& paths, bool overwrite);
+Result<void> check_tape_files(const TapePaths& paths, OnExisting on_existing);
 
-// The three files of a new tape, empty, which go away with this object unless publish() has kept them. Files
-// that are to be replaced are untouched until then: the new ones have other names in the same folder.
+// The three files of a new tape, empty and locked, which go away with this object unless publish() has kept
+// them. Files that are to be replaced are locked too, and untouched until then: the new ones have other names
+// in the same folder. A file's name is thus only ever taken away from it by the one who holds its lock.
 class NewTapeFiles {
  public:
   // Errc::usage as check_tape_files(), Errc::io; an error leaves no new file behind.
-  static Result<NewTapeFiles> make(const TapePaths& paths, bool overwrite);
+  static Result<NewTapeFiles> make(const TapePaths& paths, const TapeWriterOptions& options);
   NewTapeFiles(NewTapeFiles&& other) noexcept;
   NewTapeFiles& operator=(NewTapeFiles&&) = delete;
   ~NewTapeFiles();
@@ -24,12 +25,17 @@ class NewTapeFiles {
   // Gives each file its name, in place of an existing one. Errc::io.
   Result<void> publish();
 
+  // Removes what is not published. To be called before the sinks are closed, which unlocks the files.
+  void discard();
+
+  TapePaths paths;  // of the final names
   TapeSinks sinks;  // to be taken; they need not outlive this object
 
  private:
   struct Entry;
   using Entries = std::array<Entry, 3>;
   NewTapeFiles();
+  static Result<NewTapeFiles> make_at(const TapePaths& paths, OnExisting on_existing);
 
   std::unique_ptr<Entries> entries_;
 };

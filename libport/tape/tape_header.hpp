@@ -1,18 +1,56 @@
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <string>
+
+#include "libport/base/time.hpp"
 
 namespace porttape {
 
-// What the header line of the events file says.
+// A tape's zero on the clocks of the machine that recorded it.
+struct TapeZero {
+  std::string wall;               // RFC 3339 with microseconds
+  std::int64_t monotonic_us = 0;  // of CLOCK_MONOTONIC, since that boot
+  std::string boot;               // which boot of which machine; empty where it is not known
+
+  friend bool operator==(const TapeZero&, const TapeZero&) = default;
+};
+
+// How this machine's clocks call `zero`, a moment near `now`.
+TapeZero tape_zero(Instant zero, Instant now);
+
+enum class Transport : std::uint8_t { stream, datagram };
+// When a block got its time: when its bytes came, or when a program that does not listen all the time read
+// them.
+enum class Stamped : std::uint8_t { arrival, read };
+
+// The tape before this one, of a rotation.
+struct PreviousTape {
+  std::string id;
+  std::string name;
+
+  friend bool operator==(const PreviousTape&, const PreviousTape&) = default;
+};
+
+// What the header line of the events file says. What is empty is not told; the writer fills in what it knows
+// itself.
 struct TapeHeader {
-  std::string device;  // the port as the user named it
+  std::string device;  // the port with every option that the user gave
   std::string driver;
-  std::string created{};  // RFC 3339; the writer fills in now where it is empty
-  std::string host{};     // the writer fills in this machine's name where it is empty
-  std::string tool{};     // the writer fills in "porttape VERSION" where it is empty
+  std::string created{};  // RFC 3339; written: now
+  std::string host{};     // written: this machine's name
+  std::string tool{};     // written: "porttape VERSION"
+  std::string id{};       // 32 hexadecimal digits, one a tape; written: random ones
+  std::optional<TapeZero> zero{};
+  std::optional<Transport> transport{};
+  std::optional<Stamped> stamped{};
+  std::optional<PreviousTape> previous{};
 
   friend bool operator==(const TapeHeader&, const TapeHeader&) = default;
 };
+
+// The header with what a writer fills in.
+TapeHeader completed(TapeHeader header);
 
 }  // namespace porttape

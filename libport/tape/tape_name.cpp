@@ -32,6 +32,8 @@ std::string TapePaths::name() const {
   return text;
 }
 
+std::string TapePaths::file_name() const { return fs::path(name()).filename().string(); }
+
 TapePaths literal_tape(std::string_view name) {
   const std::string base(name);
   return {base + "r", base + "w", base + "e"};
@@ -42,6 +44,13 @@ TapePaths new_tape(std::string_view argument) {
   const std::string_view base = without_letter(argument);
   if (base.ends_with(kSuffix)) return literal_tape(base);
   return literal_tape(std::string(argument).append(kSuffix));
+}
+
+TapePaths numbered_tape(const TapePaths& first, unsigned number) {
+  if (number <= 1) return first;
+  std::string name = first.name();
+  const std::size_t stem = name.ends_with(kSuffix) ? name.size() - kSuffix.size() : name.size();
+  return literal_tape(name.insert(stem, "." + std::to_string(number)));
 }
 
 Result<TapePaths> find_tape(std::string_view argument) {

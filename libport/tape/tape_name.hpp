@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 #include <string_view>
 
 #include "libport/base/result.hpp"
@@ -15,6 +16,8 @@ struct TapePaths {
 
   // What a person calls the tape: the r file's path without its r.
   [[nodiscard]] std::string name() const;
+  // Without its folder.
+  [[nodiscard]] std::string file_name() const;
   friend bool operator==(const TapePaths&, const TapePaths&) = default;
 };
 
@@ -24,6 +27,9 @@ TapePaths literal_tape(std::string_view name);
 // A tape to be made from a command-line argument: gets `.log` when it has none. `laser.logr` and `laser.logw`
 // name `laser.log`.
 TapePaths new_tape(std::string_view argument);
+
+// `laser.log`, `laser.2.log`, `laser.3.log`, …: the names of a tape that another has to make room for.
+TapePaths numbered_tape(const TapePaths& first, unsigned number);
 
 // An existing tape from a command-line argument: `laser.log`, `laser.logr`, `laser.logw` or `laser`; the
 // literal `<arg>r` is tried first, then `<arg>.logr`. Errc::usage when there is none, with what was looked

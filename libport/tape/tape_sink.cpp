@@ -7,6 +7,8 @@
 #include <sys/uio.h>
 #include <unistd.h>
 
+#include "libport/tape/tape_lock.hpp"
+
 namespace porttape {
 namespace {
 
@@ -21,6 +23,11 @@ std::unique_ptr<FileSink> FileSink::create(int folder, const std::filesystem::pa
       ::openat(folder, name.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, kMode));
   error = fd ? 0 : errno;
   if (!fd) return nullptr;
+  if (const TapeLock lock = lock_tape_file(fd.get(), folder, name); lock != TapeLock::held) {
+    error = lock == TapeLock::failed ? errno : EEXIST;
+    if (lock == TapeLock::failed) ::unlinkat(folder, name.c_str(), 0);
+    return nullptr;  // else it is somebody else's by now
+  }
   UniqueFd sync_fd(::fcntl(fd.get(), F_DUPFD_CLOEXEC, 0));
   error = sync_fd ? 0 : errno;
   if (!sync_fd) {
@@ -56,8 +63,9 @@ int FileSink::truncate(std::uint64_t size) {
 
 // A file system that cannot sync is no failure.
 TapeSink::Sync FileSink::syncer() {
-  return [fd = sync_fd_] {
-    return ::fdatasync(fd->get()) == 0 || errno == EINVAL || errno == ENOSYS ? 0 : errno;
+  return [sync_fd = std::weak_ptr<UniqueFd>(sync_fd_)] {
+    const std::shared_ptr<UniqueFd> fd = sync_fd.lock();
+    return !fd || ::fdatasync(fd->get()) == 0 || errno == EINVAL || errno == ENOSYS ? 0 : errno;
   };
 }
 

@@ -37,8 +37,8 @@ class TapeSink {
 // A regular file, opened with O_APPEND. Owns its descriptors: one to write, a second one to sync.
 class FileSink final : public TapeSink {
  public:
-  // Makes a new file of mode 0640, never following a symlink. The errno otherwise (EEXIST if anything is
-  // there).
+  // Makes a new file of mode 0640, never following a symlink, and locks it until it is closed. The errno
+  // otherwise (EEXIST if anything is there, or somebody else has locked the new file first).
   static std::unique_ptr<FileSink> create(int folder, const std::filesystem::path& name, int& error);
 
   Appended append(ByteView head, ByteView body) override;

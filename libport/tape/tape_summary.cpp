@@ -7,11 +7,13 @@
 #include "libport/tape/events.hpp"
 #include "libport/tape/layout.hpp"
 #include "libport/tape/quantiles.hpp"
+#include "libport/tape/tape_lock.hpp"
 
 namespace porttape {
 namespace {
 
 constexpr std::size_t kMaxKinds = 64;
+constexpr std::size_t kMaxGaps = 64;
 
 // Counts exchanges and measures answers, told the blocks in order.
 class ExchangeMeter {
@@ -47,7 +49,9 @@ class ExchangeMeter {
 // One r or w file with its next block in view.
 class BlockStream {
  public:
-  BlockStream(std::unique_ptr<ByteSource> source, Layout layout, FileSummary& summary) : summary_(summary) {
+  BlockStream(std::unique_ptr<ByteSource> source, Layout layout, bool with_digest, FileSummary& summary)
+      : summary_(summary), payload_(with_digest) {
+    summary_.xxh3 = payload_.totals().xxh3;
     if (!source) return;
     summary_.exists = true;
     summary_.path = source->name();
@@ -68,11 +72,11 @@ class BlockStream {
       if (step != BlockFile::Step::piece) [[unlikely]]
         return stop(step);
       const BlockPiece& piece = file_->piece();
-      bytes_ += piece.data.size();
+      payload_.add(piece.data);
       if (piece.piece_offset > 0) continue;
-      ++blocks_;
+      payload_.begin_block();
       largest_ = std::max(largest_, piece.block_length);
-      if (blocks_ == 1) summary_.first = piece.at;
+      if (!summary_.first) summary_.first = piece.at;
       last_ = piece.at;
       has_block_ = true;
       return;
@@ -82,10 +86,12 @@ class BlockStream {
  private:
   void stop(BlockFile::Step step) {
     has_block_ = false;
-    summary_.blocks = blocks_;
-    summary_.bytes = bytes_;
+    const PayloadTotals totals = payload_.totals();
+    summary_.blocks = totals.blocks;
+    summary_.bytes = totals.bytes;
+    summary_.xxh3 = totals.xxh3;
     summary_.largest_block = largest_;
-    if (blocks_ > 0) summary_.last = last_;
+    if (totals.blocks > 0) summary_.last = last_;
     if (step == BlockFile::Step::failed) summary_.damage = file_->error();
     summary_.torn_bytes = file_->torn_bytes();
     summary_.torn_tail = file_->torn_tail();
@@ -94,8 +100,7 @@ class BlockStream {
   FileSummary& summary_;
   std::optional<BlockFile> file_;
   bool has_block_ = false;
-  std::uint64_t blocks_ = 0;
-  std::uint64_t bytes_ = 0;
+  PayloadCounter payload_;
   std::uint32_t largest_ = 0;
   TapeTime last_{};
 };
@@ -127,16 +132,27 @@ class EventStream {
     if (!has_event_) {
       if (step == EventFile::Step::failed) summary_.damage = file_->error();
       summary_.torn_tail = file_->torn_tail();
+      summary_.header = file_->header();  // with the zero that an event has told
       return;
     }
     const TapeEvent& event = file_->event();
     if (summary_.kinds.size() < kMaxKinds || summary_.kinds.contains(event.kind))
       ++summary_.kinds[event.kind];
-    if (event.kind == "gap") summary_.gap_bytes += event.bytes;
+    if (event.kind == "gap") note_gap(event);
+    summary_.ended = event.kind == "end";
+    const bool tells = event.read && event.write;
+    summary_.end_read = tells ? event.read : std::nullopt;
+    summary_.end_write = tells ? event.write : std::nullopt;
     summary_.last = event.at;
   }
 
  private:
+  void note_gap(const TapeEvent& event) {
+    summary_.gap_bytes += event.bytes;
+    if (summary_.gaps.size() < kMaxGaps)
+      summary_.gaps.push_back({event.from, event.at, event.bytes, event.why});
+  }
+
   EventsSummary& summary_;
   std::optional<EventFile> file_;
   bool has_event_ = false;
@@ -195,7 +211,11 @@ std::vector<std::string> TapeSummary::torn_tails() const {
 Result<TapeSummary> summarize(const TapePaths& paths) {
   auto sources = TapeSources::open(paths);
   if (!sources) return sources.error();
-  return summarize(paths.name(), std::move(*sources));
+  // Looked at first: a tape that ends meanwhile may have been read before its end.
+  const bool being_written = is_being_written(paths);
+  auto summary = summarize(paths.name(), std::move(*sources));
+  if (summary) summary->being_written = being_written;
+  return summary;
 }
 
 Result<TapeSummary> summarize(std::string name, TapeSources sources) {
@@ -204,10 +224,15 @@ Result<TapeSummary> summarize(std::string name, TapeSources sources) {
   TapeSummary summary;
   summary.name = std::move(name);
   summary.layout = *layout;
+  summary.read.path = summary.name + "r";
+  summary.write.path = summary.name + "w";
+  summary.events.path = summary.name + "e";
   EventStream events(summary.events);
   if (const auto opened = events.open(std::move(sources.events)); !opened) return opened.error();
-  BlockStream read(std::move(sources.read), *layout, summary.read);
-  BlockStream write(std::move(sources.write), *layout, summary.write);
+  // A recorder that gives its tapes an id tells digests at their end.
+  const bool has_digests = summary.events.header && !summary.events.header->id.empty();
+  BlockStream read(std::move(sources.read), *layout, has_digests, summary.read);
+  BlockStream write(std::move(sources.write), *layout, has_digests, summary.write);
   ExchangeMeter meter;
   merge(read, write, events, meter);
   meter.report(summary);

@@ -9,6 +9,7 @@
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
 #include "libport/tape/block.hpp"
+#include "libport/tape/payload_totals.hpp"
 #include "libport/tape/tape_header.hpp"
 #include "libport/tape/tape_name.hpp"
 #include "libport/tape/tape_reader.hpp"
@@ -17,17 +18,27 @@ namespace porttape {
 
 // What an r or w file holds, up to its damage if there is any.
 struct FileSummary {
-  std::string path;
+  std::string path;  // also where it does not exist
   bool exists = false;
   std::uint64_t file_bytes = 0;
   std::uint64_t blocks = 0;
   std::uint64_t bytes = 0;  // payload
   std::uint32_t largest_block = 0;
+  std::optional<std::uint64_t> xxh3;  // of the payload; nothing where the tape tells none to compare it with
   std::optional<TapeTime> first;
   std::optional<TapeTime> last;
   std::uint64_t torn_bytes = 0;
   std::optional<std::string> torn_tail;  // a note for a person
   std::optional<Error> damage;           // or that it could not be read on (Errc::io)
+
+  [[nodiscard]] PayloadTotals totals() const { return {blocks, bytes, xxh3}; }
+};
+
+struct GapSummary {
+  TapeTime from{};
+  TapeTime at{};
+  std::uint64_t bytes = 0;  // 0: not known, or events only
+  std::string why;
 };
 
 struct EventsSummary {
@@ -35,8 +46,12 @@ struct EventsSummary {
   bool exists = false;
   std::optional<TapeHeader> header;
   std::map<std::string, std::uint64_t>
-      kinds;                    // how many events of each; of unknown kinds at most 64 different ones
-  std::uint64_t gap_bytes = 0;  // that the gap events say are missing
+      kinds;                     // how many events of each; of unknown kinds at most 64 different ones
+  std::uint64_t gap_bytes = 0;   // that the gap events say are missing
+  std::vector<GapSummary> gaps;  // the first 64
+  bool ended = false;            // the last event is `end`
+  std::optional<PayloadTotals> end_read;  // what it tells of the r and w files, both or none
+  std::optional<PayloadTotals> end_write;
   std::optional<TapeTime> last;
   std::optional<std::string> torn_tail;
   std::optional<Error> damage;
@@ -55,6 +70,7 @@ struct LatencySummary {
 // What one pass over a tape finds: all that `porttape info` prints and `porttape verify` judges.
 struct TapeSummary {
   std::string name;
+  bool being_written = false;
   Layout layout = Layout::big_endian;
   FileSummary read;
   FileSummary write;

@@ -1,50 +1,17 @@
 #include "libport/tape/tape_writer.hpp"
 
 #include <algorithm>
-#include <array>
-#include <cerrno>
-#include <chrono>
-#include <cstdio>
-#include <ctime>
-#include <unistd.h>
 #include <utility>
 
-#include "libport/base/version.hpp"
 #include "libport/tape/block.hpp"
 #include "libport/tape/events.hpp"
+#include "libport/tape/payload_totals.hpp"
 #include "libport/tape/tape_files.hpp"
 
 namespace porttape {
 namespace {
 
 constexpr std::size_t kMaxBlock = std::size_t{64} * 1024;
-
-std::string utc_now() {
-  const auto now = std::chrono::floor<std::chrono::microseconds>(std::chrono::system_clock::now());
-  const auto since_epoch = now.time_since_epoch();
-  const auto seconds = std::chrono::floor<std::chrono::seconds>(since_epoch);
-  const std::time_t time = seconds.count();
-  std::tm utc{};
-  ::gmtime_r(&time, &utc);
-  std::array<char, 32> date{};
-  std::strftime(date.data(), date.size(), "%FT%T", &utc);
-  std::array<char, 48> text{};
-  std::snprintf(text.data(), text.size(), "%s.%06dZ", date.data(),
-                static_cast<int>((since_epoch - seconds).count()));
-  return text.data();
-}
-
-std::string host_name() {
-  std::array<char, 256> name{};
-  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
-}
-
-TapeHeader completed(TapeHeader header) {
-  if (header.created.empty()) header.created = utc_now();
-  if (header.host.empty()) header.host = host_name();
-  if (header.tool.empty()) header.tool = "porttape " + std::string(version());
-  return header;
-}
 
 }  // namespace
 
@@ -62,11 +29,12 @@ struct TapeWriter::Impl {
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
+  int begin(TapeHeader header, const TapeWriterOptions& options);
   [[nodiscard]] std::int64_t stamp(TapeTime at, bool is_block) const;
   void block(Direction direction, TapeTime at, ByteView data);
-  void kept(ByteView payload);
+  void keep(Direction direction, ByteView payload);
   void commit(const RunBoth& run_both);
-  void settle(const TapeBatch::Blocks& blocks);
+  void settle(Direction direction, const TapeBatch::Blocks& blocks);
   std::optional<Gap> tell_owed(TapeBatch& batch, std::optional<std::int64_t> first_kept);
   void write_lines(const std::vector<TapeBatch::Line>& lines, std::optional<Gap> told);
   WholeAppender& file_of(Direction direction) { return direction == Direction::read ? read : write; }
@@ -80,6 +48,10 @@ struct TapeWriter::Impl {
   WholeAppender write;
   WholeAppender events;
   std::optional<TapeBatch> batch;
+  PayloadCounter kept_read;
+  PayloadCounter kept_write;
+  TapePaths paths;
+  std::string id;
   bool sync = false;
   bool finished = false;
 
@@ -94,6 +66,18 @@ struct TapeWriter::Impl {
   std::uint64_t bytes_written = 0;
   int sync_error = 0;
 };
+
+// Writes the header line. 0, or the errno: the files are to be closed then.
+int TapeWriter::Impl::begin(TapeHeader header, const TapeWriterOptions& options) {
+  header = completed(std::move(header));
+  id = header.id;
+  if (const int error = events.append({}, as_bytes(header_line(header))); error != 0) {
+    finished = true;
+    return error;
+  }
+  sync = options.sync;
+  return 0;
+}
 
 std::int64_t TapeWriter::Impl::stamp(TapeTime at, bool is_block) const {
   const std::int64_t earliest = last_us + (last_was_block || last_us < 0 ? 1 : 0);
@@ -118,9 +102,17 @@ void TapeWriter::Impl::block(Direction direction, TapeTime at, ByteView data) {
     return lose(us, data.size(), errno_text(error));
   last_us = us;
   last_was_block = true;
-  kept(data);
+  keep(direction, data);
   failure.clear();
   tell_gap(us);  // at the same stamp, where events come first: the gap ends with this block
+}
+
+// A block that stands on the tape.
+void TapeWriter::Impl::keep(Direction direction, ByteView payload) {
+  PayloadCounter& counter = direction == Direction::read ? kept_read : kept_write;
+  counter.begin_block();
+  counter.add(payload);
+  bytes_written += payload.size();
 }
 
 void TapeWriter::Impl::event(std::int64_t at_us, const std::string& line) {
@@ -140,8 +132,6 @@ void TapeWriter::Impl::event(std::int64_t at_us, const std::string& line) {
   last_was_block = false;
   failure.clear();
 }
-
-void TapeWriter::Impl::kept(ByteView payload) { bytes_written += payload.size(); }
 
 void TapeWriter::Impl::commit(const RunBoth& run_both) {
   if (!batch) return;
@@ -163,8 +153,8 @@ void TapeWriter::Impl::commit(const RunBoth& run_both) {
   }
   const std::optional<Gap> told = tell_owed(done, first_kept);
   failure.clear();
-  settle(done.read);
-  settle(done.write);
+  settle(Direction::read, done.read);
+  settle(Direction::write, done.write);
   write_lines(done.lines, told);
 }
 
@@ -179,10 +169,10 @@ std::optional<TapeWriter::Impl::Gap> TapeWriter::Impl::tell_owed(TapeBatch& done
   return std::exchange(gap, std::nullopt);
 }
 
-void TapeWriter::Impl::settle(const TapeBatch::Blocks& blocks) {
+void TapeWriter::Impl::settle(Direction direction, const TapeBatch::Blocks& blocks) {
   for (std::size_t i = 0; i < blocks.blocks.size(); ++i) {
     const ByteView payload = blocks.payload(i);
-    i < blocks.kept.parts ? kept(payload)
+    i < blocks.kept.parts ? keep(direction, payload)
                           : lose(blocks.blocks[i].us, payload.size(), errno_text(blocks.kept.error));
   }
 }
@@ -226,7 +216,7 @@ void TapeWriter::Impl::finish(TapeTime at) {
   if (finished) return;
   commit({});
   const std::int64_t us = std::max(stamp(at, false), gap ? gap->from_us : 0);
-  event(us, event_line(tape_time_us(us), "end"));
+  event(us, end_line(tape_time_us(us), kept_read.totals(), kept_write.totals()));
   finished = true;
   close_all();
 }
@@ -243,30 +233,34 @@ void TapeWriter::Impl::close_all() {
 }
 
 Result<void> TapeWriter::check(const TapePaths& paths, const TapeWriterOptions& options) {
-  return check_tape_files(paths, options.overwrite);
+  return check_tape_files(paths, options.on_existing);
 }
 
 Result<TapeWriter> TapeWriter::create(const TapePaths& paths, const TapeHeader& header,
                                       const TapeWriterOptions& options) {
-  auto files = NewTapeFiles::make(paths, options.overwrite);
+  auto files = NewTapeFiles::make(paths, options);
   if (!files) return files.error();
-  auto writer = on_sinks(std::move(files->sinks), header, options);
-  if (!writer) {
-    return make_error(Errc::io, "cannot write " + paths.events.string() + ": " + writer.error().message);
+  auto impl = std::make_unique<Impl>(std::move(files->sinks));
+  impl->paths = files->paths;
+  if (const int error = impl->begin(header, options); error != 0) {
+    files->discard();
+    impl->close_all();
+    return make_error(Errc::io, "cannot write " + files->paths.events.string() + ": " + errno_text(error));
   }
-  if (const auto published = files->publish(); !published) return published.error();
-  return writer;
+  if (const auto published = files->publish(); !published) {
+    files->discard();
+    return published.error();
+  }
+  return TapeWriter(std::move(impl));
 }
 
 Result<TapeWriter> TapeWriter::on_sinks(TapeSinks sinks, const TapeHeader& header,
                                         const TapeWriterOptions& options) {
   auto impl = std::make_unique<Impl>(std::move(sinks));
-  if (const int error = impl->events.append({}, as_bytes(header_line(completed(header)))); error != 0) {
-    impl->finished = true;
+  if (const int error = impl->begin(header, options); error != 0) {
     impl->close_all();
     return make_error(Errc::io, errno_text(error));
   }
-  impl->sync = options.sync;
   return TapeWriter(std::move(impl));
 }
 
@@ -312,6 +306,11 @@ void TapeWriter::device_back_event(TapeTime at) {
   impl_->event(us, event_line(tape_time_us(us), "device-back"));
 }
 
+void TapeWriter::half_close_event(TapeTime at, Side by) {
+  const std::int64_t us = impl_->stamp(at, false);
+  impl_->event(us, half_close_line(tape_time_us(us), by == Side::driver ? "driver" : "device"));
+}
+
 void TapeWriter::flush_event(TapeTime at, std::string_view queue) {
   const std::int64_t us = impl_->stamp(at, false);
   impl_->event(us, flush_line(tape_time_us(us), queue));
@@ -351,6 +350,8 @@ Result<void> TapeWriter::finish(TapeTime at) {
   return {};
 }
 
+const TapePaths& TapeWriter::paths() const { return impl_->paths; }
+const std::string& TapeWriter::id() const { return impl_->id; }
 bool TapeWriter::failing() const { return !impl_->failure.empty(); }
 std::string TapeWriter::failure() const { return impl_->failure; }
 std::uint64_t TapeWriter::bytes_lost() const { return impl_->bytes_lost; }

@@ -15,10 +15,20 @@
 
 namespace porttape {
 
+// What happens where one of the new tape's files exists already.
+enum class OnExisting : std::uint8_t {
+  refuse,    // an error
+  next,      // the first free one of NAME.log, NAME.2.log, NAME.3.log, … is taken
+  overwrite  // replaced, but never a tape that is being written, a symlink, or what is no regular file
+};
+
+// Who did it.
+enum class Side : std::uint8_t { driver, device };
+
 struct TapeWriterOptions {
-  bool overwrite =
-      false;         // replace an existing tape (never through a symlink, never anything but a regular file)
-  bool sync = true;  // fdatasync at the end
+  OnExisting on_existing = OnExisting::refuse;
+  unsigned first_number = 1;  // next: the first name to be tried
+  bool sync = true;           // fdatasync at the end
 };
 
 // Where the bytes of a new tape go; all three are there.
@@ -47,12 +57,12 @@ struct TapeSinks {
 // Not thread-safe. LiveTape keeps one without ever holding up its caller.
 class TapeWriter {
  public:
-  // Whether a tape can be made there: no existing file (unless overwrite), no symlink, a folder that is there
-  // and writable. Makes nothing. Errc::usage with what to do.
+  // Whether a tape can be made there: a folder that is there and writable, and nothing in the way, see
+  // OnExisting. Makes nothing. Errc::usage with what to do.
   static Result<void> check(const TapePaths& paths, const TapeWriterOptions& options);
 
-  // Makes the three files (0640 less the umask, each new: O_EXCL) and writes the header line. Leaves nothing
-  // behind on an error. Errc::usage as check(), Errc::io.
+  // Makes the three files (0640 less the umask, each new: O_EXCL, each locked until finish()) and writes the
+  // header line. Leaves nothing behind on an error. Errc::usage as check(), Errc::io.
   static Result<TapeWriter> create(const TapePaths& paths, const TapeHeader& header,
                                    const TapeWriterOptions& options);
 
@@ -71,6 +81,7 @@ class TapeWriter {
   void mark_event(TapeTime at, std::string_view text);
   void device_lost_event(TapeTime at, std::string_view why, bool hung_up);
   void device_back_event(TapeTime at);
+  void half_close_event(TapeTime at, Side by);
   void flush_event(TapeTime at, std::string_view queue);  // in, out or both
   void gap_event(TapeTime at, std::uint64_t bytes, std::string_view why);
 
@@ -88,6 +99,8 @@ class TapeWriter {
   // the same.
   Result<void> finish(TapeTime at);
 
+  [[nodiscard]] const TapePaths& paths() const;       // the files that create() has made
+  [[nodiscard]] const std::string& id() const;        // of the tape
   [[nodiscard]] bool failing() const;                 // the last block could not be written
   [[nodiscard]] std::string failure() const;          // why, as a line for a person; empty when not failing
   [[nodiscard]] std::uint64_t bytes_lost() const;     // in all, since create()

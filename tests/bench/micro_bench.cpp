@@ -81,8 +81,7 @@ void write_tape(benchmark::State& state) {
     for (const auto& path : {paths.read, paths.write, paths.events}) std::filesystem::remove(path);
   };
   remove();
-  Result<TapeWriter> writer =
-      TapeWriter::create(paths, {"micro_bench", "none"}, {.overwrite = false, .sync = false});
+  Result<TapeWriter> writer = TapeWriter::create(paths, {"micro_bench", "none"}, {.sync = false});
   if (!writer) {
     state.SkipWithError(writer.error().message.c_str());
     return;

@@ -1,6 +1,6 @@
 // Any bytes as a tape: two little-endian 16-bit numbers, the sizes of the r and the w file, and then the r, w
 // and e file. What is checked: no crash, an end, pieces that add up, a second pass that gives the same, and
-// that the summary agrees.
+// that the summary and the judgement agree.
 
 #include <algorithm>
 #include <cstdint>
@@ -9,6 +9,7 @@
 #include <optional>
 #include <utility>
 
+#include "libport/tape/judgement.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "libport/tape/tape_summary.hpp"
 
@@ -93,6 +94,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(reader->rewind().has_value());
   require(read_through(*reader) == first);
   require(summary->damages().empty() == !first.error);
+  const Judgement judgement = judge(*summary);
+  require((judgement.verdict == Judgement::Verdict::damaged) == !judgement.damages.empty());
+  require(judgement.damages.size() >= summary->damages().size());
+  require(judgement.verdict != Judgement::Verdict::sound || summary->torn_tails().empty());
   if (!first.error) {
     require(summary->read.bytes + summary->write.bytes == first.bytes);
     require(summary->read.blocks + summary->write.blocks == first.blocks);

@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/base/unique_fd.hpp"
+#include "libport/tape/tape_reader.hpp"
 #include "tests/port/blocking_rig.hpp"
 #include "tests/support/tape_bytes.hpp"
 #include "tests/support/temp_dir.hpp"
@@ -167,6 +168,11 @@ TEST(BlockingTape, ATapeRecordedInProcessReplaysInProcess) {
   EXPECT_EQ(told((*port)->write(as_bytes("bye"))), "3 ");
   (*port)->close();
   EXPECT_EQ((*port)->finish(), 0);
+  const auto header = TapeReader::open(literal_tape(dir / "t.log"))->header();
+  ASSERT_TRUE(header.has_value());
+  EXPECT_EQ(header->device, fmt::format("serial:{},timeout=5", ::ptsname(device.get())));
+  EXPECT_EQ(header->stamped, Stamped::read) << "bytes are seen when the program reads";
+  EXPECT_EQ(header->transport, Transport::stream);
 
   auto replay = BlockingPort::create(
       "type=logreader,strictness=2,jitter=10000,timing=reactive,timeout=5,file=" + (dir / "t.log"));

@@ -1,11 +1,14 @@
 #include "libport/port/loop.hpp"
 
 #include <chrono>
+#include <fcntl.h>
 #include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "libport/base/unique_fd.hpp"
+#include "libport/port/fd_watch.hpp"
 #include "libport/port/stall_watch.hpp"
 #include "libport/port/timer.hpp"
 
@@ -75,6 +78,19 @@ TEST(LoopStalls, ATimerThatIsSetForThePastIsNone) {
   first.set_after(milliseconds(1));
   loop.run();
   EXPECT_TRUE(loop.stalls_since(Instant{}).empty());
+}
+
+// A regular file has no events: the kernel refuses to watch it.
+TEST(FdWatch, LooksItselfWhereTheKernelDoesNotWatch) {
+  Loop loop;
+  const UniqueFd file(::open("/proc/self/exe", O_RDONLY));
+  int readable = 0;
+  FdWatch watch(loop, file.get(), [&] {
+    if (++readable == 3) watch.stop();
+  });
+  watch.watch_readable(true);
+  loop.run();
+  EXPECT_EQ(readable, 3);
 }
 
 }  // namespace

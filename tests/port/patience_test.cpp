@@ -56,5 +56,38 @@ TEST(Patience, APollWithoutInterruptionCostsNothing) {
   EXPECT_TRUE(patience.expects_soon(Instant{} + microseconds(5)));
 }
 
+void poll(Patience& patience, int times, bool met, Instant now) {
+  for (int i = 0; i < times; ++i) patience.poll_ended(met, now);
+}
+
+TEST(Patience, PollsThatMostlyMissArePaused) {
+  Patience patience;
+  wait_shortly(patience, Patience::kShortWaitsInARow);
+  Instant now{};
+  for (Nanos pause = Patience::kFirstPause; pause < Patience::kLongestPause * 4; pause *= 2) {
+    poll(patience, 7, true, now);
+    EXPECT_TRUE(patience.expects_soon(now));
+    poll(patience, 9, false, now);
+    const Nanos expected = std::min(pause, Patience::kLongestPause);
+    EXPECT_FALSE(patience.expects_soon(now + expected - microseconds(1)));
+    now += expected;
+    EXPECT_TRUE(patience.expects_soon(now));
+  }
+}
+
+TEST(Patience, PollsThatPayGoOnAndMakeTheNextPauseShort) {
+  Patience patience;
+  wait_shortly(patience, Patience::kShortWaitsInARow);
+  Instant now{};
+  for (int i = 0; i < 5; ++i) {
+    poll(patience, Patience::kPollsJudged, false, now);
+    now += Patience::kLongestPause;
+  }
+  for (int i = 0; i < 100; ++i) poll(patience, 1, i % 2 == 0, now);
+  EXPECT_TRUE(patience.expects_soon(now));
+  poll(patience, Patience::kPollsJudged * 2, false, now);
+  EXPECT_TRUE(patience.expects_soon(now + Patience::kFirstPause * 2));
+}
+
 }  // namespace
 }  // namespace porttape

@@ -100,6 +100,18 @@ TEST(PortOptions, NamesOfSocketsCanBeParsedAgain) {
   EXPECT_EQ(parsed("type=tcp").name(), "tcp:127.0.0.1:20000");
 }
 
+TEST(PortOptions, EveryOptionThatWasGivenIsSpelledAndCanBeParsedAgain) {
+  for (const char* spec :
+       {"serial:/dev/ttyUSB0,baud=115200,hwflowctrl,parity=even", "serial:/dev/ttyS0", "pty,mode=0660",
+        "pty:/tmp/laser,alwaysopen", "tcp:[::1]:2112,timeout=1.5", "tcp-listen:*:0,alwaysopen",
+        "udp:10.0.0.5:2112,recv_port=7", "udp-listen:127.0.0.1:2112,dest_ip=10.0.0.5",
+        "seriallog:/dev/ttyUSB0,file=a b,overwrite", "logreader:x.log,jitter=5,strictness=2"}) {
+    EXPECT_EQ(parsed(spec).spelled(), spec);
+    EXPECT_EQ(parsed(parsed(spec).spelled()).spelled(), spec);
+  }
+  EXPECT_EQ(parsed("type=tcp,listen,port=7,debug=1").spelled(), "tcp-listen:127.0.0.1:7,debug=1");
+}
+
 TEST(PortOptions, BadPlacesOfSocketsAreNamed) {
   for (const char* bad : {"tcp:::1:2112", "tcp:[::1", "tcp:[::1]x", "tcp:h:65536", "tcp:h:0", "tcp:h:-1",
                           "tcp:h:x", "udp:h:0", "unix", "pty-listen:/x", "tcp-listening:1"}) {

@@ -2,14 +2,18 @@
 
 #include <fcntl.h>
 #include <filesystem>
+#include <memory>
 #include <sys/ioctl.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
 #include <termios.h>
 #include <unistd.h>
+#include <vector>
 
 #include <gtest/gtest.h>
 
 #include "libport/base/unique_fd.hpp"
+#include "libport/port/file_events.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
 #include "tests/support/temp_dir.hpp"
@@ -297,6 +301,125 @@ TEST_F(PtyPortTest, ADriverThatFlushesItsInputDropsWhatWeQueued) {
   ASSERT_EQ(::tcflush(fd.get(), TCIFLUSH), 0);
   until("up drained ");
   EXPECT_FALSE(port.congested());
+}
+
+TEST_F(PtyPortTest, AFlushOfTheDriversIsTold) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  ASSERT_EQ(::tcflush(fd.get(), TCIFLUSH), 0);
+  until("up flush_in ");
+  ASSERT_EQ(::tcflush(fd.get(), TCOFLUSH), 0);
+  until("up flush_in flush_out ");
+}
+
+TEST_F(PtyPortTest, OneOfTwoDescriptorsThatIsClosedAndOpenedAgainIsNoReopen) {
+  start();
+  const UniqueFd kept = driver();
+  UniqueFd other = driver();
+  until("up ");
+  for (int i = 0; i < 5; ++i) {
+    other.reset();
+    other = driver();
+    ASSERT_EQ(::write(other.get(), "x", 1), 1);
+    run_until(loop, [&] { return log.data.size() == static_cast<std::size_t>(i) + 1; });
+  }
+  EXPECT_EQ(log.events, "up ");
+}
+
+TEST_F(PtyPortTest, AReopenBeforeWeLookIsSeenHoweverManyHaveHadItOpen) {
+  start();
+  UniqueFd one = driver();
+  UniqueFd two = driver();
+  UniqueFd three = driver();
+  until("up ");
+  two.reset();
+  three.reset();
+  one.reset();
+  one = driver();
+  until("up closed up ");
+}
+
+TEST_F(PtyPortTest, WithoutInotifySessionsAreFoundByLooking) {
+  loop.file_events().refuse();
+  start();
+  EXPECT_NE(book.text().find("inotify"), std::string::npos) << book.text();
+  UniqueFd fd = driver();
+  until("up ");
+  UniqueFd other = driver();
+  fd.reset();
+  fd = driver();  // may have been a reopen: it is not taken for one
+  ASSERT_EQ(::write(fd.get(), "x", 1), 1);
+  run_until(loop, [&] { return log.data == "x"; });
+  EXPECT_EQ(log.events, "up ");
+  fd.reset();
+  other.reset();
+  until("up closed ");
+}
+
+TEST_F(PtyPortTest, LostEventsMakeEveryoneLook) {
+  start();
+  loop.file_events().lose();
+  const UniqueFd fd = driver();
+  until("up ");
+}
+
+// In a child that is not root: what the driver keeps to itself cannot be looked at then.
+TEST(PtyPortUnprivileged, ADriverThatKeepsTheLineToItselfGetsTheLastAnswer) {
+  if (::geteuid() != 0) GTEST_SKIP() << "needs root, to become somebody who is not";
+  const pid_t child = ::fork();
+  if (child == 0) {
+    if (::setresgid(65534, 65534, 65534) != 0 || ::setresuid(65534, 65534, 65534) != 0) ::_exit(2);
+    Loop loop;
+    LogBook book;
+    PortLog log;
+    const UniqueFd out(::open("/dev/null", O_WRONLY));
+    ::dup2(out.get(), STDOUT_FILENO);
+    PtyPort port(PortContext{&loop, book.log()}, {"pty", {}});
+    port.listen(log);
+    if (!port.prepare()) ::_exit(3);
+    port.open();
+    UniqueFd fd(::open(port.name().substr(4).c_str(), O_RDWR | O_NOCTTY));
+    if (!fd || ::ioctl(fd.get(), TIOCEXCL) != 0) ::_exit(4);
+    run_until(loop, [&] { return log.events == "up "; });
+    port.write(as_bytes("the last answer"));
+    port.hang_up(true);
+    run_until(loop, [&] { return book.text().find("cannot be seen") != std::string::npos; });
+    char buffer[64];
+    if (::read(fd.get(), buffer, sizeof buffer) != 15) ::_exit(5);
+    fd.reset();
+    run_until(loop, [&] { return log.events != "up "; });
+    const bool told = log.events == "up closed ";
+    fd.reset(::open(port.name().substr(4).c_str(), O_RDWR | O_NOCTTY));  // on a new pty
+    ::_exit(told && fd ? 0 : 6);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0) << "exit status " << WEXITSTATUS(status);
+}
+
+TEST(PtyPorts, ManyNeedOneInotifyDescriptorAndNoTimerEach) {
+  Loop loop;
+  LogBook book;
+  PortLog log;
+  const test::TempDir dir;
+  std::vector<std::unique_ptr<PtyPort>> ports;
+  for (int i = 0; i < 200; ++i) {
+    const std::string link = (dir.path() / std::to_string(i)).string();
+    ports.push_back(
+        std::make_unique<PtyPort>(PortContext{&loop, book.log()}, PortOptions{"pty", {{"link", link}}}));
+    ports.back()->listen(log);
+    ASSERT_TRUE(ports.back()->prepare().has_value()) << i;
+    ports.back()->open();
+  }
+  int inotify = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+    std::error_code gone;
+    if (std::filesystem::read_symlink(entry, gone).string().find("inotify") != std::string::npos) ++inotify;
+  }
+  EXPECT_EQ(inotify, 1);
+  const UniqueFd fd(::open((dir.path() / "117").c_str(), O_RDWR | O_NOCTTY));
+  run_until(loop, [&] { return log.events == "up "; });
 }
 
 TEST(PtyPortOptions, ModeIsTheSlaves) {

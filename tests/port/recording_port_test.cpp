@@ -33,7 +33,7 @@ class RecordingPortTest : public testing::Test {
         PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(device),
         RecordingPort::Options{.tape = {.tape = tape,
                                         .header = {.device = "memory", .driver = "test"},
-                                        .overwrite = overwrite,
+                                        .on_existing = overwrite ? OnExisting::overwrite : OnExisting::refuse,
                                         .fail_closed = fail_closed,
                                         .retry = std::chrono::milliseconds(1)},
                                .now = &read_scripted_clock});
@@ -131,6 +131,21 @@ TEST_F(RecordingPortTest, RotationGoesOnWithTheNextName) {
   EXPECT_EQ(records(literal_tape((dir.path() / "x.2.log").string())), "open@0 w:two@5 close@10 end@10 ");
 }
 
+TEST_F(RecordingPortTest, TheNextPartKnowsTheOneBefore) {
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  pass(50);
+  port->rotate();
+  port->finish();
+  const auto first = TapeReader::open(tape)->header();
+  const auto second = TapeReader::open(literal_tape((dir.path() / "x.2.log").string()))->header();
+  ASSERT_TRUE(first && second);
+  EXPECT_FALSE(first->previous);
+  EXPECT_EQ(second->previous, (PreviousTape{first->id, "x.log"}));
+  ASSERT_TRUE(first->zero && second->zero);
+  EXPECT_EQ(second->zero->monotonic_us - first->zero->monotonic_us, 50);
+}
+
 TEST_F(RecordingPortTest, TheLineStaysUpWhenTheTapeCannotBeMade) {
   ASSERT_TRUE(port->prepare().has_value());
   fs::remove_all(dir.path());
@@ -203,8 +218,8 @@ TEST_F(RecordingPortTest, ADeviceThatEndsTheLineHangsUpOnTheTapeUnlessTheDriverE
   session(false, LineDown::Reason::closed);
   finish();
   EXPECT_EQ(records(tape),
-            "open@0 hang-up@10 close@10 open@100 hang-up@110 close@110 open@200 close@210 "
-            "open@300 hang-up@310 close@310 open@400 hang-up@410 close@410 end@500 ");
+            "open@0 hang-up@10 close@10 open@100 hang-up@110 close@110 open@200 half-close@200 close@210 "
+            "open@300 half-close@300 hang-up@310 close@310 open@400 hang-up@410 close@410 end@500 ");
 }
 
 TEST_F(RecordingPortTest, ADeviceThatComesBackIsOnTheTapeAndTheSessionIsTold) {

@@ -59,6 +59,10 @@ TEST_F(SerialPortTest, AStandardRateIsWhatOtherProgramsSee) {
     EXPECT_EQ(::cfgetospeed(&tio), static_cast<speed_t>(code));
     EXPECT_EQ(::cfgetispeed(&tio), static_cast<speed_t>(code));
     port.reset();
+    run_until(loop, [&] {  // closed elsewhere
+      const UniqueFd probe(::open(path.c_str(), O_RDWR | O_NOCTTY));
+      return ::flock(probe.get(), LOCK_EX | LOCK_NB) == 0;
+    });
   }
 }
 
@@ -136,6 +140,7 @@ TEST_F(SerialPortTest, MayBeOpenedAgainAtOnce) {
   port->open();
   port->close();
   port->open();
+  run_until(loop, [&] { return log.events == "up up "; });
   EXPECT_EQ(log.events, "up up ");
 }
 
@@ -189,6 +194,29 @@ TEST_F(SerialPortTest, ASlowDeviceCongestsAndDrains) {
   const Reader reader(loop, device.get());
   run_until(loop, [&] { return log.events == "up drained "; });
   EXPECT_EQ(log.events, "up drained ");
+}
+
+// The close stands for one that waits in the kernel: it is the loop's thread that must not do it.
+TEST_F(SerialPortTest, ClosesOnAnotherThreadAndOpensAgainBehindIt) {
+  make_port();
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  port->close();
+  port->open();
+  EXPECT_EQ(log.events, "up ") << "the old descriptor holds the device's lock";
+  run_until(loop, [&] { return log.events == "up up "; });
+}
+
+TEST_F(SerialPortTest, AnUnpluggedDeviceIsReleasedAtOnce) {
+  make_port();
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  device.reset();
+  run_until(loop, [&] { return log.events == "up lost "; });
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+    std::error_code gone;
+    EXPECT_FALSE(std::filesystem::read_symlink(entry, gone).string().starts_with(path)) << path;
+  }
 }
 
 }  // namespace

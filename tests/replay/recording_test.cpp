@@ -19,7 +19,7 @@ class Playback {
       : script_(TapeReader::open(paths).value()),
         schedule_(TapeReader::open(paths).value()),
         writes_(TapeReader::open(paths, TapeReader::Select::writes_only).value()),
-        engine_(config, {.stamped_at_arrival = false, .opens = 0}, schedule_, writes_) {}
+        engine_(config, {.totals = TapeTotals{3222, 42}}, schedule_, writes_) {}
 
   RunReport run() {
     engine_.on_open(now_);

@@ -20,8 +20,10 @@ RunReport passed() {
   report.tape = "laser.log";
   report.rate = 2.5;
   report.duration = std::chrono::microseconds{1'250'000};
-  report.to_driver_bytes = report.to_driver_of = 3222;
-  report.from_driver_bytes = report.from_driver_matched = report.from_driver_of = 42;
+  report.to_driver_bytes = 3222;
+  report.to_driver_of = 3222;
+  report.from_driver_bytes = report.from_driver_matched = 42;
+  report.from_driver_of = 42;
   report.timer_late_p50_us = 12.5;
   report.timer_late_p99_us = 80;
   report.timer_late_max_us = 131;
@@ -53,7 +55,7 @@ TEST(ReportJson, HoldsTheKeysOfTheContractInOrder) {
             R"("duration_s":1.25,"to_driver":{"bytes":3222,"of":3222},)"
             R"("from_driver":{"bytes":42,"matched":42,"of":42},"mismatch":null,)"
             R"("timer_late_us":{"p50":12.5,"p99":80,"max":131},"command_exit":null,)"
-            R"("mismatches":0,"next_expected":null})"
+            R"("mismatches":0,"doubts":[],"next_expected":null})"
             "\n");
 }
 
@@ -95,7 +97,7 @@ TEST(ReportJson, CommandExitTroubleAndWhatIsMissing) {
   EXPECT_THAT(
       to_json(report),
       HasSubstr(
-          R"("command_exit":-3,"mismatches":0,"next_expected":{"offset":40,"tape_us":7,"hex":"5154"}})"));
+          R"("command_exit":-3,"mismatches":0,"doubts":[],"next_expected":{"offset":40,"tape_us":7,"hex":"5154"}})"));
 }
 
 TEST(ExitStatus, FollowsTheContract) {

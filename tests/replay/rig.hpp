@@ -37,7 +37,14 @@ class Rig {
       : tape_(std::move(tape)),
         schedule(tape_, MemorySource::Select::merged, piece),
         writes(tape_, MemorySource::Select::writes_only, piece),
-        engine(config, {stamped_at_arrival, tape_.opens(), tape_.hang_ups()}, schedule, writes) {}
+        engine(
+            config,
+            {.stamped_at_arrival = stamped_at_arrival,
+             .opens = tape_.opens(),
+             .hang_ups = tape_.hang_ups(),
+             .gaps = tape_.gaps(),
+             .totals = TapeTotals{tape_.all(RecordKind::read).size(), tape_.all(RecordKind::write).size()}},
+            schedule, writes) {}
 
   Rig& open() {
     engine.on_open(now());
@@ -106,10 +113,8 @@ class Rig {
   // What was delivered since the last call.
   std::string read() { return std::exchange(delivered, {}); }
   Verdict finish() {
-    if (auto last = engine.finish(now())) {
-      ++runs;
-      report = last;
-    }
+    engine.finish(now());
+    for (bool finished = false; !finished; advance()) finished = engine.finished();
     return verdict();
   }
   Verdict finish_unless_ended() { return report ? report->verdict : finish(); }

@@ -124,6 +124,7 @@ TEST(PtySession, WriteCloseOpenWriteBeforeWeLookReachesADeviceThatComesUpLate) {
   rig.open_driver();
   rig.write(3);
   rig.run(100);
+  EXPECT_EQ(rig.book.text().find("was not to read"), std::string::npos) << rig.book.text();
   EXPECT_EQ(rig.device.written, "") << "before the second session's device is up";
   rig.settle();
   EXPECT_EQ(rig.device.written, rig.written);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "libport/base/bytes.hpp"
+#include "libport/replay/report.hpp"
 #include "libport/tape/record.hpp"
 
 namespace porttape::test {
@@ -21,6 +22,8 @@ class MemoryTape {
     RecordKind kind = RecordKind::event;
     std::int64_t us = 0;
     std::string data;  // event: its kind
+    std::uint64_t gap_bytes = 0;
+    std::int64_t gap_from_us = 0;
   };
 
   MemoryTape& read(std::int64_t us, std::string_view data) { return add(RecordKind::read, us, data); }
@@ -28,6 +31,10 @@ class MemoryTape {
   MemoryTape& open(std::int64_t us) { return add(RecordKind::open, us, {}); }
   MemoryTape& close(std::int64_t us) { return add(RecordKind::close, us, {}); }
   MemoryTape& hang_up(std::int64_t us) { return add(RecordKind::hang_up, us, {}); }
+  MemoryTape& gap(std::int64_t us, std::uint64_t bytes, std::int64_t from_us) {
+    entries_.push_back({RecordKind::gap, us, {}, bytes, from_us});
+    return *this;
+  }
   MemoryTape& event(std::int64_t us, std::string_view kind) { return add(RecordKind::event, us, kind); }
 
   [[nodiscard]] const std::vector<Entry>& entries() const { return entries_; }
@@ -38,15 +45,21 @@ class MemoryTape {
     }
     return out;
   }
-  // Bytes of writes before each hang-up.
-  [[nodiscard]] std::vector<std::uint64_t> hang_ups() const {
-    std::vector<std::uint64_t> offsets;
-    std::uint64_t writes = 0;
+  [[nodiscard]] std::vector<TapeGap> gaps() const {
+    std::vector<TapeGap> gaps;
     for (const Entry& entry : entries_) {
-      if (entry.kind == RecordKind::write) writes += entry.data.size();
-      if (entry.kind == RecordKind::hang_up) offsets.push_back(writes);
+      if (entry.kind != RecordKind::gap) continue;
+      gaps.push_back({tape_time_us(entry.gap_from_us), tape_time_us(entry.us), entry.gap_bytes, "disk full"});
     }
-    return offsets;
+    return gaps;
+  }
+  // When each hang-up was.
+  [[nodiscard]] std::vector<TapeTime> hang_ups() const {
+    std::vector<TapeTime> times;
+    for (const Entry& entry : entries_) {
+      if (entry.kind == RecordKind::hang_up) times.push_back(tape_time_us(entry.us));
+    }
+    return times;
   }
   [[nodiscard]] std::uint64_t opens() const {
     return static_cast<std::uint64_t>(std::count_if(
@@ -55,7 +68,7 @@ class MemoryTape {
 
  private:
   MemoryTape& add(RecordKind kind, std::int64_t us, std::string_view data) {
-    entries_.push_back({kind, us, std::string(data)});
+    entries_.push_back({kind, us, std::string(data), 0, 0});
     return *this;
   }
 
@@ -102,6 +115,8 @@ class MemorySource final : public RecordSource {
     record.kind = entry.kind;
     record.at = tape_time_us(entry.us);
     if (entry.kind == RecordKind::event) record.event = entry.data;
+    record.gap_bytes = entry.gap_bytes;
+    record.gap_from = tape_time_us(entry.gap_from_us);
     if (entry.kind == RecordKind::read || entry.kind == RecordKind::write) {
       const ByteView data = as_bytes(entry.data);
       const std::size_t size = std::min(piece_, data.size() - taken_);

@@ -9,8 +9,9 @@ namespace porttape::test {
 
 // What kind of tape random_tape() makes.
 struct RandomTapeShape {
-  bool sessions = false;     // several opens and closes
-  bool hang_ups = false;     // at the end of some sessions
+  bool sessions = false;  // several opens and closes
+  bool hang_ups = false;  // at the end of some sessions
+  bool gaps = false;
   bool empty_blocks = true;  // zero-length reads and writes among the others
   std::uint32_t max_records = 60;
 };
@@ -36,9 +37,14 @@ MemoryTape random_tape(Choose&& choose, const RandomTapeShape& shape = {}) {
     now += pace == 0 ? 0 : pace == 1 ? choose(600) : choose(30'000);
     const std::uint32_t kind = choose(12);
     if (shape.sessions && kind == 0) {
-      if (shape.hang_ups && line_open && choose(2) == 0) tape.hang_up(now);
+      // After the last write, as every event at the same time is read before it.
+      if (shape.hang_ups && line_open && choose(2) == 0) tape.hang_up(++now);
       line_open ? tape.close(now) : tape.open(now);
       line_open = !line_open;
+    } else if (shape.gaps && kind == 2) {
+      const std::int64_t from = now;
+      now += 1 + choose(30'000);
+      tape.gap(now, choose(20), from);
     } else if (kind == 1) {
       tape.event(now, "settings");
     } else if (line_open && kind < 6) {

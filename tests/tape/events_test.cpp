@@ -108,6 +108,48 @@ TEST(Events, WhatIsWrittenIsReadBack) {
   }
 }
 
+TEST(Events, AZeroEventReplacesTheHeadersZero) {
+  auto file = EventFile::create(test::memory(
+      "t.loge",
+      test::bytes_of(kHeader + R"({"t_us":0,"event":"zero","wall":"2024","monotonic_us":7,"boot":"b"})"
+                               "\n")));
+  ASSERT_TRUE(file);
+  EXPECT_FALSE(file->header()->zero);
+  ASSERT_EQ(file->next(), EventFile::Step::event);
+  EXPECT_EQ(file->header()->zero, (TapeZero{"2024", 7, "b"}));
+  file->rewind();
+  EXPECT_FALSE(file->header()->zero);
+}
+
+TEST(Events, AnEndTellsItsTotalsWhereItHasThem) {
+  const PayloadTotals read{3, 40, 0x0123456789abcdef};
+  const PayloadTotals write{1, 2, std::nullopt};
+  auto file = EventFile::create(test::memory(
+      "t.loge",
+      test::bytes_of(kHeader + end_line(tape_time_us(5), read, write) + event_line(tape_time_us(6), "end"))));
+  ASSERT_TRUE(file);
+  ASSERT_EQ(file->next(), EventFile::Step::event);
+  EXPECT_EQ(file->event().read, read);
+  EXPECT_EQ(file->event().write, write);
+  ASSERT_EQ(file->next(), EventFile::Step::event);
+  EXPECT_FALSE(file->event().read);
+}
+
+TEST(Events, WhatAnEndSaysOddlyIsNotTold) {
+  const auto totals = [](const std::string& read) {
+    auto file = EventFile::create(test::memory(
+        "t.loge", test::bytes_of(kHeader + R"({"t_us":0,"event":"end","read":)" + read + "}\n")));
+    file->next();
+    return file->event().read;
+  };
+  EXPECT_FALSE(totals("7"));
+  EXPECT_FALSE(totals("{}"));
+  EXPECT_FALSE(totals(R"({"blocks":-1,"bytes":1})"));
+  EXPECT_EQ(totals(R"({"blocks":1,"bytes":1,"xxh3":"xyz"})"), (PayloadTotals{1, 1, std::nullopt}));
+  EXPECT_EQ(totals(R"({"blocks":1,"bytes":1,"xxh3":"00000000000000ff","new":1})"),
+            (PayloadTotals{1, 1, 255}));
+}
+
 TEST(JsonText, IsAlwaysWellFormed) {
   EXPECT_EQ(json_quote("a\"\\\n\r\t\x01\x7f"), "\"a\\\"\\\\\\n\\r\\t\\u0001\\u007f\"");
   EXPECT_EQ(to_utf8("\xc3\xa9\xe2\x82\xac\xf0\x9f\x98\x80"), "\xc3\xa9\xe2\x82\xac\xf0\x9f\x98\x80");

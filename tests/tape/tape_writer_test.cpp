@@ -24,8 +24,8 @@ using testing::HasSubstr;
 
 const TapeHeader kHeader{"serial:/dev/ttyUSB0", "pty:/tmp/laser"};
 
-TapeWriter make_writer(const TapePaths& paths, bool overwrite = false) {
-  auto writer = TapeWriter::create(paths, kHeader, {.overwrite = overwrite, .sync = false});
+TapeWriter make_writer(const TapePaths& paths, OnExisting on_existing = OnExisting::refuse) {
+  auto writer = TapeWriter::create(paths, kHeader, {.on_existing = on_existing, .sync = false});
   if (!writer) throw std::runtime_error(writer.error().message);
   return std::move(*writer);
 }
@@ -149,16 +149,78 @@ TEST(TapeWriter, TheHeaderSaysWhatAndWhere) {
   TapeHeader header = kHeader;
   header.created = "2024-05-06T07:08:09.000010Z";
   header.host = "bench\xff\"";
+  header.id = "000102030405060708090a0b0c0d0e0f";
+  header.zero = TapeZero{"2024-05-06T07:08:09.000005Z", 1234, "b007"};
+  header.transport = Transport::stream;
+  header.stamped = Stamped::arrival;
+  header.previous = PreviousTape{"ff", "s.log"};
   ASSERT_TRUE(TapeWriter::create(paths, header, {}));
-  EXPECT_THAT(text_of(paths.events),
-              HasSubstr(R"({"format":"porttape-events","version":1,"created":"2024-05-06T07:08:09.000010Z",)"
-                        R"("device":"serial:/dev/ttyUSB0","driver":"pty:/tmp/laser","host":"bench)"
-                        "\xEF\xBF\xBD"
-                        R"(\"","tool":"porttape )"));
+  EXPECT_THAT(
+      text_of(paths.events),
+      HasSubstr(R"({"format":"porttape-events","version":1,"created":"2024-05-06T07:08:09.000010Z",)"
+                R"("id":"000102030405060708090a0b0c0d0e0f","zero":{"wall":"2024-05-06T07:08:09.000005Z",)"
+                R"("monotonic_us":1234,"boot":"b007"},)"
+                R"("device":"serial:/dev/ttyUSB0","driver":"pty:/tmp/laser","transport":"stream",)"
+                R"("stamped":"arrival","previous":{"id":"ff","name":"s.log"},"host":"bench)"
+                "\xEF\xBF\xBD"
+                R"(\"","tool":"porttape )"));
   const auto reader = TapeReader::open(paths);
   ASSERT_TRUE(reader);
   ASSERT_TRUE(reader->header());
   EXPECT_EQ(reader->header()->host, "bench\xEF\xBF\xBD\"");
+  EXPECT_EQ(reader->header()->id, header.id);
+  EXPECT_EQ(reader->header()->zero, header.zero);
+  EXPECT_EQ(reader->header()->transport, header.transport);
+  EXPECT_EQ(reader->header()->stamped, header.stamped);
+  EXPECT_EQ(reader->header()->previous, header.previous);
+}
+
+TEST(TapeWriter, EveryTapeHasAnIdOfItsOwn) {
+  const TempDir dir;
+  const std::string one = make_writer(literal_tape(dir / "1.log")).id();
+  const std::string two = make_writer(literal_tape(dir / "2.log")).id();
+  EXPECT_THAT(one, testing::MatchesRegex("[0-9a-f]{32}"));
+  EXPECT_NE(one, two);
+}
+
+TEST(TapeWriter, TheZeroIsOnBothClocks) {
+  const Instant zero = Instant{} + std::chrono::hours(1);
+  const TapeZero now = tape_zero(zero, zero);
+  const TapeZero past = tape_zero(zero, zero + std::chrono::hours(24 * 365 * 20));
+  EXPECT_EQ(now.monotonic_us, 3'600'000'000);
+  EXPECT_EQ(now.boot, past.boot);
+  EXPECT_THAT(now.boot, testing::MatchesRegex("[0-9a-f-]{36}"));
+  EXPECT_THAT(now.wall, testing::MatchesRegex("2[0-9]{3}-[0-9]{2}-[0-9]{2}T[0-9:]{8}\\.[0-9]{6}Z"));
+  EXPECT_LT(past.wall, now.wall);
+}
+
+TEST(TapeWriter, TheEndTellsWhatTheFilesHold) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  {
+    TapeWriter writer = make_writer(paths);
+    writer.half_close_event(tape_time_us(1), Side::driver);
+    writer.read_block(tape_time_us(2), as_bytes("VV"));
+    writer.read_block(tape_time_us(3), as_bytes("\n"));
+  }
+  // The digests are xxhsum's: `printf 'VV\n' | xxhsum -H3` and `printf '' | xxhsum -H3`.
+  EXPECT_THAT(
+      text_of(paths.events),
+      testing::EndsWith(R"({"t_us":1,"event":"half-close","by":"driver"})"
+                        "\n"
+                        R"({"t_us":4,"event":"end","read":{"blocks":2,"bytes":3,"xxh3":"dffe3986f0f2f0a6"},)"
+                        R"("write":{"blocks":0,"bytes":0,"xxh3":"2d06800538d394c2"}})"
+                        "\n"));
+}
+
+TEST(TapeWriter, TheEndCountsOnlyWhatStandsOnTheTape) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  TapeWriter writer = make_writer(paths);
+  writer.read_block(tape_time_us(2), as_bytes("kept"));
+  writer.read_block(tape_time_us((1LL << 32) * 1'000'000), as_bytes("too late"));
+  EXPECT_FALSE(writer.finish(tape_time_us(3)));
+  EXPECT_THAT(text_of(paths.events), HasSubstr(R"("end","read":{"blocks":1,"bytes":4,)"));
 }
 
 TEST(TapeWriter, CreatedIsFilledInAsUtc) {
@@ -206,8 +268,8 @@ TEST(TapeFiles, AnExistingTapeIsKeptUnlessToldOtherwise) {
   EXPECT_EQ(text_of(paths.events), "old");
   EXPECT_FALSE(std::filesystem::exists(paths.read));
 
-  EXPECT_TRUE(TapeWriter::check(paths, {.overwrite = true}));
-  make_writer(paths, true);
+  EXPECT_TRUE(TapeWriter::check(paths, {.on_existing = OnExisting::overwrite}));
+  make_writer(paths, OnExisting::overwrite);
   EXPECT_THAT(read_tape(paths), ElementsAre("end 0"));
 }
 
@@ -224,9 +286,9 @@ TEST(TapeFiles, ASymlinkIsRefusedEvenWithOverwrite) {
   for (const auto& target : {dir / "precious", dir / "nowhere"}) {
     for (const auto& link : {paths.read, paths.write, paths.events}) {
       std::filesystem::create_symlink(target, link);
-      for (const bool overwrite : {false, true}) {
-        EXPECT_EQ(TapeWriter::check(paths, {.overwrite = overwrite}).error().code, Errc::usage);
-        EXPECT_FALSE(TapeWriter::create(paths, kHeader, {.overwrite = overwrite}));
+      for (const OnExisting on_existing : {OnExisting::refuse, OnExisting::overwrite}) {
+        EXPECT_EQ(TapeWriter::check(paths, {.on_existing = on_existing}).error().code, Errc::usage);
+        EXPECT_FALSE(TapeWriter::create(paths, kHeader, {.on_existing = on_existing}));
       }
       EXPECT_TRUE(std::filesystem::is_symlink(link));
       std::filesystem::remove(link);
@@ -241,7 +303,7 @@ TEST(TapeFiles, OverwriteReplacesOnlyRegularFilesAndOnlyIfAllAre) {
   const TapePaths paths = literal_tape(dir / "t.log");
   test::write_file(paths.read, as_bytes("old"));
   std::filesystem::create_directory(paths.write);
-  EXPECT_FALSE(TapeWriter::create(paths, kHeader, {.overwrite = true}));
+  EXPECT_FALSE(TapeWriter::create(paths, kHeader, {.on_existing = OnExisting::overwrite}));
   EXPECT_EQ(text_of(paths.read), "old");
 }
 
@@ -276,11 +338,12 @@ TEST(TapeFiles, OverwriteThatCannotMakeANewTapeLeavesTheOldOne) {
   const std::string before = text_of(paths.read);
   {
     const FullDisk full;
-    EXPECT_EQ(TapeWriter::create(paths, kHeader, {.overwrite = true}).error().code, Errc::io);
+    EXPECT_EQ(TapeWriter::create(paths, kHeader, {.on_existing = OnExisting::overwrite}).error().code,
+              Errc::io);
   }
   EXPECT_EQ(text_of(paths.read), before);
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(dir.path()), {}), 3);
-  EXPECT_TRUE(TapeWriter::create(paths, kHeader, {.overwrite = true}));
+  EXPECT_TRUE(TapeWriter::create(paths, kHeader, {.on_existing = OnExisting::overwrite}));
   EXPECT_EQ(text_of(paths.read), "");
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(dir.path()), {}), 3);
 }
@@ -290,7 +353,7 @@ TEST(TapeFiles, OverwriteMakesANewFileAndLeavesHardLinksAlone) {
   const TapePaths paths = literal_tape(dir / "t.log");
   test::write_file(paths.read, as_bytes("old"));
   std::filesystem::create_hard_link(paths.read, dir / "backup");
-  make_writer(paths, true);
+  make_writer(paths, OnExisting::overwrite);
   EXPECT_EQ(text_of(dir / "backup"), "old");
   EXPECT_EQ(text_of(paths.read), "");
 }

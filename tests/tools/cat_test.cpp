@@ -113,5 +113,17 @@ TEST(Cat, BadArgumentsAreOneLineAndExit2) {
   EXPECT_EQ(run({"cat", dir / "none"}).status, 2);
 }
 
+TEST(Cat, NothingOfAForeignEventIsObeyedByATerminal) {
+  const TempDir dir;
+  const std::string tape = make_tape(
+      dir, "t", {}, {}, "{\"t_us\":1,\"event\":\"mark\",\"text\":\"\u009b31m\x7f\u202e\xc3\xa9\"}\n");
+  for (const char* form : {"--blocks", "--json"}) {
+    const auto ran = run({"cat", tape, form});
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    for (const char* obeyed : {"\u009b", "\x7f", "\u202e"}) EXPECT_THAT(ran.out, testing::Not(HasSubstr(obeyed)));
+    EXPECT_THAT(ran.out, HasSubstr("\xc3\xa9"));
+  }
+}
+
 }  // namespace
 }  // namespace porttape

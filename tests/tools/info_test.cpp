@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "libport/tape/tape_writer.hpp"
 #include "tests/tools/run.hpp"
 
 namespace porttape {
@@ -49,7 +50,46 @@ TEST(Info, JsonSaysTheSame) {
   EXPECT_EQ(json.at("latency_us").at("median").as_int64(), 100'000);
   EXPECT_EQ(json.at("events").at("device").as_string(), "serial:/dev/ttyUSB0");
   EXPECT_EQ(json.at("events").at("kinds").at("gap").as_int64(), 1);
+  EXPECT_EQ(json.at("events").at("gaps").at(0).at("bytes").as_int64(), 5);
+  EXPECT_TRUE(json.at("events").at("id").is_null());
+  EXPECT_FALSE(json.at("events").at("ended").as_bool());
+  EXPECT_FALSE(json.at("being_written").as_bool());
+  EXPECT_FALSE(json.at("sound").as_bool());
+  EXPECT_EQ(json.at("verdict").as_string(), "no-damage-found");
+  EXPECT_EQ(json.at("damages").as_array().size(), 0U);
+  EXPECT_EQ(json.at("notes").as_array().size(), 2U);
+}
+
+TEST(Info, TellsTheWholeHeader) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  TapeHeader header{"udp:10.0.0.5:7,timeout=1", "pty"};
+  header.id = "0123";
+  header.zero = TapeZero{"2024-05-06T07:08:09.000005Z", 1'500'000, "b007"};
+  header.transport = Transport::datagram;
+  header.stamped = Stamped::read;
+  header.previous = PreviousTape{"ff\x1b", "s.log"};
+  ASSERT_TRUE(TapeWriter::create(paths, header, {.sync = false})->finish(tape_time_us(0)));
+  const std::string out = run({"info", paths.name()}).out;
+  EXPECT_THAT(out, HasSubstr("id         0123\n"));
+  EXPECT_THAT(out, HasSubstr("zero       2024-05-06T07:08:09.000005Z, 1.500000 s after the boot b007\n"));
+  EXPECT_THAT(out, HasSubstr("device     udp:10.0.0.5:7,timeout=1\n"));
+  EXPECT_THAT(out, HasSubstr("transport  datagram\n"));
+  EXPECT_THAT(out, HasSubstr("stamped    when bytes were read\n"));
+  EXPECT_THAT(out, HasSubstr("previous   s.log ff\\x1b\n"));
+  EXPECT_THAT(out, HasSubstr("ended      yes\n"));
+  EXPECT_THAT(out, HasSubstr("state      sound\n"));
+  const auto json = boost::json::parse(run({"info", "--json", paths.name()}).out).as_object();
+  const auto& events = json.at("events");
+  EXPECT_EQ(events.at("id").as_string(), "0123");
+  EXPECT_EQ(events.at("zero").at("monotonic_us").as_int64(), 1'500'000);
+  EXPECT_EQ(events.at("zero").at("boot").as_string(), "b007");
+  EXPECT_EQ(events.at("transport").as_string(), "datagram");
+  EXPECT_EQ(events.at("stamped").as_string(), "read");
+  EXPECT_EQ(events.at("previous").at("name").as_string(), "s.log");
+  EXPECT_TRUE(events.at("ended").as_bool());
   EXPECT_TRUE(json.at("sound").as_bool());
+  EXPECT_EQ(json.at("verdict").as_string(), "sound");
 }
 
 TEST(Info, JsonOfAnEmptyTapeIsWellFormed) {

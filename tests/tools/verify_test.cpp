@@ -1,8 +1,10 @@
+#include <filesystem>
 #include <sys/stat.h>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "libport/tape/tape_writer.hpp"
 #include "tests/tools/run.hpp"
 
 namespace porttape {
@@ -12,13 +14,59 @@ using test::make_tape;
 using test::run;
 using test::TempDir;
 using testing::HasSubstr;
+using testing::Not;
+
+// A tape as this recorder makes it.
+std::string record(const TempDir& dir, const std::string& name, std::string_view answer) {
+  auto writer =
+      TapeWriter::create(literal_tape(dir / (name + ".log")), {"device", "driver"}, {.sync = false});
+  writer->write_block(tape_time_us(1), as_bytes("ask"));
+  writer->read_block(tape_time_us(2), as_bytes(answer));
+  EXPECT_TRUE(writer->finish(tape_time_us(3)));
+  return dir / (name + ".log");
+}
 
 TEST(Verify, ASoundTapeIs0) {
+  const TempDir dir;
+  const std::string tape = record(dir, "t", "answer");
+  const auto ran = run({"verify", tape});
+  EXPECT_EQ(ran.status, 0);
+  EXPECT_EQ(ran.out, tape + ": sound: 1 read and 1 write blocks, 0.000003 s\n");
+}
+
+TEST(Verify, WithoutDigestsItSaysWhatItCannotSee) {
   const TempDir dir;
   const std::string tape = make_tape(dir, "t", {{1, "a"}}, {{2, "b"}}, "{\"t_us\":3,\"event\":\"end\"}\n");
   const auto ran = run({"verify", tape});
   EXPECT_EQ(ran.status, 0);
-  EXPECT_EQ(ran.out, tape + ": sound: 1 read and 1 write blocks, 0.000003 s\n");
+  EXPECT_EQ(ran.out, tape + ": sound as far as it can be checked: 1 read and 1 write blocks, 0.000003 s\n" +
+                         tape +
+                         ": note: no digests: a missing, swapped or shortened file would not be seen\n");
+}
+
+TEST(Verify, AFileOfAnotherTapeIs1AndNamed) {
+  const TempDir dir;
+  const std::string tape = record(dir, "t", "answer");
+  const std::string other = record(dir, "other", "another");
+  std::filesystem::copy_file(other + "r", tape + "r", std::filesystem::copy_options::overwrite_existing);
+  const auto ran = run({"verify", tape});
+  EXPECT_EQ(ran.status, 1);
+  EXPECT_THAT(ran.out, HasSubstr(tape + ": damaged: " + tape +
+                                 "r is another tape's, or changed: it holds 1 block, 7 "
+                                 "bytes; " +
+                                 tape + "e tells of 1 block, 6 bytes"));
+}
+
+TEST(Verify, ATapeBeingWrittenIsANoteAnd0) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  const auto writer = TapeWriter::create(paths, {"device", "driver"}, {.sync = false});
+  ASSERT_TRUE(writer);
+  const auto ran = run({"verify", paths.name()});
+  EXPECT_EQ(ran.status, 0);
+  EXPECT_THAT(ran.out, HasSubstr(": no damage found: "));
+  EXPECT_THAT(ran.out, HasSubstr(": note: it is being written"));
+  EXPECT_THAT(ran.out, Not(HasSubstr("sound")));
 }
 
 TEST(Verify, ATornTailIsANoteAnd0) {
@@ -29,7 +77,7 @@ TEST(Verify, ATornTailIsANoteAnd0) {
   test::write_file(tape + "r", torn);
   const auto ran = run({"verify", tape});
   EXPECT_EQ(ran.status, 0);
-  EXPECT_THAT(ran.out, HasSubstr(": sound: 0 read and 1 write"));
+  EXPECT_THAT(ran.out, HasSubstr(": no damage found: 0 read and 1 write"));
   EXPECT_THAT(ran.out, HasSubstr(tape + ": note: " + tape + "r: torn tail at offset 0"));
 }
 

@@ -1,0 +1,169 @@
+#include "libport/tape/judgement.hpp"
+
+#include <array>
+#include <cinttypes>
+#include <cstdio>
+#include <cstdlib>
+
+#include "libport/base/bytes.hpp"
+
+namespace porttape {
+namespace {
+
+constexpr std::string_view kUnseen = "a missing, swapped or shortened file would not be seen";
+
+std::string plural(std::uint64_t count, std::string_view what) {
+  return std::to_string(count) + " " + std::string(what) + (count == 1 ? "" : "s");
+}
+
+std::string seconds(TapeTime time) {
+  std::array<char, 40> text{};
+  const std::int64_t us = to_us(time);
+  std::snprintf(text.data(), text.size(), "%" PRId64 ".%06" PRId64 " s", us / 1'000'000, us % 1'000'000);
+  return text.data();
+}
+
+std::string text_of(const PayloadTotals& totals, bool with_digest) {
+  std::string text = plural(totals.blocks, "block") + ", " + plural(totals.bytes, "byte");
+  if (!with_digest || !totals.xxh3) return text;
+  std::array<char, 17> hex{};
+  std::snprintf(hex.data(), hex.size(), "%016" PRIx64, *totals.xxh3);
+  return text + ", xxh3 " + hex.data();
+}
+
+// A digest that is not told fits any.
+bool fits(const PayloadTotals& held, const PayloadTotals& told) {
+  return held.blocks == told.blocks && held.bytes == told.bytes &&
+         (!held.xxh3 || !told.xxh3 || held.xxh3 == told.xxh3);
+}
+
+// An r or w file beside what the `end` event tells of it.
+struct Checked {
+  const FileSummary& file;
+  PayloadTotals told;
+
+  [[nodiscard]] bool as_told() const { return fits(file.totals(), told); }
+  [[nodiscard]] bool is_wrong() const { return !file.damage && !as_told(); }
+  // Vouches for the events file: bytes that another tape would hardly have.
+  [[nodiscard]] bool vouches() const { return file.exists && as_told() && told.bytes > 0; }
+};
+
+std::string what_is_wrong(const Checked& checked, const Checked& other, const std::string& events) {
+  const FileSummary& file = checked.file;
+  const PayloadTotals held = file.totals();
+  const bool same_size = held.blocks == checked.told.blocks && held.bytes == checked.told.bytes;
+  const std::string told = events + " tells of " + text_of(checked.told, same_size);
+  if (!file.exists) return file.path + " is missing: " + told;
+  const std::string holds = ": it holds " + text_of(held, same_size) + "; " + told;
+  if (fits(held, other.told)) return file.path + " is what belongs in " + other.file.path + holds;
+  const bool less = held.blocks <= checked.told.blocks && held.bytes <= checked.told.bytes && !same_size;
+  return file.path + (less ? " is shortened, or another tape's" : " is another tape's, or changed") + holds;
+}
+
+void check_files(const Checked& read, const Checked& write, const std::string& events, Judgement& judgement) {
+  const bool exchanged = read.is_wrong() && write.is_wrong() && fits(read.file.totals(), write.told) &&
+                         fits(write.file.totals(), read.told);
+  if (exchanged) {
+    judgement.damages.push_back(read.file.path + " and " + write.file.path +
+                                " are swapped: each holds what " + events + " tells of the other");
+    return;
+  }
+  if (read.is_wrong()) judgement.damages.push_back(what_is_wrong(read, write, events));
+  if (write.is_wrong()) judgement.damages.push_back(what_is_wrong(write, read, events));
+  const bool foreign_content =
+      (read.is_wrong() && read.file.exists) || (write.is_wrong() && write.file.exists);
+  if (foreign_content && !read.vouches() && !write.vouches()) {
+    judgement.damages.push_back(events +
+                                " may be another tape's itself: nothing beside it is what it tells of");
+  }
+  for (const Checked* checked : {&read, &write}) {
+    if (!checked->file.exists && checked->as_told()) {
+      judgement.notes.push_back(checked->file.path + " is missing; it held nothing");
+    }
+  }
+}
+
+std::string text_of(const GapSummary& gap, const std::string& events) {
+  std::string text = events + ": a gap from " + seconds(gap.from) + " to " + seconds(gap.at) + ", ";
+  text += gap.bytes > 0 ? plural(gap.bytes, "byte") : "events or an unknown number of bytes";
+  return gap.why.empty() ? text : text + ": " + to_printable(as_bytes(gap.why));
+}
+
+// Notes that keep a tape from being called sound.
+std::vector<std::string> flaws_of(const TapeSummary& tape) {
+  std::vector<std::string> flaws = tape.torn_tails();
+  const EventsSummary& events = tape.events;
+  if (tape.being_written) {
+    flaws.emplace_back("it is being written; this is what has come so far");
+  } else if (events.exists && !events.ended && !events.damage) {
+    flaws.push_back(events.path + " has no end: its recorder was killed, or it is shortened; " +
+                    std::string(kUnseen));
+  }
+  if (events.exists && !events.end_read) {
+    for (const FileSummary* file : {&tape.read, &tape.write}) {
+      if (!file->exists) flaws.push_back(file->path + " is missing; what it held is not known");
+    }
+  }
+  for (const GapSummary& gap : events.gaps) flaws.push_back(text_of(gap, events.path));
+  if (const std::uint64_t count = events.count("gap"); count > events.gaps.size()) {
+    flaws.push_back(events.path + ": " + plural(count - events.gaps.size(), "more gap"));
+  }
+  return flaws;
+}
+
+}  // namespace
+
+Judgement judge(const TapeSummary& tape) {
+  Judgement judgement;
+  for (const Error& damage : tape.damages()) judgement.damages.push_back(damage.message);
+  const EventsSummary& events = tape.events;
+  const bool has_totals = events.end_read && events.end_write;
+  const bool has_digests =
+      has_totals && events.end_read->xxh3 && events.end_write->xxh3 && tape.read.xxh3 && tape.write.xxh3;
+  if (has_totals && !tape.being_written) {
+    check_files({tape.read, *events.end_read}, {tape.write, *events.end_write}, events.path, judgement);
+  }
+  const std::vector<std::string> flaws = flaws_of(tape);
+  judgement.notes.insert(judgement.notes.end(), flaws.begin(), flaws.end());
+  const bool unchecked = !events.exists || (events.ended && !has_digests);
+  if (unchecked && judgement.damages.empty()) {
+    judgement.notes.push_back((events.exists ? "no digests: " : "no events file, so no digests: ") +
+                              std::string(kUnseen));
+  }
+  using Verdict = Judgement::Verdict;
+  judgement.verdict = !judgement.damages.empty() ? Verdict::damaged
+                      : !flaws.empty()           ? Verdict::flawed
+                      : unchecked                ? Verdict::unchecked
+                                                 : Verdict::sound;
+  return judgement;
+}
+
+std::string_view words_of(Judgement::Verdict verdict) {
+  switch (verdict) {
+    case Judgement::Verdict::sound:
+      return "sound";
+    case Judgement::Verdict::unchecked:
+      return "sound as far as it can be checked";
+    case Judgement::Verdict::flawed:
+      return "no damage found";
+    case Judgement::Verdict::damaged:
+      return "damaged";
+  }
+  std::abort();
+}
+
+std::string_view to_string(Judgement::Verdict verdict) {
+  switch (verdict) {
+    case Judgement::Verdict::sound:
+      return "sound";
+    case Judgement::Verdict::unchecked:
+      return "unchecked";
+    case Judgement::Verdict::flawed:
+      return "no-damage-found";
+    case Judgement::Verdict::damaged:
+      return "damaged";
+  }
+  std::abort();
+}
+
+}  // namespace porttape

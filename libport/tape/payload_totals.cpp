@@ -1,0 +1,34 @@
+#include "libport/tape/payload_totals.hpp"
+
+// Compiled in: no library is needed to run.
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+namespace porttape {
+
+static_assert(XXH_VERSION_NUMBER >= 800, "XXH3 is stable from xxHash 0.8.0 on");
+
+struct PayloadCounter::Digest {
+  XXH3_state_t state;
+};
+
+PayloadCounter::PayloadCounter(bool with_digest) {
+  if (!with_digest) return;
+  digest_ = std::make_unique_for_overwrite<Digest>();
+  XXH3_64bits_reset(&digest_->state);
+}
+PayloadCounter::PayloadCounter(PayloadCounter&&) noexcept = default;
+PayloadCounter& PayloadCounter::operator=(PayloadCounter&&) noexcept = default;
+PayloadCounter::~PayloadCounter() = default;
+
+void PayloadCounter::add(ByteView data) {
+  bytes_ += data.size();
+  if (digest_) XXH3_64bits_update(&digest_->state, data.data(), data.size());
+}
+
+PayloadTotals PayloadCounter::totals() const {
+  if (!digest_) return {blocks_, bytes_, std::nullopt};
+  return {blocks_, bytes_, XXH3_64bits_digest(&digest_->state)};
+}
+
+}  // namespace porttape

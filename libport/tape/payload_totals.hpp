@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "libport/base/bytes.hpp"
+
+namespace porttape {
+
+// What an r or w file holds in all, as the `end` event tells it.
+struct PayloadTotals {
+  std::uint64_t blocks = 0;
+  std::uint64_t bytes = 0;                // of data
+  std::optional<std::uint64_t> xxh3 = 0;  // XXH3 with 64 bits of all data; nothing where it is not told
+
+  friend bool operator==(const PayloadTotals&, const PayloadTotals&) = default;
+};
+
+// Adds up the blocks of one file as they pass: begin_block(), then its data in any pieces. About 10 ns for a
+// small block.
+class PayloadCounter {
+ public:
+  // Without a digest it costs next to nothing.
+  explicit PayloadCounter(bool with_digest = true);
+  PayloadCounter(PayloadCounter&&) noexcept;
+  PayloadCounter& operator=(PayloadCounter&&) noexcept;
+  ~PayloadCounter();
+
+  void begin_block() { ++blocks_; }
+  void add(ByteView data);
+  [[nodiscard]] PayloadTotals totals() const;
+
+ private:
+  struct Digest;
+  std::uint64_t blocks_ = 0;
+  std::uint64_t bytes_ = 0;
+  std::unique_ptr<Digest> digest_;
+};
+
+}  // namespace porttape

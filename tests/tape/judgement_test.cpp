@@ -1,0 +1,223 @@
+#include "libport/tape/judgement.hpp"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "libport/tape/events.hpp"
+#include "libport/tape/payload_totals.hpp"
+#include "tests/support/tape_bytes.hpp"
+
+namespace porttape {
+namespace {
+
+using test::Block;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using Blocks = std::vector<Block>;
+using Verdict = Judgement::Verdict;
+
+const Blocks kAnswers{{2, "answer"}, {4, "bye"}};
+const Blocks kQuestions{{1, "ask"}, {3, "end"}};
+
+const std::string kHeader = header_line({.device = "device", .driver = "driver", .id = "0123"});
+
+PayloadTotals totals(const Blocks& blocks) {
+  PayloadCounter counter;
+  for (const Block& block : blocks) {
+    counter.begin_block();
+    counter.add(as_bytes(block.data));
+  }
+  return counter.totals();
+}
+
+// The three files of a tape called t.log; nothing is a file that is not there.
+struct Files {
+  std::optional<Bytes> read;
+  std::optional<Bytes> write;
+  std::optional<std::string> events;
+};
+
+Files recorded(const Blocks& read = kAnswers, const Blocks& write = kQuestions,
+               const std::string& events = "") {
+  return {test::block_bytes(read), test::block_bytes(write),
+          kHeader + events + end_line(tape_time_us(9), totals(read), totals(write))};
+}
+
+Judgement judged(const Files& files, bool being_written = false) {
+  TapeSources sources;
+  if (files.read) sources.read = test::memory("t.logr", *files.read);
+  if (files.write) sources.write = test::memory("t.logw", *files.write);
+  if (files.events) sources.events = test::memory("t.loge", test::bytes_of(*files.events));
+  auto summary = summarize("t.log", std::move(sources));
+  if (!summary) throw std::runtime_error(summary.error().message);
+  summary->being_written = being_written;
+  return judge(*summary);
+}
+
+TEST(Judgement, AWholeTapeIsSound) {
+  for (const Files& files : {recorded(), recorded({}, kQuestions), recorded({}, {})}) {
+    const Judgement judgement = judged(files);
+    EXPECT_EQ(judgement.verdict, Verdict::sound);
+    EXPECT_TRUE(judgement.sound());
+    EXPECT_THAT(judgement.damages, IsEmpty());
+    EXPECT_THAT(judgement.notes, IsEmpty());
+  }
+}
+
+TEST(Judgement, AMissingFileIsNamed) {
+  Files files = recorded();
+  files.read.reset();
+  EXPECT_THAT(judged(files).damages, ElementsAre("t.logr is missing: t.loge tells of 2 blocks, 9 bytes"));
+  files = recorded();
+  files.write.reset();
+  EXPECT_THAT(judged(files).damages, ElementsAre("t.logw is missing: t.loge tells of 2 blocks, 6 bytes"));
+}
+
+TEST(Judgement, AMissingFileThatHeldNothingIsANote) {
+  Files files = recorded(kAnswers, {});
+  files.write.reset();
+  const Judgement judgement = judged(files);
+  EXPECT_EQ(judgement.verdict, Verdict::sound);
+  EXPECT_THAT(judgement.notes, ElementsAre("t.logw is missing; it held nothing"));
+}
+
+TEST(Judgement, SwappedFilesAreNamed) {
+  Files files = recorded();
+  std::swap(files.read, files.write);
+  const Judgement judgement = judged(files);
+  EXPECT_EQ(judgement.verdict, Verdict::damaged);
+  EXPECT_THAT(judgement.damages,
+              ElementsAre("t.logr and t.logw are swapped: each holds what t.loge tells of the other"));
+}
+
+TEST(Judgement, AFileInTheOthersPlaceIsNamed) {
+  Files files = recorded();
+  files.read = files.write;
+  EXPECT_THAT(
+      judged(files).damages,
+      ElementsAre("t.logr is what belongs in t.logw: it holds 2 blocks, 6 bytes; t.loge tells of 2 blocks, 9 "
+                  "bytes"));
+}
+
+TEST(Judgement, AShortenedFileIsNamedWhereverItIsCut) {
+  const Files whole = recorded();
+  for (std::size_t size = 0; size < whole.read->size(); ++size) {
+    Files files = whole;
+    files.read->resize(size);
+    const Judgement judgement = judged(files);
+    EXPECT_EQ(judgement.verdict, Verdict::damaged) << size;
+    EXPECT_THAT(judgement.damages, ElementsAre(HasSubstr("t.logr is shortened"))) << size;
+  }
+  for (std::size_t size = 0; size < whole.events->size(); ++size) {
+    Files files = whole;
+    files.events->resize(size);
+    const Judgement judgement = judged(files);
+    EXPECT_EQ(judgement.verdict, Verdict::flawed) << size;
+    EXPECT_THAT(judgement.notes, testing::Contains(HasSubstr("t.loge has no end"))) << size;
+  }
+}
+
+TEST(Judgement, AnotherTapesFileIsNamed) {
+  Files files = recorded();
+  files.read = test::block_bytes({{2, "answer"}, {4, "BYE"}});
+  EXPECT_THAT(judged(files).damages,
+              ElementsAre(testing::MatchesRegex(
+                  "t.logr is another tape's, or changed: it holds 2 blocks, 9 bytes, xxh3 "
+                  "[0-9a-f]{16}; t.loge tells of 2 blocks, 9 bytes, xxh3 [0-9a-f]{16}")));
+  files = recorded();
+  files.write = test::block_bytes({{1, "ask"}, {2, "and"}, {3, "end"}});
+  EXPECT_THAT(judged(files).damages,
+              ElementsAre("t.logw is another tape's, or changed: it holds 3 blocks, 9 bytes; "
+                          "t.loge tells of 2 blocks, 6 bytes"));
+  files = recorded();
+  files.events = recorded({{5, "something"}}, {{6, "else"}}).events;
+  EXPECT_THAT(judged(files).damages,
+              ElementsAre(HasSubstr("t.logr is"), HasSubstr("t.logw is"),
+                          "t.loge may be another tape's itself: nothing beside it is what it tells of"));
+}
+
+TEST(Judgement, OtherBlocksWithTheSameBytesAreSeen) {
+  Files files = recorded();
+  files.read = test::block_bytes({{2, "answerbye"}});
+  EXPECT_EQ(judged(files).verdict, Verdict::damaged);
+}
+
+TEST(Judgement, ATapeThatNeverEndedIsNotSound) {
+  Files files = recorded();
+  files.events = kHeader + event_line(tape_time_us(0), "open");
+  const Judgement judgement = judged(files);
+  EXPECT_EQ(judgement.verdict, Verdict::flawed);
+  EXPECT_FALSE(judgement.sound());
+  EXPECT_THAT(judgement.notes,
+              ElementsAre("t.loge has no end: its recorder was killed, or it is shortened; a missing, "
+                          "swapped or shortened file would not be seen"));
+  files.write.reset();
+  EXPECT_THAT(judged(files).notes, testing::Contains("t.logw is missing; what it held is not known"));
+}
+
+TEST(Judgement, AGapIsToldAndIsNotSound) {
+  const Judgement judgement =
+      judged(recorded(kAnswers, kQuestions,
+                      gap_line(tape_time_us(3), 512, tape_time_us(2), "disk full\x1b") +
+                          gap_line(tape_time_us(4), 0, tape_time_us(4), "")));
+  EXPECT_EQ(judgement.verdict, Verdict::flawed);
+  EXPECT_THAT(
+      judgement.notes,
+      ElementsAre("t.loge: a gap from 0.000002 s to 0.000003 s, 512 bytes: disk full\\x1b",
+                  "t.loge: a gap from 0.000004 s to 0.000004 s, events or an unknown number of bytes"));
+}
+
+TEST(Judgement, ManyGapsAreCounted) {
+  std::string gaps;
+  for (int i = 0; i < 70; ++i) gaps += gap_line(tape_time_us(3), 1, tape_time_us(2), "disk full");
+  const Judgement judgement = judged(recorded(kAnswers, kQuestions, gaps));
+  EXPECT_EQ(judgement.notes.size(), 65U);
+  EXPECT_EQ(judgement.notes.back(), "t.loge: 6 more gaps");
+}
+
+TEST(Judgement, ATornTailIsANoteAndNotSound) {
+  Files files = recorded();
+  test::append(*files.read, "\1\2");
+  const Judgement judgement = judged(files);
+  EXPECT_EQ(judgement.verdict, Verdict::flawed);
+  EXPECT_THAT(judgement.notes, ElementsAre(HasSubstr("t.logr: torn tail")));
+}
+
+TEST(Judgement, ATapeBeingWrittenIsNotSoundAndNotCompared) {
+  Files files = recorded();
+  files.read->resize(20);
+  const Judgement judgement = judged(files, true);
+  EXPECT_EQ(judgement.verdict, Verdict::flawed);
+  EXPECT_THAT(judgement.notes, testing::Contains(HasSubstr("it is being written")));
+}
+
+TEST(Judgement, WithoutDigestsItIsSoundAsFarAsItCanBeChecked) {
+  Files files = recorded();
+  files.events.reset();
+  EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
+  EXPECT_THAT(judged(files).notes, ElementsAre(HasSubstr("no events file, so no digests: ")));
+  for (const std::string& end : {event_line(tape_time_us(9), "end"),
+                                 end_line(tape_time_us(9), {2, 9, std::nullopt}, {2, 6, std::nullopt})}) {
+    files.events = kHeader + end;
+    EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
+  }
+  EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
+  EXPECT_THAT(judged(files).notes, ElementsAre(HasSubstr("no digests: ")));
+}
+
+TEST(Judgement, DamageIsNotToldTwice) {
+  Files files = recorded();
+  files.read = test::block_bytes({{4, "answer"}, {2, "bye"}});
+  EXPECT_THAT(judged(files).damages,
+              ElementsAre(HasSubstr("t.logr is damaged at offset 18: time goes back")));
+  files.events.reset();
+  EXPECT_THAT(judged(files).notes, IsEmpty()) << "what could not be checked does not matter any more";
+}
+
+}  // namespace
+}  // namespace porttape
