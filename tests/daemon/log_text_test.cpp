@@ -13,9 +13,9 @@ namespace {
 TEST(Log, NothingInAMessageIsObeyedByATerminal) {
   const test::TempDir dir;
   {
-    const auto log = make_log(dir / "log", spdlog::level::info);
+    const auto log = make_log({.file = dir / "log"}, spdlog::level::info);
     ASSERT_TRUE(log.has_value());
-    (*log)->info("{}: cannot be opened", "/tmp/\x1b[31m\u009b\u202e\x7f");
+    log->logger->info("{}: cannot be opened", "/tmp/\x1b[31m\u009b\u202e\x7f");
   }
   const Bytes bytes = test::read_file(dir / "log");
   EXPECT_THAT(std::string(as_text(bytes)),
