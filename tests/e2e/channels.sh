@@ -78,6 +78,22 @@ status_of "$daemon"
 [[ $status == 0 ]] || die "exit $status: $(cat log)"
 [[ $(payload good.logr) == $'first\nsecond' ]] || die "the good tape has $(payload good.logr)"
 
+# After a kill the tape's name is taken: a channel of a configuration takes the next, the command line refuses.
+start "$PORTTAPED" run channels.conf 2>log
+wait_for "$work/good" log
+talk "$work/good" sixth
+kill -KILL "$started"
+status_of "$started"
+start "$PORTTAPED" run channels.conf 2>log
+daemon=$started
+until_true 10 grep -q "good is there" log || die "it does not come up after a kill: $(cat log)"
+talk "$work/good" seventh
+stop "$daemon"
+[[ $(payload good.2.logr) == sixth && $(payload good.3.logr) == seventh ]] || die "the tapes are $(ls): $(cat log)"
+try "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/good" --tape good 2>err
+[[ $status == 2 && $(cat err) == *good.log* ]] || die "a taken name on the command line: exit $status: $(cat err)"
+say "after a kill: the next tape, and exit 2 on the command line"
+
 # Wrong configurations stop a start.
 wrong() { # PATTERN < CONFIG
   cat >wrong.conf
@@ -108,9 +124,9 @@ say "wrong configurations: exit 2"
 for ((n = 0; n < 40; n++)); do
   printf '[channel c%d]\ndevice = unix:%s/device.socket\ndriver = pty:%s/c%d\n' "$n" "$work" "$work" "$n"
 done >many.conf
-start prlimit --nofile=60:60 "$PORTTAPED" run many.conf 2>log
+start prlimit --nofile=30:30 "$PORTTAPED" run many.conf 2>log
 daemon=$started
-until_true 20 grep -q 'trying again' log || die "60 descriptors are enough for 40 channels?"
+until_true 20 grep -q 'trying again' log || die "30 descriptors are enough for 40 channels?"
 mapfile -t up < <(find . -name 'c*' -type l | sort)
 [[ ${#up[@]} -gt 4 ]] || die "only ${#up[@]} channels are up: $(cat log)"
 alive "$daemon" || die "it has ended: $(cat log)"

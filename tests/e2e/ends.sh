@@ -139,8 +139,10 @@ ended "$daemon" 5 || { kill -KILL "$daemon"; die "SIGTERM does not end the backg
 say "-b: the log goes to $place"
 
 # SIGHUP: without a terminal it opens the log again, with one it ends, under nohup nothing.
-record() { "$@" "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/port" --tape "$tape" >out 2>log & daemon=$!; pids+=("$daemon"); wait_for "$work/port" log; }
-tape=hup1 record setsid
+setsid "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/port" --tape hup1 >out 2>log &
+daemon=$!
+pids+=("$daemon")
+wait_for "$work/port" log
 kill -HUP "$daemon"
 talk "after SIGHUP"
 alive "$daemon" || die "SIGHUP without a terminal ends it"

@@ -13,14 +13,15 @@ mkdir -m 777 links tapes
 cp "$PORTTAPED" porttaped
 # A device that knows no half-close: only the kernel can say that a driver has closed.
 free_ports port device
-# shellcheck disable=SC2154 # free_ports sets them
 start socat "UDP4-RECVFROM:$device,bind=127.0.0.1,fork" PIPE
 wait_listening "$device"
+# shellcheck disable=SC2154 # free_ports sets it
+tcp=127.0.0.1:$port
 device=udp:127.0.0.1:$device,recv_ip=127.0.0.1,recv_port=0
 cat >channels.conf <<END
 [channel tcp]
 device = $device
-driver = tcp-listen:127.0.0.1:$port
+driver = tcp-listen:$tcp
 tape = $work/tapes/tcp
 [channel pty]
 device = $device

@@ -55,6 +55,27 @@ class UdpPortTest : public testing::Test {
   std::unique_ptr<UdpPort> port;
 };
 
+TEST_F(UdpPortTest, OnlyThePeersDatagramsCount) {
+  make_sending();
+  const Socket stranger = Socket::datagrams();
+  stranger.send_to(number, "foreign");
+  stranger.send_to(number, "again");
+  peer.send_to(number, "mine");
+  while (log.data.empty()) loop.run_one();
+  EXPECT_EQ(log.data, "mine");
+  EXPECT_NE(book.text().find(std::to_string(stranger.port())), std::string::npos) << book.text();
+  port->close();
+  EXPECT_NE(book.text().find("2 datagrams of others"), std::string::npos) << book.text();
+}
+
+TEST_F(UdpPortTest, AnybodysDatagramsCountWhereThatIsWanted) {
+  make("udp:127.0.0.1:" + std::to_string(peer.port()) + ",recv_ip=127.0.0.1,recv_port=0,from=any");
+  port->open();
+  Socket::datagrams().send_to(number, "foreign");
+  while (log.data.empty()) loop.run_one();
+  EXPECT_EQ(log.data, "foreign");
+}
+
 TEST_F(UdpPortTest, EachWriteIsADatagram) {
   make_sending();
   EXPECT_EQ(log.events, "up ");

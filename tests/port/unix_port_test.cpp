@@ -2,9 +2,14 @@
 
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <memory>
 #include <optional>
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -12,6 +17,20 @@
 #include "tests/support/quiet_log.hpp"
 #include "tests/support/sockets.hpp"
 #include "tests/support/temp_dir.hpp"
+
+namespace {
+
+std::function<void()> after_bind;  // what somebody else does just then
+
+}  // namespace
+
+// In the place of the C library's, for this program.
+// NOLINTNEXTLINE(readability-inconsistent-declaration-parameter-name)
+extern "C" int bind(int fd, const sockaddr* address, socklen_t size) noexcept {
+  const auto result = static_cast<int>(::syscall(SYS_bind, fd, address, size));
+  if (after_bind) std::exchange(after_bind, {})();
+  return result;
+}
 
 namespace porttape {
 namespace {
@@ -55,6 +74,31 @@ TEST_F(UnixPortTest, TheModeCanBeChosen) {
   port.reset();
   EXPECT_FALSE(make(",listen,mode=rw").has_value());
   EXPECT_FALSE(make(",listen,mode=01777").has_value());
+}
+
+TEST_F(UnixPortTest, TheUmaskTakesNothingFromTheMode) {
+  const mode_t old = ::umask(0077);
+  ASSERT_TRUE(make(",listen,mode=0666").has_value());
+  ::umask(old);
+  struct stat status {};
+  ASSERT_EQ(::lstat(path.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777U, 0666U);
+}
+
+TEST_F(UnixPortTest, ALinkPlantedAsTheSocketIsMadeIsNotFollowed) {
+  const std::string precious = dir / "precious";
+  std::ofstream(precious) << "data";
+  ASSERT_EQ(::chmod(precious.c_str(), 0600), 0);
+  after_bind = [&] {
+    fs::remove(path);
+    fs::create_symlink(precious, path);
+  };
+  EXPECT_FALSE(make(",listen,mode=0666").has_value());
+  struct stat status {};
+  ASSERT_EQ(::lstat(precious.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777U, 0600U);
+  port.reset();
+  EXPECT_TRUE(fs::is_symlink(path)) << "somebody else's is left alone";
 }
 
 TEST_F(UnixPortTest, BytesGoBothWays) {
