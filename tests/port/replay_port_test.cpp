@@ -102,6 +102,24 @@ TEST_F(ReplayPortTest, ATapeOfEmptyBlocksHoldsNothingUp) {
   EXPECT_THAT(port->report()->trouble.value_or(""), HasSubstr("not counted in time"));
 }
 
+TEST_F(ReplayPortTest, AStallDuringTheRunIsADoubt) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
+  start();
+  write("one");
+  loop.post([begin = Loop::now()] {
+    while (Loop::now() - begin < std::chrono::milliseconds(60)) {
+    }
+  });
+  loop.post([this] { port->close(); });
+  loop.post([this] { port->finish(); });
+  loop.run();
+  EXPECT_EQ(log.status, 0);
+  ASSERT_TRUE(port->report().has_value());
+  ASSERT_FALSE(port->report()->doubts.empty());
+  EXPECT_EQ(port->report()->doubts.at(0).kind, Doubt::Kind::stall);
+  EXPECT_THAT(port->report()->doubts.at(0).text, HasSubstr("stood still for"));
+}
+
 TEST_F(ReplayPortTest, AFlushOfTheDriverDropsWhatIsDueAndUnread) {
   test::write_file(dir / "t.logw", test::block_bytes({{0, "ask"}}));
   test::write_file(dir / "t.logr", test::block_bytes({{1, "old"}}));
