@@ -137,7 +137,6 @@ Result<void> ReplayPort::prepare() {
                                             : header->device.starts_with("udp"));
   facts->stamped_at_arrival =
       header && header->stamped ? *header->stamped == Stamped::arrival : schedule_->has_events();
-  stamped_at_arrival_ = facts->stamped_at_arrival;
   if (const auto counted = count_small(options_.tape, *schedule_)) facts->totals = counted;
   reports_ = std::make_unique<ReplayReports>(
       context_, ReplayReports::Options{options_.tape, options_.report_file, facts->totals},
@@ -182,7 +181,7 @@ void ReplayPort::set_reading(bool on) {
 }
 
 bool ReplayPort::discard() {
-  if (options_.config.timing == Timing::recorded || !stamped_at_arrival_) return false;
+  if (options_.config.timing == Timing::recorded || !schedule_ || !schedule_->has_events()) return false;
   dropping_ = true;
   pump();
   dropping_ = false;
@@ -190,7 +189,7 @@ bool ReplayPort::discard() {
 }
 
 void ReplayPort::peer_flushed(FlushQueue queue) {
-  if (queue == FlushQueue::out || !stamped_at_arrival_) return;
+  if (queue == FlushQueue::out || !schedule_->has_events()) return;
   engine_->on_flush(Loop::now());
   pump();
 }

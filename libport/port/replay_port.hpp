@@ -46,8 +46,9 @@ class ReplayPort final : public Port {
   // nothing is dropped: the tape holds what its driver read, or plays by a clock that a slow reader lags
   // behind.
   bool discard() override;
-  // The same for a driver that flushes what came to it, whatever the timing; a tape that its driver stamped
-  // when reading holds nothing that was flushed. A flush on the tape has no effect: the driver makes its own.
+  // The same for a driver that flushes what came to it, whatever the timing; a tape of another
+  // recorder (without events) holds what its driver read, and nothing that was flushed. A flush on the tape
+  // has no effect: the driver makes its own.
   void peer_flushed(FlushQueue queue) override;
   [[nodiscard]] std::string awaits() override;
   // Each block of a tape of UDP was a datagram.
@@ -98,7 +99,6 @@ class ReplayPort final : public Port {
   bool open_ = false;
   bool dropping_ = false;
   bool datagrams_ = false;
-  bool stamped_at_arrival_ = false;
 };
 
 }  // namespace porttape
