@@ -54,9 +54,12 @@ void TapeKeeper::begin(Instant zero) {
 }
 
 void TapeKeeper::start() {
-  options_.header.zero = tape_zero(zero_, Loop::now());
+  TapeHeader header = options_.header;
+  header.zero = tape_zero(zero_, Loop::now());
+  header = completed(std::move(header));
+  id_ = header.id;
   LiveTape::Options live{.paths = options_.tape,
-                         .header = options_.header,
+                         .header = std::move(header),
                          .writer = {.on_existing = options_.on_existing, .first_number = first_number_},
                          .queue_bytes = options_.queue_bytes,
                          .on_news = {},
@@ -192,9 +195,11 @@ void TapeKeeper::watch_disk() {
 
 void TapeKeeper::rotate(Instant now) {
   if (!begun_) return;
-  if (const auto status = tape_ ? std::optional(tape_->status()) : std::nullopt;
-      status && !status->id.empty())
-    options_.header.previous = PreviousTape{status->id, status->paths.file_name()};
+  if (tape_) {
+    const LiveTape::Status status = tape_->status();
+    const TapePaths& paths = status.id.empty() ? options_.tape : status.paths;  // not made yet
+    options_.header.previous = PreviousTape{id_, paths.file_name()};
+  }
   end_current(now);
   options_.on_existing = OnExisting::next;
   first_number_ = 2;

@@ -88,6 +88,7 @@ class TapeKeeper {
   bool begun_ = false;
   bool incomplete_ = false;
   // Of the current tape.
+  std::string id_;
   bool made_told_ = false;
   bool slow_told_ = false;
   bool sync_told_ = false;

@@ -136,7 +136,7 @@ TEST_F(RecordingPortTest, TheNextPartKnowsTheOneBefore) {
   port->open();
   pass(50);
   port->rotate();
-  port->finish();
+  EXPECT_EQ(finish(), 0);
   const auto first = TapeReader::open(tape)->header();
   const auto second = TapeReader::open(literal_tape((dir.path() / "x.2.log").string()))->header();
   ASSERT_TRUE(first && second);
