@@ -63,7 +63,7 @@ struct LiveTape::Shared {
   void serve();
   void make(std::unique_lock<std::mutex>& lock);
   void write_batch(std::unique_lock<std::mutex>& lock);
-  void apply(Entry& entry);
+  void apply(Entry& entry, const RunBoth& beside);
   void take_stock();
   void give_up_queue();
   void abandon_queue();
@@ -143,11 +143,11 @@ void LiveTape::Shared::write_batch(std::unique_lock<std::mutex>& lock) {
   for (const Entry& entry : batch) bytes += entry.bytes;
   const Clock::time_point begin = Clock::now();
   status.waits_since = begin;
-  const bool hurry = slow;
+  const RunBoth beside = slow ? RunBoth(run_both) : RunBoth();
   lock.unlock();
   writer->begin_batch();
-  for (Entry& entry : batch) apply(entry);
-  writer->commit(hurry ? RunBoth(run_both) : RunBoth());
+  for (Entry& entry : batch) apply(entry, beside);
+  writer->commit(beside);
   const auto took = std::chrono::duration_cast<milliseconds>(Clock::now() - begin);
   lock.lock();
   status.slowest = std::max(status.slowest, took);
@@ -155,9 +155,9 @@ void LiveTape::Shared::write_batch(std::unique_lock<std::mutex>& lock) {
   take_stock();
 }
 
-void LiveTape::Shared::apply(Entry& entry) {
+void LiveTape::Shared::apply(Entry& entry, const RunBoth& beside) {
   if (!entry.last) return entry.work(*writer);
-  const Result<void> finished = writer->finish(entry.at);
+  const Result<void> finished = writer->finish(entry.at, beside);
   const std::lock_guard lock(mutex);
   status.phase = Status::Phase::finished;
   if (!finished) status.error = finished.error();

@@ -25,7 +25,7 @@ struct TapeWriter::Impl {
 
   explicit Impl(TapeSinks sinks)
       : read(std::move(sinks.read)), write(std::move(sinks.write)), events(std::move(sinks.events)) {}
-  ~Impl() { finish(tape_time_us(last_us)); }
+  ~Impl() { finish(tape_time_us(last_us), {}); }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
@@ -33,7 +33,8 @@ struct TapeWriter::Impl {
   [[nodiscard]] std::int64_t stamp(TapeTime at, bool is_block) const;
   void block(Direction direction, TapeTime at, ByteView data);
   void keep(Direction direction, ByteView payload);
-  void commit(const RunBoth& run_both);
+  bool commit(const RunBoth& run_both, std::optional<TapeTime> end = {});
+  [[nodiscard]] TapeBatch::Line last_line(TapeTime at) const;
   void settle(Direction direction, const TapeBatch::Blocks& blocks);
   std::optional<Gap> tell_owed(TapeBatch& batch, std::optional<std::int64_t> first_kept);
   void write_lines(const std::vector<TapeBatch::Line>& lines, std::optional<Gap> told);
@@ -41,8 +42,8 @@ struct TapeWriter::Impl {
   void event(std::int64_t at_us, const std::string& line);
   void lose(std::int64_t at_us, std::uint64_t bytes, std::string why);
   void tell_gap(std::int64_t at_us);
-  void finish(TapeTime at);
-  void close_all();
+  void finish(TapeTime at, const RunBoth& run_both);
+  void close_all(const RunBoth& run_both);
 
   WholeAppender read;
   WholeAppender write;
@@ -133,8 +134,9 @@ void TapeWriter::Impl::event(std::int64_t at_us, const std::string& line) {
   failure.clear();
 }
 
-void TapeWriter::Impl::commit(const RunBoth& run_both) {
-  if (!batch) return;
+// With `end`, the tape's last line goes along if nothing speaks against it: true then.
+bool TapeWriter::Impl::commit(const RunBoth& run_both, std::optional<TapeTime> end) {
+  if (!batch) return false;
   TapeBatch done = std::move(*batch);
   batch.reset();
   const auto write_read = [&] { done.read.write(read); };
@@ -155,7 +157,15 @@ void TapeWriter::Impl::commit(const RunBoth& run_both) {
   failure.clear();
   settle(Direction::read, done.read);
   settle(Direction::write, done.write);
+  const bool ends = end && !gap;  // a new gap is told first
+  if (ends) done.lines.push_back(last_line(*end));
   write_lines(done.lines, told);
+  return ends;
+}
+
+TapeBatch::Line TapeWriter::Impl::last_line(TapeTime at) const {
+  const std::int64_t us = std::max(stamp(at, false), gap ? gap->from_us : 0);
+  return {us, end_line(tape_time_us(us), kept_read.totals(), kept_write.totals())};
 }
 
 // A gap from before the batch ends with the first thing of it that is written. Puts its line in its place.
@@ -212,21 +222,33 @@ void TapeWriter::Impl::tell_gap(std::int64_t at_us) {
   if (events.append({}, as_bytes(line)) == 0) gap.reset();
 }
 
-void TapeWriter::Impl::finish(TapeTime at) {
+void TapeWriter::Impl::finish(TapeTime at, const RunBoth& run_both) {
   if (finished) return;
-  commit({});
-  const std::int64_t us = std::max(stamp(at, false), gap ? gap->from_us : 0);
-  event(us, end_line(tape_time_us(us), kept_read.totals(), kept_write.totals()));
+  if (!commit(run_both, at)) {
+    const TapeBatch::Line line = last_line(at);
+    event(line.us, line.text);
+  }
   finished = true;
-  close_all();
+  close_all(run_both);
 }
 
-void TapeWriter::Impl::close_all() {
-  for (WholeAppender* file : {&read, &write, &events}) {
-    const int repaired = file->repair();
-    const int synced = sync ? file->sink().syncer()() : 0;
-    const int closed = file->sink().close();
-    for (const int error : {repaired, synced, closed}) {
+void TapeWriter::Impl::close_all(const RunBoth& run_both) {
+  const std::array<WholeAppender*, 3> files = {&read, &write, &events};
+  std::array<int, 3> errors{};
+  const auto bring_to_disk = [&](std::size_t i) {
+    errors.at(i) = files.at(i)->repair();
+    const int synced = sync ? files.at(i)->sink().syncer()() : 0;
+    if (errors.at(i) == 0) errors.at(i) = synced;
+  };
+  if (run_both) {
+    run_both([&] { bring_to_disk(0); },
+             [&] { run_both([&] { bring_to_disk(1); }, [&] { bring_to_disk(2); }); });
+  } else {
+    for (std::size_t i = 0; i < files.size(); ++i) bring_to_disk(i);
+  }
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    const int closed = files.at(i)->sink().close();
+    for (const int error : {errors.at(i), closed}) {
       if (sync_error == 0) sync_error = error;
     }
   }
@@ -244,7 +266,7 @@ Result<TapeWriter> TapeWriter::create(const TapePaths& paths, const TapeHeader& 
   impl->paths = files->paths;
   if (const int error = impl->begin(header, options); error != 0) {
     files->discard();
-    impl->close_all();
+    impl->close_all({});
     return make_error(Errc::io, "cannot write " + files->paths.events.string() + ": " + errno_text(error));
   }
   if (const auto published = files->publish(); !published) {
@@ -258,7 +280,7 @@ Result<TapeWriter> TapeWriter::on_sinks(TapeSinks sinks, const TapeHeader& heade
                                         const TapeWriterOptions& options) {
   auto impl = std::make_unique<Impl>(std::move(sinks));
   if (const int error = impl->begin(header, options); error != 0) {
-    impl->close_all();
+    impl->close_all({});
     return make_error(Errc::io, errno_text(error));
   }
   return TapeWriter(std::move(impl));
@@ -324,11 +346,11 @@ void TapeWriter::gap_event(TapeTime at, std::uint64_t bytes, std::string_view wh
 void TapeWriter::begin_batch() {
   if (!impl_->batch) impl_->batch.emplace();
 }
-void TapeWriter::commit(const RunBoth& run_both) { impl_->commit(run_both); }
+void TapeWriter::commit(const RunBoth& run_both) { (void)impl_->commit(run_both); }
 
 void TapeWriter::lose(TapeTime at, std::uint64_t bytes, std::string_view why) {
   const bool in_batch = impl_->batch.has_value();
-  impl_->commit({});  // the gap comes behind what was given before it
+  (void)impl_->commit({});  // the gap comes behind what was given before it
   impl_->lose(impl_->stamp(at, false), bytes, std::string(why));
   if (in_batch) begin_batch();
 }
@@ -337,8 +359,8 @@ std::array<TapeSink::Sync, 3> TapeWriter::syncers() {
   return {impl_->read.sink().syncer(), impl_->write.sink().syncer(), impl_->events.sink().syncer()};
 }
 
-Result<void> TapeWriter::finish(TapeTime at) {
-  impl_->finish(at);
+Result<void> TapeWriter::finish(TapeTime at, const RunBoth& run_both) {
+  impl_->finish(at, run_both);
   if (impl_->bytes_lost > 0 || impl_->events_lost > 0 || impl_->gap) {
     return make_error(Errc::io, std::to_string(impl_->bytes_lost) + " bytes and " +
                                     std::to_string(impl_->events_lost) +

@@ -97,7 +97,7 @@ class TapeWriter {
 
   // Writes the `end` event, syncs and closes. Errc::io if anything is missing from the tape. Later calls give
   // the same.
-  Result<void> finish(TapeTime at);
+  Result<void> finish(TapeTime at, const RunBoth& run_both = {});
 
   [[nodiscard]] const TapePaths& paths() const;       // the files that create() has made
   [[nodiscard]] const std::string& id() const;        // of the tape
