@@ -14,7 +14,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kPatience = std::chrono::milliseconds(50);
+constexpr auto kPatience = std::chrono::milliseconds(10);
+constexpr auto kEndPatience = std::chrono::milliseconds(50);
 constexpr int kMostThreads = 64;
 constexpr int kMostIdle = 2;
 
@@ -64,7 +65,7 @@ Workers::~Workers() {
   state_->ready.clear();
   state_->later.clear();
   state_->wake.notify_all();
-  state_->wake.wait_for(lock, kPatience, [this] { return state_->running + state_->idle == 0; });
+  state_->wake.wait_for(lock, kEndPatience, [this] { return state_->running + state_->idle == 0; });
 }
 
 bool Workers::post(const Strand& strand, std::function<void()> job) {

@@ -68,7 +68,8 @@ Result<void> BlockingPort::make() {
   if (port_) return {};
   if (can_read_) options_.values.erase("writeonly");
   if (can_write_) options_.values.erase("readonly");
-  Result<std::unique_ptr<Port>> port = make_port({.loop = &loop_, .log = log_, .pulled = true}, options_, "in-process");
+  Result<std::unique_ptr<Port>> port =
+      make_port({.loop = &loop_, .log = log_, .pulled = true}, options_, "in-process");
   if (!port) return port.error();
   (*port)->listen(*this);
   if (Result<void> ready = (*port)->prepare(); !ready) return ready;

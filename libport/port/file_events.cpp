@@ -23,6 +23,7 @@ constexpr std::uint32_t kFolderMask = IN_CREATE | IN_MOVED_TO | IN_ATTRIB;
 
 struct FileEvents::Entry {
   FileEvents* owner;  // null once it is gone
+  std::string path;
   std::uint32_t mask;
   int number = -1;  // the kernel's; -1: refused
   int parent = -1;  // that of its folder, which keeps it exact
@@ -66,16 +67,14 @@ void FileEvents::Watch::unnoticed(const std::function<void()>& visit) {
 }
 
 std::unique_ptr<FileEvents::Watch> FileEvents::watch_file(const std::string& path) {
-  auto entry = std::make_shared<Entry>(Entry{.owner = this, .mask = kFileMask});
-  add(entry, path);
-  watch_parent(*entry, path);
+  auto entry = std::make_shared<Entry>(Entry{.owner = this, .path = path, .mask = kFileMask});
+  add(entry);
   return std::make_unique<Watch>(std::move(entry));
 }
 
 std::unique_ptr<FileEvents::Watch> FileEvents::watch_folder(const std::string& path) {
-  auto entry =
-      std::make_shared<Entry>(Entry{.owner = this, .mask = kFolderMask});
-  add(entry, path);
+  auto entry = std::make_shared<Entry>(Entry{.owner = this, .path = path, .mask = kFolderMask});
+  add(entry);
   return std::make_unique<Watch>(std::move(entry));
 }
 
@@ -93,14 +92,26 @@ bool FileEvents::start() {
   return true;
 }
 
-void FileEvents::add(const std::shared_ptr<Entry>& entry, const std::string& path) {
+void FileEvents::begin_after(Nanos delay) { begins_ = Loop::now() + delay; }
+
+void FileEvents::add(const std::shared_ptr<Entry>& entry) {
   entry->fence = loop_->fence();
   entries_.push_back(entry);
-  if (start()) entry->number = ::inotify_add_watch(inotify_.get(), path.c_str(), entry->mask | IN_MASK_ADD);
+  if (Loop::now() >= begins_) {
+    watch(entry);
+  } else if (!poll_timer_.due()) {
+    poll_timer_.set_after(kQuickPoll);
+  }
+}
+
+void FileEvents::watch(const std::shared_ptr<Entry>& entry) {
+  if (start())
+    entry->number = ::inotify_add_watch(inotify_.get(), entry->path.c_str(), entry->mask | IN_MASK_ADD);
   if (entry->number >= 0) {
     by_number_.emplace(entry->number, entry);
+    if (entry->mask == kFileMask) watch_parent(*entry);
   } else if (entry->mask == kFileMask) {
-    refused(path, errno);
+    refused(entry->path, errno);
   }
 }
 
@@ -118,9 +129,8 @@ std::string FileEvents::take_trouble() {
   return trouble_.empty() || std::exchange(trouble_told_, true) ? std::string() : trouble_;
 }
 
-void FileEvents::watch_parent(Entry& entry, const std::string& path) {
-  if (entry.number < 0) return;
-  const std::string folder = std::filesystem::path(path).parent_path().string();
+void FileEvents::watch_parent(Entry& entry) {
+  const std::string folder = std::filesystem::path(entry.path).parent_path().string();
   entry.parent = ::inotify_add_watch(inotify_.get(), folder.c_str(), kFileMask | IN_MASK_ADD | IN_ONLYDIR);
   if (entry.parent >= 0) ++parents_[entry.parent];
 }
@@ -198,10 +208,17 @@ void FileEvents::wake_soon() {
 }
 
 void FileEvents::on_poll() {
+  const bool early = Loop::now() < begins_;
+  const bool begins = !early && std::exchange(begins_, Instant{}) != Instant{};
+  bool unwatched = false;
   for (const std::shared_ptr<Entry>& entry : entries_) {
-    if (entry->number < 0 && entry->mask == kFileMask) pend(entry, Event::unknown);
+    if (entry->number >= 0) continue;
+    if (begins) watch(entry);
+    if (entry->mask != kFileMask) continue;
+    unwatched = unwatched || entry->number < 0;
+    pend(entry, Event::unknown);
   }
-  poll_timer_.set_after(kPoll);
+  if (unwatched) poll_timer_.set_after(early ? kQuickPoll : kPoll);
   wake();
 }
 

@@ -27,6 +27,7 @@ class FileEvents {
  public:
   enum class Event : std::uint8_t { opened, closed, changed, unknown };
   static constexpr Nanos kPoll = std::chrono::milliseconds(100);
+  static constexpr Nanos kQuickPoll = std::chrono::microseconds(250);
 
  private:
   struct Entry;
@@ -63,6 +64,11 @@ class FileEvents {
   // Tells `changed` when a name appears in a folder or one's permissions change. Silent where refused.
   std::unique_ptr<Watch> watch_folder(const std::string& path);
 
+  // For a loop that may end soon: no inotify before so much time has passed, since the kernel takes some 15
+  // ms to take it back. Until then the watches of files are told `unknown` every kQuickPoll. Call before the
+  // first watch.
+  void begin_after(Nanos delay);
+
   // As if the kernel refused inotify from now on, or had lost events. For tests.
   void refuse() { refused_ = true; }
   void lose();
@@ -71,10 +77,11 @@ class FileEvents {
   std::string take_trouble();
 
  private:
-  void add(const std::shared_ptr<Entry>& entry, const std::string& path);
-  void watch_parent(Entry& entry, const std::string& path);
+  void add(const std::shared_ptr<Entry>& entry);
+  void watch_parent(Entry& entry);
   void remove(const std::shared_ptr<Entry>& entry);
   bool start();
+  void watch(const std::shared_ptr<Entry>& entry);
   void refused(const std::string& path, int error_number);
   void gather();
   void distribute(int wd, std::uint32_t mask);
@@ -94,6 +101,7 @@ class FileEvents {
   std::string trouble_;
   bool trouble_told_ = false;
   bool refused_ = false;
+  Instant begins_{};
 };
 
 }  // namespace porttape

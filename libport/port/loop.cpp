@@ -119,7 +119,14 @@ bool Loop::poll_from(Instant start) {
   return false;
 }
 
-bool Loop::run_one() { return io_->run_one() != 0; }
+bool Loop::run_one() {
+  running_since_ = now();
+  handler_began_ = Instant::max();
+  const bool ran = io_->run_one() != 0;
+  handled(now());
+  running_since_ = Instant::max();
+  return ran;
+}
 bool Loop::poll_one() { return io_->poll_one() != 0; }
 void Loop::stop() { io_->stop(); }
 void Loop::restart() { io_->restart(); }

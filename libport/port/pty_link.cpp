@@ -7,6 +7,7 @@
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
+#include <random>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <utility>
@@ -40,15 +41,20 @@ bool stale(const std::string& path) {
          std::pair(link.st_mtim.tv_sec, link.st_mtim.tv_nsec);
 }
 
+// A name that nobody can have planted something under.
+std::string temporary_name(const std::string& path) {
+  std::random_device random;
+  return fmt::format("{}.{:08x}{:08x}.new", path, random(), random());
+}
+
 // The link under `path`, made under another name first so that it replaces an old one in one step.
 Result<void> make_link(const std::string& path, const std::string& target) {
-  const std::string temporary = fmt::format("{}.{}.new", path, ::getpid());
-  (void)::unlink(temporary.c_str());
+  const std::string temporary = temporary_name(path);
   const bool linked = ::symlink(target.c_str(), temporary.c_str()) == 0;
   if (linked) mark(temporary);
   if (!linked || std::rename(temporary.c_str(), path.c_str()) != 0) {
     const int error = errno;
-    (void)::unlink(temporary.c_str());
+    if (linked) (void)::unlink(temporary.c_str());
     return make_error(Errc::usage, fmt::format("link '{}' cannot be made: {}", path, errno_text(error)));
   }
   return {};

@@ -9,6 +9,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include "libport/port/file_events.hpp"
 #include "libport/port/report_file.hpp"
 #include "libport/replay/tape_count.hpp"
 #include "libport/tape/byte_source.hpp"
@@ -19,6 +20,7 @@ namespace {
 
 // Timers wake 20 to 100 µs late; the rest of the way is spun, which is late by less than a microsecond.
 constexpr Nanos kSpin = std::chrono::microseconds(120);
+constexpr Nanos kBrief = std::chrono::milliseconds(30);
 constexpr std::uintmax_t kSmallTape = 65536;  // bytes of its files
 // Of what the driver wrote and the engine has not looked at: beyond, it is not read on.
 constexpr std::size_t kMostBacklog = 65536;
@@ -137,6 +139,7 @@ Result<void> ReplayPort::prepare() {
                                             : header->device.starts_with("udp"));
   facts->stamped_at_arrival =
       header && header->stamped ? *header->stamped == Stamped::arrival : schedule_->has_events();
+  if (options_.brief && facts->opens <= 1) context_.loop->file_events().begin_after(kBrief);
   if (const auto counted = count_small(options_.tape, *schedule_)) facts->totals = counted;
   reports_ = std::make_unique<ReplayReports>(
       context_, ReplayReports::Options{options_.tape, options_.report_file, facts->totals},

@@ -30,6 +30,9 @@ class ReplayPort final : public Port {
     std::string report_file;
     std::function<void(const RunReport&)> on_report;  // each run's, or empty
     bool report_unopened = false;  // a run that no driver began gets its report at the end, as with `once`
+    // The program ends soon, and has no other ports: where the tape has no reopen, opens are looked for in
+    // the first moments instead of being told by the kernel, whose events take long to give up.
+    bool brief = false;
   };
 
   ReplayPort(const PortContext& context, Options options);

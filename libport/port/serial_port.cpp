@@ -195,6 +195,8 @@ void SerialPort::discard_unsent() {
 
 void SerialPort::drop_line() {
   discard_unsent();
+  // A tty that another program holds open would keep it, against this one too.
+  (void)::ioctl(line_->fd.get(), TIOCNXCL);
   // The rest goes on the next turn of the loop, since one of its callbacks may be running.
   line_->watch.stop();
   close_elsewhere(std::move(line_->fd));

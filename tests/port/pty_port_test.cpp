@@ -357,6 +357,25 @@ TEST_F(PtyPortTest, WithoutInotifySessionsAreFoundByLooking) {
   until("up closed ");
 }
 
+TEST_F(PtyPortTest, InABriefProgramOpensAreLookedForFirstAndToldLater) {
+  loop.file_events().begin_after(std::chrono::milliseconds(5));
+  start();
+  UniqueFd fd = driver();
+  until("up ");
+  fd.reset();
+  until("up closed ");
+  bool late = false;
+  Timer after(loop, [&late] { late = true; });
+  after.set_after(std::chrono::milliseconds(10));
+  run_until(loop, [&late] { return late; });
+  EXPECT_EQ(book.text().find("inotify"), std::string::npos) << book.text();
+  fd = driver();
+  until("up closed up ");
+  fd.reset();
+  fd = driver();  // told one by one now: a reopen
+  until("up closed up closed up ");
+}
+
 TEST_F(PtyPortTest, LostEventsMakeEveryoneLook) {
   start();
   loop.file_events().lose();
