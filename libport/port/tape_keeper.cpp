@@ -21,7 +21,7 @@ constexpr Nanos kTellingEvery = seconds(1);
 // the line within two seconds.
 constexpr Nanos kWatchEvery = milliseconds(250);
 constexpr Nanos kSilence = seconds(1);
-constexpr Nanos kFailClosedSilence = milliseconds(1500);
+constexpr Nanos kFailClosedSilence = milliseconds(700);
 
 }  // namespace
 
@@ -93,7 +93,7 @@ void TapeKeeper::block(Direction direction, Instant at, ByteView data) {
     const LiveTape::Status status = tape_->status();
     tell_failure(status.failure, status.bytes_lost);
   }
-  if (!watch_timer_.due()) watch_timer_.set_after(kWatchEvery);
+  if (tape_->queued() && !watch_timer_.due()) watch_timer_.set_after(kWatchEvery);
 }
 
 void TapeKeeper::note(Instant at, Event event) {

@@ -94,6 +94,8 @@ class LiveTape {
   void finish(TapeTime at);
 
   [[nodiscard]] Status status() const;
+  // Whether blocks wait for a worker just now, and do not go to the disk directly.
+  [[nodiscard]] bool queued() const { return !direct_; }
   // Whether the caller's last block could not be written; what the queue could not write is news.
   [[nodiscard]] bool failing() const;
 
