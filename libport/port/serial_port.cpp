@@ -73,7 +73,10 @@ SerialPort::Line::Line(SerialPort& port, UniqueFd opened)
           }) {}
 
 SerialPort::SerialPort(const PortContext& context, const PortOptions& options)
-    : context_(context), options_(options), device_(options.text("device")) {}
+    : context_(context),
+      options_(options),
+      device_(options.text("device")),
+      read_only_(options.flag("readonly")) {}
 
 SerialPort::~SerialPort() {
   if (!line_) return;
@@ -231,7 +234,7 @@ void SerialPort::closed() {
 }
 
 void SerialPort::write(ByteView data) {
-  if (line_ && !options_.flag("readonly")) {
+  if (line_ && !read_only_) {
     line_->outbox.write(data);
   } else {
     listener().on_dropped(data.size(), line_ ? "the device is open for reading only" : "the line is not up");
@@ -240,7 +243,7 @@ void SerialPort::write(ByteView data) {
 
 std::size_t SerialPort::write_some(ByteView data) {
   if (!line_) return 0;
-  return options_.flag("readonly") ? data.size() : line_->outbox.write_some(data);
+  return read_only_ ? data.size() : line_->outbox.write_some(data);
 }
 
 std::size_t SerialPort::unsent() const {

@@ -66,6 +66,7 @@ class SerialPort final : public Port {
   PortContext context_;
   PortOptions options_;
   std::string device_;
+  bool read_only_;
   std::unique_ptr<Line> line_;
   std::unique_ptr<PathWatch> waiting_;
   Workers::Strand closing_strand_;

@@ -45,6 +45,11 @@ void Disks::note_slow(dev_t device) {
   if (const auto flag = slow_.find(device); flag != slow_.end()) *flag->second = true;
 }
 
+Workers::Strand Disks::sync_strand(dev_t device) {
+  const std::lock_guard lock(mutex_);
+  return sync_strands_[device];
+}
+
 // What the caller and a worker share. The writer is the worker's while `busy`, else the caller's.
 struct LiveTape::Shared {
   struct Entry {
@@ -232,7 +237,10 @@ bool LiveTape::direct() {
   if (direct_ && disk_is_slow_ && *disk_is_slow_) leave_direct();
   if (direct_) return true;
   const std::lock_guard lock(shared_->mutex);
-  if (!disk_is_slow_ && shared_->device) disk_is_slow_ = disks_->slow(*shared_->device);
+  if (!disk_is_slow_ && shared_->device) {
+    disk_is_slow_ = disks_->slow(*shared_->device);
+    sync_strand_ = disks_->sync_strand(*shared_->device);
+  }
   const bool owes = !shared_->queue.empty() || shared_->overflow;
   if (shared_->busy || shared_->slow || owes || !shared_->writer || shared_->status.over()) return false;
   if (disk_is_slow_ && *disk_is_slow_) {

@@ -23,10 +23,14 @@ class Disks {
   // Whether a write to this device (st_dev) once took longer than a line may wait. Stays true.
   [[nodiscard]] std::shared_ptr<const std::atomic<bool>> slow(dev_t device);
   void note_slow(dev_t device);
+  // The syncs of a device run one after another: side by side they take a thread each and are no faster. For
+  // tapes of one Workers.
+  [[nodiscard]] Workers::Strand sync_strand(dev_t device);
 
  private:
   std::mutex mutex_;
   std::map<dev_t, std::shared_ptr<std::atomic<bool>>> slow_;
+  std::map<dev_t, Workers::Strand> sync_strands_;
 };
 
 // A tape in the making that holds up nobody: the caller's thread never waits for the disk, but for the one

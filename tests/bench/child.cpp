@@ -50,6 +50,17 @@ void become_child(pid_t parent) {
   ::_exit(127);
 }
 
+// A sum over the threads of a process.
+std::uint64_t thread_sum(pid_t pid, const std::string& key) {
+  std::uint64_t sum = 0;
+  std::error_code ignored;
+  const std::filesystem::path tasks = "/proc/" + std::to_string(pid) + "/task";
+  for (const auto& task : std::filesystem::directory_iterator(tasks, ignored)) {
+    sum += status_field(task.path() / "status", key);
+  }
+  return sum;
+}
+
 }  // namespace
 
 std::int64_t cpu_ns(pid_t pid) {
@@ -61,14 +72,9 @@ std::int64_t cpu_ns(pid_t pid) {
   return std::int64_t{used.tv_sec} * 1'000'000'000 + used.tv_nsec;
 }
 
-std::uint64_t wakeups(pid_t pid) {
-  std::uint64_t sum = 0;
-  std::error_code ignored;
-  const std::filesystem::path tasks = "/proc/" + std::to_string(pid) + "/task";
-  for (const auto& task : std::filesystem::directory_iterator(tasks, ignored)) {
-    sum += status_field(task.path() / "status", "voluntary_ctxt_switches:");
-  }
-  return sum;
+std::uint64_t wakeups(pid_t pid) { return thread_sum(pid, "voluntary_ctxt_switches:"); }
+std::uint64_t context_switches(pid_t pid) {
+  return wakeups(pid) + thread_sum(pid, "nonvoluntary_ctxt_switches:");
 }
 
 std::uint64_t peak_rss_kib(pid_t pid) {

@@ -15,6 +15,8 @@ namespace porttape::bench {
 std::int64_t cpu_ns(pid_t pid);
 // Times its threads went to sleep, and the peak of its resident memory (VmHWM).
 std::uint64_t wakeups(pid_t pid);
+// Times its threads were put on a processor: those, and when they were sent away from one.
+std::uint64_t context_switches(pid_t pid);
 std::uint64_t peak_rss_kib(pid_t pid);
 
 // One child process, owned: ended by its pid at the latest in the destructor, and by the kernel if we die.

@@ -59,6 +59,7 @@ int rtt_command(const Arguments& arguments);
 int throughput_command(const Arguments& arguments);
 int arrivals_command(const Arguments& arguments);
 int channels_command(const Arguments& arguments);
+int ptys_command(const Arguments& arguments);
 int idle_command(const Arguments& arguments);
 int peak_command(const Arguments& arguments);
 int echo_command(const Arguments& arguments);

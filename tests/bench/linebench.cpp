@@ -22,6 +22,7 @@ constexpr Command kCommands[] = {
     {"throughput", throughput_command, "bytes a second through lines, each way and both, checked"},
     {"arrivals", arrivals_command, "when a replay's blocks arrive, against the tape's times"},
     {"channels", channels_command, "many TCP channels in one recording daemon, checked"},
+    {"ptys", ptys_command, "many channels of a serial device and a pty in one recording daemon, checked"},
     {"idle", idle_command, "CPU time and wake-ups of a relay that has nothing to do"},
     {"peak", peak_command, "time, CPU and peak memory of a program"},
     {"echo", echo_command, "a device that echoes"},

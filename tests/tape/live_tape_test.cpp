@@ -5,6 +5,7 @@
 #include <array>
 #include <cerrno>
 #include <condition_variable>
+#include <future>
 #include <thread>
 
 #include <gmock/gmock.h>
@@ -192,6 +193,26 @@ TEST_F(LiveTapeTest, AnotherTapeOfASlowDiskGoesOverAQueueToo) {
   disks->note_slow(7);
   EXPECT_TRUE(*disks->slow(7));
   EXPECT_FALSE(*disks->slow(8));
+}
+
+TEST_F(LiveTapeTest, TheSyncsOfOneDiskRunInTurnAndHoldUpNoOther) {
+  std::promise<void> go_on;
+  std::promise<void> other_disk;
+  std::promise<void> last;
+  std::vector<int> order;
+  ASSERT_TRUE(workers.post(disks->sync_strand(7), [&] {
+    go_on.get_future().wait();
+    order.push_back(1);
+  }));
+  ASSERT_TRUE(workers.post(disks->sync_strand(7), [&] {
+    order.push_back(2);
+    last.set_value();
+  }));
+  ASSERT_TRUE(workers.post(disks->sync_strand(8), [&] { other_disk.set_value(); }));
+  other_disk.get_future().wait();
+  go_on.set_value();
+  last.get_future().wait();
+  EXPECT_THAT(order, ElementsAre(1, 2));
 }
 
 TEST_F(LiveTapeTest, WhatTheQueueDoesNotHoldIsAGapWhereItWas) {

@@ -11,7 +11,7 @@ import time
 from .table import Table
 
 MIB = 1 << 20
-SECTIONS = ["rtt", "busy", "throughput", "tcp", "channels", "delivery", "verify", "memory", "idle", "start"]
+SECTIONS = ["rtt", "busy", "throughput", "tcp", "channels", "ptys", "delivery", "verify", "memory", "idle", "start"]
 
 
 class Failed(Exception):
@@ -141,6 +141,20 @@ class Bench:
         self.table.add("64 TCP channels of 1 MB/s, all bytes and tapes", done["MBps"], "MB/s", 64, "sent", 1 / late)
         self.table.add("  peak memory", done["peak_kib"] / 1024, "MiB", most=64)
         self.table.add("  CPU", done["cpu_percent"], "%")
+
+    def ptys(self):
+        if not self.programs["porttaped"]:
+            return self.table.skip("ptys", "porttaped is not built")
+        # Builds that are compared get what an old one can do.
+        channels = self.sized(64, 64, 256)
+        done = self.linebench("ptys", "--daemon", self.programs["porttaped"], "--channels", channels, "--talking", 64,
+                              "--idle", self.sized(0.5, 1, 3), "--seconds", self.sized(1, 3, 10))[0]
+        self.table.add(f"{channels} serial channels, idle, wake-ups a channel", done["idle_wakeups_per_s"] / channels, "/s", most=2)
+        self.table.add("  CPU", done["idle_cpu_percent"], "%")
+        self.table.add("64 of them at 115200 both ways, all bytes and tapes, CPU", done["cpu_percent"], "%", most=15)
+        self.table.add("  CPU a piece of 64 bytes", done["cpu_us_per_piece"], "us")
+        self.table.add("  wake-ups a piece", done["wakeups_per_piece"], "")
+        self.table.add("  peak memory", done["peak_kib"] / 1024, "MiB", most=64)
 
     def delivery(self):
         tape, report = self.folder / "steps.log", self.folder / "report.json"
