@@ -26,7 +26,7 @@ class TapeKeeper {
     OnExisting on_existing = OnExisting::refuse;
     bool fail_closed = false;  // on_must_end when the tape cannot be written; else the line stays up
     Nanos retry = std::chrono::seconds(1);  // then 2 s, 4 s, … 30 s: a tape that could not be made
-    std::size_t queue_bytes = std::size_t{8} << 20;
+    std::size_t queue_bytes = std::size_t{64} << 20;
     // Makes the writer of each tape; empty: on files.
     std::function<Result<TapeWriter>(const LiveTape::Options&)> make = {};
   };

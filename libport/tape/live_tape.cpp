@@ -2,6 +2,7 @@
 
 #include <array>
 #include <deque>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <system_error>
 #include <thread>
@@ -45,6 +46,12 @@ void Disks::note_slow(dev_t device) {
   if (const auto flag = slow_.find(device); flag != slow_.end()) *flag->second = true;
 }
 
+bool Disks::reserve(std::uint64_t bytes) {
+  if (waiting_ + bytes > kMostWaiting) return false;
+  waiting_ += bytes;
+  return true;
+}
+
 Workers::Strand Disks::sync_strand(dev_t device) {
   const std::lock_guard lock(mutex_);
   return sync_strands_[device];
@@ -63,7 +70,10 @@ struct LiveTape::Shared {
     std::uint64_t bytes = 0;
   };
 
-  explicit Shared(Options given) : options(std::move(given)) {}
+  Shared(Options given, std::shared_ptr<Disks> known) : options(std::move(given)), disks(std::move(known)) {}
+  ~Shared() { disks->release(status.bytes_waiting); }
+  Shared(const Shared&) = delete;
+  Shared& operator=(const Shared&) = delete;
 
   void serve();
   void make(std::unique_lock<std::mutex>& lock);
@@ -78,6 +88,7 @@ struct LiveTape::Shared {
   }
 
   const Options options;
+  const std::shared_ptr<Disks> disks;
   std::atomic<bool> sync_due = false;
 
   std::mutex mutex;  // guards the rest, but for the writer
@@ -86,6 +97,7 @@ struct LiveTape::Shared {
   bool busy = false;
   bool slow = false;
   bool abandoned = false;
+  milliseconds last_batch{0};
   Status status;
   std::optional<dev_t> device;
   std::array<TapeSink::Sync, 3> syncers;
@@ -132,7 +144,7 @@ void LiveTape::Shared::give_up_queue() {
   if (overflow) status.bytes_lost += overflow->bytes;
   queue.clear();
   overflow.reset();
-  status.bytes_waiting = 0;
+  disks->release(std::exchange(status.bytes_waiting, 0));
 }
 
 void LiveTape::Shared::abandon_queue() {
@@ -148,7 +160,7 @@ void LiveTape::Shared::write_batch(std::unique_lock<std::mutex>& lock) {
   for (const Entry& entry : batch) bytes += entry.bytes;
   const Clock::time_point begin = Clock::now();
   status.waits_since = begin;
-  const RunBoth beside = slow ? RunBoth(run_both) : RunBoth();
+  const RunBoth beside = last_batch >= kHungWrite ? RunBoth(run_both) : RunBoth();
   lock.unlock();
   writer->begin_batch();
   for (Entry& entry : batch) apply(entry, beside);
@@ -156,7 +168,9 @@ void LiveTape::Shared::write_batch(std::unique_lock<std::mutex>& lock) {
   const auto took = std::chrono::duration_cast<milliseconds>(Clock::now() - begin);
   lock.lock();
   status.slowest = std::max(status.slowest, took);
+  last_batch = took;
   status.bytes_waiting -= bytes;
+  disks->release(bytes);
   take_stock();
 }
 
@@ -192,7 +206,9 @@ void LiveTape::Shared::sync() {
 }
 
 LiveTape::LiveTape(Workers& workers, std::shared_ptr<Disks> disks, Options options)
-    : workers_(workers), disks_(std::move(disks)), shared_(std::make_shared<Shared>(std::move(options))) {
+    : workers_(workers),
+      disks_(std::move(disks)),
+      shared_(std::make_shared<Shared>(std::move(options), disks_)) {
   std::unique_lock lock(shared_->mutex);
   call_worker(lock);
 }
@@ -260,13 +276,21 @@ void LiveTape::leave_direct() {
   shared_->take_stock();
 }
 
+// A processor that others want looks like a slow disk: the kernel counts how often a thread was put aside.
+bool LiveTape::blocked(Clock::duration took) {
+  rusage usage{};
+  if (::getrusage(RUSAGE_THREAD, &usage) != 0) return true;
+  const bool others = std::exchange(put_aside_, usage.ru_nivcsw) != usage.ru_nivcsw;
+  return took >= kHungWrite || !others;
+}
+
 template <class Work>
 void LiveTape::write(const Work& work) {
   const Clock::time_point begin = Clock::now();
   work(*shared_->writer);
   const Clock::duration took = Clock::now() - begin;
   sync_soon();
-  if (took < kLongWrite) return;
+  if (took < kLongWrite || !blocked(took)) return;
   leave_direct();
   {
     const std::lock_guard lock(shared_->mutex);
@@ -283,7 +307,8 @@ void LiveTape::put(Note work, TapeTime at, std::size_t bytes, bool last) {
     status.bytes_lost += bytes;
     return;
   }
-  if (bytes > 0 && status.bytes_waiting + bytes > shared_->options.queue_bytes) {
+  const bool fits = status.bytes_waiting + bytes <= shared_->options.queue_bytes;
+  if (bytes > 0 && !(fits && disks_->reserve(bytes))) {
     if (!shared_->overflow) shared_->overflow = Shared::Overflow{at, 0};
     shared_->overflow->bytes += bytes;
     return;

@@ -23,6 +23,11 @@ class Disks {
   // Whether a write to this device (st_dev) once took longer than a line may wait. Stays true.
   [[nodiscard]] std::shared_ptr<const std::atomic<bool>> slow(dev_t device);
   void note_slow(dev_t device);
+
+  // Room for what waits in all queues together: false where there is none.
+  static constexpr std::uint64_t kMostWaiting = std::uint64_t{256} << 20;
+  [[nodiscard]] bool reserve(std::uint64_t bytes);
+  void release(std::uint64_t bytes) { waiting_ -= bytes; }
   // The syncs of a device run one after another: side by side they take a thread each and are no faster. For
   // tapes of one Workers.
   [[nodiscard]] Workers::Strand sync_strand(dev_t device);
@@ -31,6 +36,7 @@ class Disks {
   std::mutex mutex_;
   std::map<dev_t, std::shared_ptr<std::atomic<bool>>> slow_;
   std::map<dev_t, Workers::Strand> sync_strands_;
+  std::atomic<std::uint64_t> waiting_ = 0;
 };
 
 // A tape in the making that holds up nobody: the caller's thread never waits for the disk, but for the one
@@ -52,13 +58,16 @@ class Disks {
 // Drive it from one thread as a TapeWriter, finish() last. The destructor gives up what is not written yet.
 class LiveTape {
  public:
+  // A write that took so long means a slow disk, unless the thread was put aside for others meanwhile; one
+  // that took kHungWrite always does.
   static constexpr std::chrono::milliseconds kLongWrite{3};
+  static constexpr std::chrono::milliseconds kHungWrite{100};
 
   struct Options {
     TapePaths paths;
     TapeHeader header;
     TapeWriterOptions writer = {};
-    std::size_t queue_bytes = std::size_t{8} << 20;
+    std::size_t queue_bytes = std::size_t{64} << 20;
     // status() has something new: a phase, slowness, a failure in the queue or of a sync. From any thread.
     std::function<void()> on_news = {};
     // Makes the writer; TapeWriter::create unless a test wants another disk.
@@ -107,6 +116,7 @@ class LiveTape {
   struct Shared;
   bool direct();
   void leave_direct();
+  [[nodiscard]] bool blocked(std::chrono::steady_clock::duration took);
   template <class Work>
   void write(const Work& work);
   void put(Note work, TapeTime at, std::size_t bytes, bool last = false);
@@ -119,6 +129,7 @@ class LiveTape {
   Workers::Strand sync_strand_;
   std::shared_ptr<Shared> shared_;
   bool direct_ = false;  // the writer is this thread's
+  long put_aside_ = 0;   // how often this thread was, when last looked at
   std::shared_ptr<const std::atomic<bool>> disk_is_slow_;
 };
 

@@ -165,13 +165,13 @@ TEST_F(LiveTapeTest, AfterOneLongWriteTheCallerNeverWaitsAgain) {
   disk->hang();
   std::thread later([this] {
     disk->wait_until_reached();
-    std::this_thread::sleep_for(2 * LiveTape::kLongWrite);  // what the write is to be long by
+    std::this_thread::sleep_for(LiveTape::kHungWrite * 3 / 2);  // what the write is to be long by
     disk->go_on();
   });
   tape->block(Direction::read, tape_time_us(10), as_bytes("late"));
   later.join();
   EXPECT_EQ(tape->status().phase, Phase::queued);
-  EXPECT_GE(tape->status().slowest, LiveTape::kLongWrite);
+  EXPECT_GE(tape->status().slowest, LiveTape::kHungWrite);
 
   disk->hang();
   for (int i = 0; i < 20; ++i) {
