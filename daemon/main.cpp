@@ -14,6 +14,7 @@
 #include "daemon/invocation.hpp"
 #include "daemon/log.hpp"
 #include "daemon/notify.hpp"
+#include "libport/base/printable.hpp"
 #include "libport/base/unique_fd.hpp"
 
 namespace porttape {
@@ -21,7 +22,7 @@ namespace {
 
 // A line on stderr, unless that is blocked.
 void tell(const std::string& text) {
-  const std::string line = "porttaped: " + text + '\n';
+  const std::string line = "porttaped: " + printable_lines(text) + '\n';
   pollfd poll{STDERR_FILENO, POLLOUT, 0};
   if (::poll(&poll, 1, 1000) > 0) (void)!::write(STDERR_FILENO, line.data(), line.size());
 }
@@ -101,7 +102,7 @@ int main(int argc, char** argv) {
   try {
     return porttape::main_of(std::vector<std::string>(argv + 1, argv + argc));
   } catch (const std::exception& error) {
-    std::cerr << "porttaped: " << error.what() << '\n';
+    std::cerr << "porttaped: " << porttape::printable_lines(error.what()) << '\n';
     return porttape::exit_status::kRuntime;
   }
 }

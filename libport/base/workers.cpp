@@ -114,7 +114,8 @@ bool Workers::State::start_thread() {
 void Workers::State::wait_for_work(std::unique_lock<std::mutex>& lock) {
   if (later.empty() || watched) return wake.wait(lock);
   watched = true;
-  wake.wait_until(lock, later.begin()->first);
+  const Clock::time_point due = later.begin()->first;  // a copy: the entry may be gone when it looks again
+  wake.wait_until(lock, due);
   watched = false;
 }
 

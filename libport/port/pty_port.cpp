@@ -24,6 +24,10 @@ constexpr Nanos kUnreadPoll =
 // Where that cannot be seen, it has this long to read and close.
 constexpr Nanos kUnknownLimit = std::chrono::seconds(5);
 
+// A driver that is not read: how often it is looked at, and how long what it left is kept once it has closed.
+constexpr Nanos kLookUnread = std::chrono::milliseconds(250);
+constexpr Nanos kRestLimit = std::chrono::seconds(10);
+
 constexpr std::size_t kMostHeld = std::size_t{128} * 1024;
 
 // A pty that could not be made (too many open files, say) is tried again.
@@ -60,7 +64,8 @@ PtyPort::PtyPort(const PortContext& context, const PortOptions& options)
     : context_(context),
       options_(options),
       hang_up_timer_(*context.loop, [this] { on_hang_up_timer(); }),
-      renew_timer_(*context.loop, [this] { renew_line(); }) {}
+      renew_timer_(*context.loop, [this] { renew_line(); }),
+      unread_timer_(*context.loop, [this] { on_unread_timer(); }) {}
 
 PtyPort::~PtyPort() { context_.loop->sampler().remove(this); }
 
@@ -162,7 +167,41 @@ void PtyPort::close() {
 }
 
 // Between close() and open() a peer's bytes wait for the next session.
-void PtyPort::watch_reading() { line_->master_watch.watch_readable(peer_ && accepting_ && reading_); }
+void PtyPort::watch_reading() {
+  line_->master_watch.watch_readable(may_deliver());
+  gone_since_.reset();
+  if (peer_ && accepting_ && !reading_) {
+    unread_timer_.set_after(kLookUnread);
+  } else {
+    unread_timer_.cancel();
+  }
+}
+
+// Without reading, its end is not seen behind the bytes that it left.
+void PtyPort::on_unread_timer() {
+  if (!peer_ || !line_ || !accepting_ || reading_) return;
+  const Instant now = Loop::now();
+  if (line_->pty.open_now()) {
+    gone_since_.reset();
+  } else if (!gone_since_) {
+    gone_since_ = now;
+  }
+  const bool kept = !gone_since_ || (listener().wants_rest() && now - *gone_since_ < kRestLimit);
+  if (kept) return unread_timer_.set_after(kLookUnread);
+  drop_rest();
+  master_ended();
+}
+
+void PtyPort::drop_rest() {
+  drop_held();
+  std::uint64_t bytes = 0;
+  const std::span<Byte> buffer = context_.loop->read_buffer().first(kReadSize);
+  for (ssize_t size = 1; size > 0 && bytes < kMostHeld;) {
+    size = ::read(line_->pty.master(), buffer.data(), buffer.size());
+    if (size > 1 && buffer.front() == TIOCPKT_DATA) bytes += static_cast<std::uint64_t>(size - 1);
+  }
+  if (bytes > 0) listener().on_dropped(bytes, "the driver had closed before the device could take them");
+}
 
 void PtyPort::drop_unsent() {
   const std::size_t bytes = line_->outbox.pending();

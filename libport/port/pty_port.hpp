@@ -34,6 +34,9 @@ namespace porttape {
 // | no HUP, no session                    | 0, or lost     | where events were lost, or opens cannot be    |
 // |                                       |                | told one by one: a session begins             |
 //
+// | HUP, and reading is off              | any            | what is left is kept 10 s for a device that   |
+// |                                       |                | comes, then dropped and told; the session ends |
+//
 // Their number is exact where each open and close is told (Pty::exact). It is unknown after an open that may
 // stand for several, after lost events, and for a session that was found without an event. HUP, which the
 // kernel shows while nobody has the slave open, is always true, and with it the number is 0.
@@ -82,6 +85,8 @@ class PtyPort final : public Port {
   void handle_event(Pty::Event event);
   void count(Pty::Event event);
   void watch_reading();
+  void on_unread_timer();
+  void drop_rest();
   void on_readable();
   bool read_once();  // true when there may be more
   [[nodiscard]] bool may_deliver() const { return peer_ && accepting_ && reading_; }
@@ -105,6 +110,8 @@ class PtyPort final : public Port {
   std::unique_ptr<Line> line_;  // null before prepare(), and while no new pty can be made
   Timer hang_up_timer_;
   Timer renew_timer_;                     // while there is no line
+  Timer unread_timer_;                    // while the driver is not read
+  std::optional<Instant> gone_since_;     // not read, and seen to have closed
   std::optional<Instant> unknown_since_;  // hanging up, without seeing whether the driver has read everything
   Bytes held_;  // a packet that was read when the session began or reading stopped: delivered first
   Openers openers_ = 0;

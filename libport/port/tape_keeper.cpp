@@ -1,6 +1,7 @@
 #include "libport/port/tape_keeper.hpp"
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <utility>
 
@@ -171,7 +172,8 @@ void TapeKeeper::tell_sync_error(const LiveTape::Status& status, bool& told) {
   if (status.sync_error == 0 || std::exchange(told, true)) return;
   incomplete_ = true;
   context_.log->error("tape {}: what was written may not be on the disk: {}", status.paths.name(),
-                      errno_text(status.sync_error));
+                      status.sync_error == ENOENT ? "its files were removed; SIGUSR1 begins the next tape"
+                                                  : errno_text(status.sync_error));
   must_end();
 }
 

@@ -219,7 +219,8 @@ void Session::device_arrivals(ByteView data, std::span<const std::size_t> ends) 
 
 void Session::driver_data(ByteView data) {
   if (!taking_in_) {  // still read, since that is how its close is seen
-    dropped_by_driver(data.size(), "they came after the end");
+    dropped_by_driver(data.size(),
+                      device_up_ ? "they came after the end" : "the device was not there to take them");
     return;
   }
   counters_.from_driver_bytes += data.size();
@@ -336,6 +337,11 @@ void Session::begin_end() {
     device_->read_pending();
   }
   taking_in_ = false;
+  // What the driver wrote for a device that is not there reaches nobody: read, and told.
+  if (driver_up_ && !device_up_) {
+    let_driver(true);
+    driver_->read_pending();
+  }
   let_device(false);
   end_wait_.emplace(Loop::now(), failed_ ? limits_.failed_step : limits_.without_progress);
   end_timer_.set_after(kEndLook);

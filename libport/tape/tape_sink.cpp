@@ -4,6 +4,7 @@
 #include <array>
 #include <cerrno>
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <sys/uio.h>
 #include <unistd.h>
 
@@ -65,7 +66,10 @@ int FileSink::truncate(std::uint64_t size) {
 TapeSink::Sync FileSink::syncer() {
   return [sync_fd = std::weak_ptr<UniqueFd>(sync_fd_)] {
     const std::shared_ptr<UniqueFd> fd = sync_fd.lock();
-    return !fd || ::fdatasync(fd->get()) == 0 || errno == EINVAL || errno == ENOSYS ? 0 : errno;
+    if (!fd) return 0;
+    if (::fdatasync(fd->get()) != 0 && errno != EINVAL && errno != ENOSYS) return errno;
+    struct stat file {};
+    return ::fstat(fd->get(), &file) == 0 && file.st_nlink == 0 ? ENOENT : 0;
   };
 }
 

@@ -27,8 +27,8 @@ class TapeSink {
   virtual Appended append(ByteView head, ByteView body) = 0;
   // Cuts to `size` bytes, never more than there are.
   virtual int truncate(std::uint64_t size) = 0;
-  // Brings what was appended to the disk. The function may be called from any thread at any time, also when
-  // the sink is closed or gone.
+  // Brings what was appended to the disk; ENOENT where the file has lost its name. The function may be called
+  // from any thread at any time, also when the sink is closed or gone.
   using Sync = std::function<int()>;
   [[nodiscard]] virtual Sync syncer() = 0;
   virtual int close() = 0;
