@@ -357,6 +357,21 @@ TEST_F(PtyPortTest, WithoutInotifySessionsAreFoundByLooking) {
   until("up closed ");
 }
 
+TEST_F(PtyPortTest, TheEndOfADriverThatIsNotReadIsSeenBehindWhatItLeft) {
+  start();
+  UniqueFd fd = driver();
+  until("up ");
+  port.set_reading(false);
+  ASSERT_EQ(::write(fd.get(), "rest", 4), 4);
+  fd.reset();
+  until("up closed ");
+  EXPECT_EQ(log.data, "");
+  EXPECT_EQ(log.dropped, 4U);
+  port.set_reading(true);
+  fd = driver();
+  until("up closed up ");
+}
+
 TEST_F(PtyPortTest, InABriefProgramOpensAreLookedForFirstAndToldLater) {
   loop.file_events().begin_after(std::chrono::milliseconds(5));
   start();

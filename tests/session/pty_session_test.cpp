@@ -144,5 +144,28 @@ TEST(PtySession, RandomSchedulesLoseNothing) {
   }
 }
 
+TEST(PtySessionEnd, WhatADriverWroteForADeviceThatIsNotThereIsTold) {
+  const test::TempDir dir;
+  const std::string link = (dir.path() / "port").string();
+  Loop loop;
+  LogBook book;
+  MemoryPort::Peer device;
+  device.up_at_once = false;
+  const PortContext context{&loop, book.log()};
+  bool ended = false;
+  Session session(context, std::make_unique<PtyPort>(context, PortOptions{"pty", {{"link", link}}}),
+                  std::make_unique<MemoryPort>(device), [&ended](int) { ended = true; });
+  ASSERT_TRUE(session.start().has_value());
+  UniqueFd driver(::open(link.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
+  ASSERT_EQ(::write(driver.get(), "hello", 5), 5);
+  run_until(loop, [&] { return device.calls.find("open ") != std::string::npos; });
+  driver.reset();
+  session.stop();
+  run_until(loop, [&ended] { return ended; });
+  EXPECT_EQ(device.written, "");
+  EXPECT_EQ(device.gaps, 5U);
+  EXPECT_NE(book.text().find("5 bytes reached nobody"), std::string::npos) << book.text();
+}
+
 }  // namespace
 }  // namespace porttape

@@ -4,6 +4,7 @@
 #include <array>
 #include <cerrno>
 #include <csignal>
+#include <filesystem>
 #include <future>
 #include <memory>
 #include <sys/resource.h>
@@ -268,6 +269,17 @@ TEST(FailingDisk, AFailedSyncIsToldAtTheEnd) {
     ASSERT_TRUE(writer);
     EXPECT_EQ(writer->finish(tape_time_us(1)).has_value(), !sync);
   }
+}
+
+TEST(FailingDisk, FilesThatLoseTheirNamesAreNoTape) {
+  const test::TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  auto writer = TapeWriter::create(paths, {"device", "driver"}, {});
+  ASSERT_TRUE(writer);
+  EXPECT_EQ(writer->syncers()[0](), 0);
+  std::filesystem::remove(paths.read);
+  EXPECT_EQ(writer->syncers()[0](), ENOENT);
+  EXPECT_FALSE(writer->finish(tape_time_us(1)));
 }
 
 // Files may not grow over a size while this lives.
