@@ -1,6 +1,7 @@
 #include "libport/tape/live_tape.hpp"
 
 #include <array>
+#include <condition_variable>
 #include <deque>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -14,6 +15,10 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
+
+// A disk that has not come back for so long hangs: a full queue holds up the caller no longer.
+constexpr milliseconds kHung{500};
+constexpr std::uint64_t kBatch = std::uint64_t{4} << 20;
 
 constexpr std::string_view kQueueFull = "the disk did not keep up";
 
@@ -95,6 +100,9 @@ struct LiveTape::Shared {
   std::deque<Entry> queue;
   std::optional<Overflow> overflow;
   bool busy = false;
+  bool wanted = false;  // the caller waits for the writer
+  std::condition_variable handed_over;
+  std::condition_variable room;
   bool slow = false;
   bool abandoned = false;
   milliseconds last_batch{0};
@@ -109,12 +117,13 @@ void LiveTape::Shared::serve() {
   std::unique_lock lock(mutex);
   const std::string failure = status.failure;
   if (status.phase == Status::Phase::being_made && !writer) make(lock);
-  while (!queue.empty() && !abandoned) write_batch(lock);
-  if (!queue.empty()) abandon_queue();
+  while (!queue.empty() && !abandoned && !wanted) write_batch(lock);
+  if (!queue.empty() && abandoned) abandon_queue();
   const bool news = failure != status.failure || status.over() || status.phase == Status::Phase::being_made;
   if (status.phase == Status::Phase::being_made) status.phase = Status::Phase::queued;
   status.waits_since.reset();
   busy = false;
+  if (wanted) handed_over.notify_one();
   lock.unlock();
   if (news) tell();
 }
@@ -155,9 +164,13 @@ void LiveTape::Shared::abandon_queue() {
 }
 
 void LiveTape::Shared::write_batch(std::unique_lock<std::mutex>& lock) {
-  std::deque<Entry> batch = std::exchange(queue, {});
+  std::deque<Entry> batch;
   std::uint64_t bytes = 0;
-  for (const Entry& entry : batch) bytes += entry.bytes;
+  while (!queue.empty() && bytes < kBatch) {
+    bytes += queue.front().bytes;
+    batch.push_back(std::move(queue.front()));
+    queue.pop_front();
+  }
   const Clock::time_point begin = Clock::now();
   status.waits_since = begin;
   const RunBoth beside = last_batch >= kHungWrite ? RunBoth(run_both) : RunBoth();
@@ -171,6 +184,7 @@ void LiveTape::Shared::write_batch(std::unique_lock<std::mutex>& lock) {
   last_batch = took;
   status.bytes_waiting -= bytes;
   disks->release(bytes);
+  room.notify_one();
   take_stock();
 }
 
@@ -209,8 +223,8 @@ LiveTape::LiveTape(Workers& workers, std::shared_ptr<Disks> disks, Options optio
     : workers_(workers),
       disks_(std::move(disks)),
       shared_(std::make_shared<Shared>(std::move(options), disks_)) {
-  std::unique_lock lock(shared_->mutex);
-  call_worker(lock);
+  shared_->busy = true;
+  if (!workers_.post(strand_, [shared = shared_] { shared->serve(); })) shared_->serve();
 }
 
 // The writer closes its files when it goes, which may wait: not here if a worker can do it.
@@ -307,8 +321,7 @@ void LiveTape::put(Note work, TapeTime at, std::size_t bytes, bool last) {
     status.bytes_lost += bytes;
     return;
   }
-  const bool fits = status.bytes_waiting + bytes <= shared_->options.queue_bytes;
-  if (bytes > 0 && !(fits && disks_->reserve(bytes))) {
+  if (bytes > 0 && !make_room(lock, bytes)) {
     if (!shared_->overflow) shared_->overflow = Shared::Overflow{at, 0};
     shared_->overflow->bytes += bytes;
     return;
@@ -319,13 +332,42 @@ void LiveTape::put(Note work, TapeTime at, std::size_t bytes, bool last) {
   }
   shared_->queue.push_back({std::move(work), at, bytes, last});
   status.bytes_waiting += bytes;
+  if (status.bytes_waiting > kMostBehind && !last) help(lock);
   call_worker(lock);
   sync_soon();
 }
 
+// Whether so much goes into the queue. A flood is held up to the pace of a disk that works; one that hangs
+// holds up nobody.
+bool LiveTape::make_room(std::unique_lock<std::mutex>& lock, std::size_t bytes) {
+  const Status& status = shared_->status;
+  const auto fits = [&] {
+    return status.bytes_waiting + bytes <= shared_->options.queue_bytes && disks_->reserve(bytes);
+  };
+  if (fits()) return true;
+  return status.waits_since && shared_->room.wait_until(lock, *status.waits_since + kHung, fits);
+}
+
+// A flood that began while the files were made would never let the worker catch up.
+void LiveTape::help(std::unique_lock<std::mutex>& lock) {
+  Shared& shared = *shared_;
+  if (shared.slow || !shared.writer || shared.status.over()) return;
+  shared.wanted = true;
+  const bool free = shared.handed_over.wait_for(lock, kHungWrite, [&shared] { return !shared.busy; });
+  shared.wanted = false;
+  if (!free) {
+    shared.slow = true;
+    return;
+  }
+  shared.busy = true;
+  while (!shared.queue.empty()) shared.write_batch(lock);
+  shared.status.waits_since.reset();
+  shared.busy = false;
+}
+
 // A worker serves the queue until it is empty. Releases the lock.
 void LiveTape::call_worker(std::unique_lock<std::mutex>& lock) {
-  if (std::exchange(shared_->busy, true)) return lock.unlock();
+  if (shared_->queue.empty() || std::exchange(shared_->busy, true)) return lock.unlock();
   lock.unlock();
   if (!workers_.post(strand_, [shared = shared_] { shared->serve(); })) shared_->serve();
 }

@@ -45,15 +45,16 @@ class Disks {
 // Its life:
 //
 //   being made   a worker makes the files; what is given waits in the queue
-//   direct       the caller writes each block itself, so that SIGKILL costs at most the block it is in
-//   queued       once a write took kLongWrite, here or for another tape of the disk: a worker writes, what
-//   has
+//   direct       (at the latest when kMostBehind has gathered) the caller writes each block itself, so that
+//   SIGKILL costs at most the block it is in queued       once a write took kLongWrite, here or for another
+//   tape of the disk: a worker writes, what has
 //                gathered meanwhile in one go; stays so
 //   not made     the files could not be made: what was given and what is given is lost and counted
 //   finished     the `end` event is written, all is synced and closed
 //
-// The queue holds Options::queue_bytes; what does not fit is lost and told by a gap event like what the disk
-// did not take. Written data is synced once a second. Without a thread to be had (limits) the caller writes.
+// The queue holds Options::queue_bytes. A full one holds the caller up while the disk works, half a second
+// at most; what does not fit then is lost and told by a gap event like what the disk did not take. Written
+// data is synced once a second. Without a thread to be had (limits) the caller writes.
 //
 // Drive it from one thread as a TapeWriter, finish() last. The destructor gives up what is not written yet.
 class LiveTape {
@@ -62,6 +63,8 @@ class LiveTape {
   // that took kHungWrite always does.
   static constexpr std::chrono::milliseconds kLongWrite{3};
   static constexpr std::chrono::milliseconds kHungWrite{100};
+  // So much may wait while the files are made; then the caller writes it, if the worker comes back in time.
+  static constexpr std::size_t kMostBehind = std::size_t{256} << 10;
 
   struct Options {
     TapePaths paths;
@@ -121,6 +124,8 @@ class LiveTape {
   void write(const Work& work);
   void put(Note work, TapeTime at, std::size_t bytes, bool last = false);
   void call_worker(std::unique_lock<std::mutex>& lock);
+  void help(std::unique_lock<std::mutex>& lock);
+  bool make_room(std::unique_lock<std::mutex>& lock, std::size_t bytes);
   void sync_soon();
 
   Workers& workers_;

@@ -120,6 +120,11 @@ device = unix:/x
 driver = pty:$work/a,mode=0999"
 say "wrong configurations: exit 2"
 
+if [[ -n ${SANITIZE:-} ]]; then
+  say "skipped: few descriptors, since a sanitizer needs some itself"
+  exit 0
+fi
+
 # Descriptors for some channels only: those that are up stay exact.
 for ((n = 0; n < 40; n++)); do
   printf '[channel c%d]\ndevice = unix:%s/device.socket\ndriver = pty:%s/c%d\n' "$n" "$work" "$work" "$n"
