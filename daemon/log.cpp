@@ -14,7 +14,6 @@
 #include <spdlog/sinks/sink.h>
 
 #include "daemon/log_target.hpp"
-
 #include "libport/port/printable_message.hpp"
 
 namespace porttape {

@@ -91,7 +91,8 @@ Result<void> TestRun::start_session() {
   const PortContext context{&loop_, log_};
   const Result<ReplayConfig> config = replay_config(request_.ports.device);
   if (!config) return config.error();
-  ReplayPort::Options options{literal_tape(request_.ports.device.text("file")), *config, false, {}, {}, true, true};
+  ReplayPort::Options options{
+      literal_tape(request_.ports.device.text("file")), *config, false, {}, {}, true, true};
   options.on_report = [this](const RunReport& report) { take(report); };
   auto device = std::make_unique<ReplayPort>(context, std::move(options));
   device_ = device.get();

@@ -1,5 +1,5 @@
-// LD_PRELOAD: a disk that hangs. While the file $SLOW_DISK_SWITCH exists, each write to and each sync of a regular file
-// whose name begins with $SLOW_DISK_FILES takes $SLOW_DISK_MS milliseconds (2000).
+// LD_PRELOAD: a disk that hangs. While the file $SLOW_DISK_SWITCH exists, each write to and each sync of a
+// regular file whose name begins with $SLOW_DISK_FILES takes $SLOW_DISK_MS milliseconds (2000).
 
 #include <cstdlib>
 #include <cstring>

@@ -120,7 +120,8 @@ TEST(Cat, NothingOfAForeignEventIsObeyedByATerminal) {
   for (const char* form : {"--blocks", "--json"}) {
     const auto ran = run({"cat", tape, form});
     EXPECT_EQ(ran.status, 0) << ran.err;
-    for (const char* obeyed : {"\u009b", "\x7f", "\u202e"}) EXPECT_THAT(ran.out, testing::Not(HasSubstr(obeyed)));
+    for (const char* obeyed : {"\u009b", "\x7f", "\u202e"})
+      EXPECT_THAT(ran.out, testing::Not(HasSubstr(obeyed)));
     EXPECT_THAT(ran.out, HasSubstr("\xc3\xa9"));
   }
 }
