@@ -82,12 +82,14 @@ status_of "$daemon"
 start "$PORTTAPED" run channels.conf 2>log
 wait_for "$work/good" log
 talk "$work/good" sixth
+until_true 10 grep -q sixth good.2.logr || die "the tape does not come: $(cat log)" # made while the first bytes pass
 kill -KILL "$started"
 status_of "$started"
 start "$PORTTAPED" run channels.conf 2>log
 daemon=$started
 until_true 10 grep -q "good is there" log || die "it does not come up after a kill: $(cat log)"
 talk "$work/good" seventh
+until_true 10 grep -q seventh good.3.logr || die "the tape does not come: $(cat log)"
 stop "$daemon"
 [[ $(payload good.2.logr) == sixth && $(payload good.3.logr) == seventh ]] || die "the tapes are $(ls): $(cat log)"
 try "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/good" --tape good 2>err
