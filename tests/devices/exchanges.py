@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Many short exchanges over a serial line, and how late each answer was.
 
-  exchanges.py device PATH                      answers each message with itself, until the line is hung up
+  exchanges.py device PATH                      says when it is ready, answers each message with itself, until the line is hung up
   exchanges.py driver PATH --seconds S          sends 16 bytes every --every ms and waits for the answer; prints one JSON line
 """
 
@@ -16,6 +16,7 @@ SIZE = 16
 
 def device(path):
     port = line.Line(path)
+    print("ready", flush=True)
     while True:
         try:
             port.write(port.read_some())

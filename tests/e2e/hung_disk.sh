@@ -10,7 +10,8 @@ library=$1
 long=${SECONDS_LONG:-8}
 
 line_pair line
-start "$devices/exchanges.py" device "$work/line.far"
+start "$devices/exchanges.py" device "$work/line.far" >"$work/device.out"
+until_true 20 grep -q ready "$work/device.out" || die "the device does not come"
 mkdir "$work/tapes"
 SLOW_DISK_SWITCH=$work/hangs SLOW_DISK_FILES=$work/tapes/ LD_PRELOAD=$library \
   start "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/port" --tape "$work/tapes/t" 2>"$work/log"
