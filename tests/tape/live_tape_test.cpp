@@ -220,8 +220,8 @@ TEST_F(LiveTapeTest, TheSyncsOfOneDiskRunInTurnAndHoldUpNoOther) {
 }
 
 TEST_F(LiveTapeTest, WhatTheQueueDoesNotHoldIsAGapWhereItWas) {
+  disk->hang();  // before its thread can have made the files
   const auto tape = make_tape(10);
-  disk->hang();
   disk->wait_until_reached();
   tape->block(Direction::read, tape_time_us(10), as_bytes("12345678"));
   tape->block(Direction::read, tape_time_us(20), as_bytes("lost"));
@@ -240,8 +240,8 @@ TEST_F(LiveTapeTest, WhatTheQueueDoesNotHoldIsAGapWhereItWas) {
 }
 
 TEST_F(LiveTapeTest, OverflowAtTheEndIsToldOnTheTapeToo) {
+  disk->hang();  // before its thread can have made the files
   const auto tape = make_tape(10);
-  disk->hang();
   disk->wait_until_reached();
   tape->block(Direction::read, tape_time_us(10), as_bytes("12345678"));
   tape->block(Direction::read, tape_time_us(20), as_bytes("lost"));
@@ -275,8 +275,8 @@ TEST_F(LiveTapeTest, AFailedSyncIsToldAtOnce) {
 }
 
 TEST_F(LiveTapeTest, GoneAtOnceItLeavesASoundTapeThatSaysWhatIsMissing) {
+  disk->hang();  // before its thread can have made the files
   auto tape = make_tape();
-  disk->hang();
   disk->wait_until_reached();
   tape->block(Direction::read, tape_time_us(10), as_bytes("given up"));
   tape.reset();
