@@ -61,9 +61,11 @@ Result<void> Daemon::start(const std::map<std::string, ChannelSpec>& channels) {
   if (Result<void> good = check_channels(channels); !good) return good;
   signals_ = std::make_unique<Signals>(*this, *loop_);
   const bool named = channels.size() > 1;
+  PortContext context{loop_, log_};
   for (const auto& [name, spec] : channels) {
+    if (named) context.log = log_->clone(name);
     auto channel = std::make_unique<SupervisedChannel>(
-        *loop_, named ? log_->clone(name) : log_, spec, options_.keeps_channels,
+        context, spec, options_.keeps_channels,
         [this, name = name](int exit_status) { ended(name, exit_status); });
     if (Result<void> started = channel->start(); !started) return started;
     channels_.emplace(name, std::move(channel));

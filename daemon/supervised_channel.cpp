@@ -23,15 +23,14 @@ bool is_trouble(int status) {
 
 }  // namespace
 
-SupervisedChannel::SupervisedChannel(Loop& loop, std::shared_ptr<spdlog::logger> log, ChannelSpec spec,
-                                     bool retries, std::function<void(int)> on_end)
-    : loop_(&loop),
-      log_(std::move(log)),
+SupervisedChannel::SupervisedChannel(PortContext context, ChannelSpec spec, bool retries,
+                                     std::function<void(int)> on_end)
+    : context_(std::move(context)),
       spec_(std::move(spec)),
       retries_(retries),
       on_end_(std::move(on_end)),
       fence_(std::make_shared<Fence>()),
-      retry_timer_(loop, [this] { retry(); }),
+      retry_timer_(*context_.loop, [this] { retry(); }),
       delay_(kFirstDelay) {
   fence_->on_exception = [this, alive = std::weak_ptr<int>(alive_)](const std::string& what) {
     if (!alive.expired()) threw(what);
@@ -50,7 +49,7 @@ Result<void> SupervisedChannel::start() {
 Result<void> SupervisedChannel::start_session() {
   started_ = Loop::now();
   Result<void> result;
-  loop_->within(fence_, [this, &result] {
+  context_.loop->within(fence_, [this, &result] {
     try {
       const Result<ChannelPorts> ports = channel_ports(spec_);
       if (!ports) {
@@ -58,7 +57,7 @@ Result<void> SupervisedChannel::start_session() {
         return;
       }
       Result<std::unique_ptr<Session>> made =
-          make_session({loop_, log_}, *ports, [this](int exit_status) { session_ended(exit_status); });
+          make_session(context_, *ports, [this](int exit_status) { session_ended(exit_status); });
       if (made) session_ = std::move(*made);
       result = made ? session_->start() : Result<void>(made.error());
     } catch (const std::exception& error) {  // no thread, no descriptor, …
@@ -99,13 +98,13 @@ void SupervisedChannel::threw(const std::string& what) {
     if (!session_) return;
     session_.reset();
     if (retries_ && !stopping_) return try_again(what);
-    log_->error("{}", what);
+    context_.log->error("{}", what);
     end(exit_status::kRuntime);
   });
 }
 
 void SupervisedChannel::later(std::function<void()> task) {
-  loop_->post([task = std::move(task), alive = std::weak_ptr<int>(alive_)] {
+  context_.loop->post([task = std::move(task), alive = std::weak_ptr<int>(alive_)] {
     if (!alive.expired()) task();
   });
 }
@@ -116,8 +115,8 @@ void SupervisedChannel::try_again(const std::string& why) {
     trouble_.clear();
   }
   const bool told = std::exchange(trouble_, why) == why;
-  log_->log(told ? spdlog::level::debug : spdlog::level::err, "{}; trying again after {} s{}", why,
-            std::chrono::duration_cast<seconds>(delay_).count(), told ? "" : " and longer");
+  context_.log->log(told ? spdlog::level::debug : spdlog::level::err, "{}; trying again after {} s{}", why,
+                    std::chrono::duration_cast<seconds>(delay_).count(), told ? "" : " and longer");
   retry_timer_.set_after(delay_);
   delay_ = std::min(delay_ * 2, kLongestDelay);
 }
@@ -126,7 +125,7 @@ void SupervisedChannel::retry() {
   if (const Result<void> started = start_session(); !started) {
     try_again(started.error().message);
   } else {
-    log_->info("the channel has been started again");
+    context_.log->info("the channel has been started again");
   }
 }
 

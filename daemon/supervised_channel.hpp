@@ -4,11 +4,9 @@
 #include <memory>
 #include <string>
 
-#include <spdlog/logger.h>
-
 #include "libport/base/result.hpp"
+#include "libport/port/context.hpp"
 #include "libport/port/fence.hpp"
-#include "libport/port/loop.hpp"
 #include "libport/port/timer.hpp"
 #include "libport/session/channel.hpp"
 #include "libport/session/session.hpp"
@@ -26,7 +24,7 @@ namespace porttape {
 // the channel.
 class SupervisedChannel {
  public:
-  SupervisedChannel(Loop& loop, std::shared_ptr<spdlog::logger> log, ChannelSpec spec, bool retries,
+  SupervisedChannel(PortContext context, ChannelSpec spec, bool retries,
                     std::function<void(int exit_status)> on_end);
   ~SupervisedChannel();
   SupervisedChannel(const SupervisedChannel&) = delete;
@@ -46,8 +44,7 @@ class SupervisedChannel {
   void retry();
   void end(int exit_status);
 
-  Loop* loop_;
-  std::shared_ptr<spdlog::logger> log_;
+  PortContext context_;
   ChannelSpec spec_;
   const bool retries_;
   std::function<void(int)> on_end_;

@@ -51,6 +51,7 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
       Side& ready = self->sides[index];
       ready.waiting = false;
       if (self->gone || !ready.wanted) return;
+      self->loop->came_from(self->number);
       self->loop->within(self->fence, ready.callback);
       if (!self->gone && ready.wanted) self->wait(index);
     });

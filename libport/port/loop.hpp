@@ -74,6 +74,8 @@ class Loop {
   // Called once a stall, for the log.
   void on_stall(std::function<void(const Stall&)> hook) { stalls_.on_stall(std::move(hook)); }
 
+  // For watches: the event that is being handled is this descriptor's.
+  void came_from(int fd) { patience_.came_from(fd); }
   // For timers: one that was expected then comes now.
   void timer_comes(Instant expected);
 

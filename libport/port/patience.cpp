@@ -8,6 +8,13 @@ void Patience::waited(Nanos time) {
   short_waits_ = time <= kShortWait ? std::min(short_waits_ + 1, kShortWaitsInARow) : 0;
 }
 
+void Patience::came_from(int source) {
+  if (std::ranges::find(sources_, source) != sources_.end()) return;
+  sources_[oldest_source_] = source;
+  oldest_source_ = (oldest_source_ + 1) % kFewSources;
+  short_waits_ = 0;
+}
+
 void Patience::polled(Instant last, Instant now) {
   if (now - last < kPreempted) return;
   rests_until_ = now + rest_;

@@ -42,15 +42,19 @@ class Disks {
 // A tape in the making that holds up nobody: the caller's thread never waits for the disk, but for the one
 // write that finds it slow. Owns the TapeWriter.
 //
-// Its life:
+// Its phases, and who has the writer:
 //
-//   being made   a worker makes the files; what is given waits in the queue
-//   direct       (at the latest when kMostBehind has gathered) the caller writes each block itself, so that
-//   SIGKILL costs at most the block it is in queued       once a write took kLongWrite, here or for another
-//   tape of the disk: a worker writes, what has
-//                gathered meanwhile in one go; stays so
-//   not made     the files could not be made: what was given and what is given is lost and counted
-//   finished     the `end` event is written, all is synced and closed
+// | phase      | who writes | what comes        | next |
+// |------------|------------|-------------------|------|
+// | being made | a worker   | is queued         | direct, queued, not made |
+// | direct     | the caller | is written        | queued: a write was slow, here or for a tape of that disk |
+// | queued     | a worker   | is queued         | direct: the queue was used up, and no write was slow yet |
+// | not made   | nobody     | is counted as lost| - |
+// | finished   | nobody     | is counted as lost| - |
+//
+// finish() leads from each of the first three to `finished`, through the queue. While `direct`, SIGKILL costs
+// at most the block that is being written. A flood that began while the files were made would keep the worker
+// behind for ever: from kMostBehind on the caller takes the writer and empties the queue itself.
 //
 // The queue holds Options::queue_bytes. A full one holds the caller up while the disk works, half a second
 // at most; what does not fit then is lost and told by a gap event like what the disk did not take. Written

@@ -5,6 +5,7 @@
 #include <sys/prctl.h>
 #include <vector>
 
+#include "tests/bench/bare_relay.hpp"
 #include "tests/bench/commands.hpp"
 #include "tests/bench/pattern.hpp"
 #include "tests/bench/rig.hpp"
@@ -33,6 +34,22 @@ void write_config(const std::vector<Channel>& channels, const std::filesystem::p
   if (!out.flush()) throw BenchError("cannot write the configuration");
 }
 
+// `files`: the daemon's soft limit of descriptors.
+Child start_daemon(const std::string& program, std::size_t files, const std::vector<Channel>& channels,
+                   const std::filesystem::path& dir) {
+  write_config(channels, dir);
+  const std::string limit = "ulimit -S -n " + std::to_string(files) + "; exec \"$@\"";
+  return Child::run(
+      {"sh", "-c", limit, "sh", program, "run", (dir / "config").string(), "--log-level", "warn"},
+      (dir / "output").string());
+}
+
+Child start_bare(const std::vector<Channel>& channels) {
+  std::vector<BareLine> lines;
+  for (const Channel& channel : channels) lines.push_back({channel.device.slave, channel.link, channel.tape});
+  return Child::fork([lines = std::move(lines)] { relay_bare(lines); });
+}
+
 // One byte each way: the channel has opened its device and moves bytes.
 void open_driver(Channel& channel) {
   for (int waited = 0; !std::filesystem::exists(channel.link); waited += 10) {
@@ -47,15 +64,18 @@ void open_driver(Channel& channel) {
   read_exact(channel.driver.get(), &got, 1);
 }
 
-// One piece after the other at moments that are evenly spread, as if each line had a clock of its own.
-void send_all(const std::vector<int>& ends, std::uint64_t bytes, std::size_t baud) {
+// One piece after the other at moments that are evenly spread, as if each line had a clock of its own; or
+// those of all lines `together`, as from one adapter with many ports.
+void send_all(const std::vector<int>& ends, std::uint64_t bytes, std::size_t baud, bool together) {
   ::prctl(PR_SET_TIMERSLACK, 1UL);
   const double apart = 1e9 * static_cast<double>(kPiece) * 10 / static_cast<double>(baud * ends.size());
   const std::int64_t start = now_ns();
   std::uint64_t number = 0;
   for (std::uint64_t at = 1; at <= bytes; at += kPiece) {
     for (const int end : ends) {
-      const std::int64_t due = start + static_cast<std::int64_t>(apart * static_cast<double>(number++));
+      const std::uint64_t turn = together ? number / ends.size() * ends.size() : number;
+      ++number;
+      const std::int64_t due = start + static_cast<std::int64_t>(apart * static_cast<double>(turn));
       const timespec moment{due / 1'000'000'000, due % 1'000'000'000};
       if (due > now_ns()) ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &moment, nullptr);
       write_all(end, pattern_at(at), kPiece);
@@ -108,20 +128,23 @@ int ptys_command(const Arguments& arguments) {
       "Many channels (serial device, pty for the driver) in one recording daemon, first idle with all "
       "drivers "
       "open, then some of them with traffic both ways in pieces of 64 bytes; bytes and tapes are checked.\n"
-      "Usage: linebench ptys --daemon porttaped [--channels 256] [--talking 64] [--baud 115200] [--seconds "
-      "5]\n");
-  line.option()("daemon", po::value<std::string>()->required(), "the program")(
+      "Usage: linebench ptys [--daemon porttaped] [--channels 256] [--talking 64] [--baud 115200] [--seconds "
+      "5] [--together]\n");
+  line.option()("daemon", po::value<std::string>(),
+                "the program; without it a bare loop of reads and writes")(
       "channels", po::value<std::size_t>()->default_value(256), "how many")(
       "talking", po::value<std::size_t>()->default_value(64), "how many of them have traffic")(
       "baud", po::value<std::size_t>()->default_value(115200), "of the traffic, each way")(
       "files", po::value<std::size_t>()->default_value(1024), "the daemon's soft limit of descriptors")(
       "idle", po::value<double>()->default_value(3), "seconds without traffic")(
-      "seconds", po::value<std::size_t>()->default_value(5), "of traffic");
+      "seconds", po::value<std::size_t>()->default_value(5), "of traffic")(
+      "together", po::bool_switch(), "the pieces of all lines come at the same moments");
   if (!line.parse(arguments)) return 0;
   const auto baud = line.get<std::size_t>("baud");
   const auto seconds = line.get<std::size_t>("seconds");
   const std::size_t talking = std::min(line.get<std::size_t>("talking"), line.get<std::size_t>("channels"));
   if (talking == 0 || baud < kPiece * 10) throw UsageError("--talking and --baud must give some traffic");
+  const bool together = line.get<bool>("together");
   const std::uint64_t bytes = baud * seconds / 10 / kPiece * kPiece;
   const ScratchDir dir;
   std::vector<Channel> channels(line.get<std::size_t>("channels"));
@@ -129,12 +152,10 @@ int ptys_command(const Arguments& arguments) {
     const std::string name = (dir.path() / ("c" + std::to_string(n))).string();
     channels[n] = {make_pty(), {}, name, name + ".log"};
   }
-  write_config(channels, dir.path());
-  const std::string limit =
-      "ulimit -S -n " + std::to_string(line.get<std::size_t>("files")) + "; exec \"$@\"";
-  Child daemon = Child::run({"sh", "-c", limit, "sh", line.get<std::string>("daemon"), "run",
-                             (dir.path() / "config").string(), "--log-level", "warn"},
-                            (dir.path() / "output").string());
+  const bool bare = !line.has("daemon");
+  Child daemon = bare ? start_bare(channels)
+                      : start_daemon(line.get<std::string>("daemon"), line.get<std::size_t>("files"),
+                                     channels, dir.path());
   const Watchdog watchdog(static_cast<unsigned>(60 + 4 * seconds), "ptys");
   for (Channel& channel : channels) open_driver(channel);
   const Idle idle = watch_idle(daemon.pid(), line.get<double>("idle"));
@@ -147,14 +168,14 @@ int ptys_command(const Arguments& arguments) {
   const std::uint64_t switches_before = context_switches(daemon.pid());
   const std::int64_t start = now_ns();
   Child receiver = Child::fork([&] { receive_all(ends, bytes); });
-  Child sender = Child::fork([&] { send_all(ends, bytes, baud); });
+  Child sender = Child::fork([&] { send_all(ends, bytes, baud, together); });
   if (sender.wait() != 0 || receiver.wait() != 0) throw BenchError("a channel failed");
   const double passed = static_cast<double>(now_ns() - start) / 1e9;
   const auto cpu = static_cast<double>(cpu_ns(daemon.pid()) - cpu_before);
   const auto switches = static_cast<double>(context_switches(daemon.pid()) - switches_before);
   const std::uint64_t peak = peak_rss_kib(daemon.pid());
   const int status = daemon.stop();
-  if (status != 0) throw BenchError("the daemon ended with " + std::to_string(status));
+  if (!bare && status != 0) throw BenchError("the daemon ended with " + std::to_string(status));
   for (std::size_t n = 0; n < talking; ++n) {
     for (const char* const file : {"r", "w"}) check_pattern_file(channels[n].tape + file, 0, bytes + 1);
   }

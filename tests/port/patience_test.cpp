@@ -33,6 +33,23 @@ TEST(Patience, OneLongWaitEndsIt) {
   EXPECT_FALSE(patience.expects_soon(Instant{}));
 }
 
+// `lines` that each send a piece in turn.
+void take_turns(Patience& patience, int lines, int rounds) {
+  for (int turn = 0; turn < lines * rounds; ++turn) {
+    patience.came_from(10 + turn % lines);
+    patience.waited(microseconds(30));
+  }
+}
+
+TEST(Patience, ExpectsNothingSoonOfManyLines) {
+  Patience two;
+  take_turns(two, 4, 10);
+  EXPECT_TRUE(two.expects_soon(Instant{}));
+  Patience many;
+  take_turns(many, 5, 10);
+  EXPECT_FALSE(many.expects_soon(Instant{}));
+}
+
 TEST(Patience, RestsLongerEachTimeAPollLosesTheProcessor) {
   Patience patience;
   Instant now{};

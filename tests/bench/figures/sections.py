@@ -147,14 +147,23 @@ class Bench:
             return self.table.skip("ptys", "porttaped is not built")
         # Builds that are compared get what an old one can do.
         channels = self.sized(64, 64, 256)
-        done = self.linebench("ptys", "--daemon", self.programs["porttaped"], "--channels", channels, "--talking", 64,
-                              "--idle", self.sized(0.5, 1, 3), "--seconds", self.sized(1, 3, 10))[0]
+
+        def run(*words):
+            return self.linebench("ptys", "--channels", *words, "--talking", 64, "--seconds", self.sized(1, 3, 10))[0]
+
+        daemon = ("--daemon", self.programs["porttaped"])
+        done = run(channels, *daemon, "--idle", self.sized(0.5, 1, 3))
         self.table.add(f"{channels} serial channels, idle, wake-ups a channel", done["idle_wakeups_per_s"] / channels, "/s", most=2)
         self.table.add("  CPU", done["idle_cpu_percent"], "%")
-        self.table.add("64 of them at 115200 both ways, all bytes and tapes, CPU", done["cpu_percent"], "%", most=15)
-        self.table.add("  CPU a piece of 64 bytes", done["cpu_us_per_piece"], "us")
-        self.table.add("  wake-ups a piece", done["wakeups_per_piece"], "")
         self.table.add("  peak memory", done["peak_kib"] / 1024, "MiB", most=64)
+        for name, *how in (("spread", ), ("together", "--together")):
+            done = run(64, *daemon, "--idle", 0.2, *how)
+            bare = None if self.effort == "pair" else run(64, "--idle", 0.2, *how)
+            self.table.add(f"64 at 115200 both ways, {name}, all bytes and tapes, CPU a piece of 64 bytes",
+                           done["cpu_us_per_piece"], "us", *([bare["cpu_us_per_piece"], "bare loop",
+                                                              done["cpu_us_per_piece"] / bare["cpu_us_per_piece"]] if bare else []))
+            self.table.add("  CPU", done["cpu_percent"], "%", *([bare["cpu_percent"], "bare loop"] if bare else []))
+            self.table.add("  wake-ups a piece", done["wakeups_per_piece"], "")
 
     def delivery(self):
         tape, report = self.folder / "steps.log", self.folder / "report.json"
