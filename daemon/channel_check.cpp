@@ -19,27 +19,10 @@ std::string place(const std::string& path) {
   return ((error ? absolute.parent_path() : folder) / absolute.filename()).lexically_normal().string();
 }
 
-// What a port needs for itself alone; empty when it is not known to need anything.
-std::string claim_of(const PortOptions& port) {
-  const std::string type = port.type.ends_with("log") ? port.type.substr(0, port.type.size() - 3) : port.type;
-  const auto address = [&port](const char* host, const char* number) {
-    return port.integer(number) == 0 ? "" : fmt::format("{}:{}", port.text(host), port.integer(number));
-  };
-  if (type == "pty" && !port.text("link").empty()) return "link " + place(port.text("link"));
-  if (type == "unix" && port.flag("listen")) return "socket " + place(port.text("path"));
-  if (type == "tcp" && port.flag("listen")) {
-    const std::string at = address("ip", "port");
-    return at.empty() ? at : "TCP port " + at;
-  }
-  if (type == "udp") {
-    const std::string at = address("recv_ip", "recv_port");
-    return at.empty() ? at : "UDP port " + at;
-  }
-  return {};
-}
-
-Result<void> claim(Owners& owners, const std::string& what, const std::string& channel) {
-  if (what.empty()) return {};
+Result<void> claim(Owners& owners, const PortType::Claim& wanted, const std::string& channel) {
+  const auto& [kind, where] = wanted;
+  const bool is_path = kind == "link" || kind == "socket" || kind == "tape";
+  const std::string what = kind + " " + (is_path ? place(where) : where);
   const auto [owner, free] = owners.emplace(what, channel);
   if (free) return {};
   return make_error(Errc::usage,
@@ -49,11 +32,10 @@ Result<void> claim(Owners& owners, const std::string& what, const std::string& c
 Result<void> check_channel(Owners& owners, const std::string& name, const ChannelSpec& spec) {
   const Result<ChannelPorts> ports = named_ports(spec);
   if (!ports) return ports.error();
-  for (const PortOptions* port : {&ports->driver, &ports->device}) {
-    if (port->type.ends_with("log")) {
-      if (Result<void> free = claim(owners, "tape " + place(port->text("file")), name); !free) return free;
+  for (const PortSpec* port : {&ports->driver, &ports->device}) {
+    for (const PortType::Claim& wanted : port->type().claims(*port)) {
+      if (Result<void> free = claim(owners, wanted, name); !free) return free;
     }
-    if (Result<void> free = claim(owners, claim_of(*port), name); !free) return free;
   }
   return {};
 }

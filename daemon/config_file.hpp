@@ -5,7 +5,7 @@
 #include <string>
 
 #include "libport/base/result.hpp"
-#include "libport/session/channel.hpp"
+#include "libport/catalog/channel.hpp"
 
 namespace porttape {
 

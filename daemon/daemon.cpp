@@ -7,11 +7,10 @@
 #include <fmt/format.h>
 #include <utility>
 
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/signal_set.hpp>
 #include <spdlog/spdlog.h>
 
 #include "daemon/channel_check.hpp"
+#include "libport/tape/disks.hpp"
 
 namespace porttape {
 namespace {
@@ -27,27 +26,6 @@ int worse(int one, int other) {
 
 }  // namespace
 
-struct Daemon::Signals {
-  Signals(Daemon& owner, Loop& loop) : daemon(owner), set(loop.io(), SIGTERM, SIGINT, SIGUSR1) {
-    if (!daemon.options_.ignores_hang_up) set.add(SIGHUP);
-    set.add(SIGUSR2);
-    wait();
-  }
-
-  void wait() {
-    set.async_wait([this](const boost::system::error_code& error, int number) {
-      if (error) return;
-      wait();
-      if (number == SIGUSR1) return daemon.rotate();
-      if (number == SIGHUP) return daemon.hung_up();
-      if (number != SIGUSR2) daemon.stop();
-    });
-  }
-
-  Daemon& daemon;
-  boost::asio::signal_set set;
-};
-
 Daemon::Daemon(Loop& loop, std::shared_ptr<spdlog::logger> log, Options options)
     : loop_(&loop), log_(std::move(log)), options_(std::move(options)) {
   loop_->on_stall([log = log_](const Stall& stall) {
@@ -59,9 +37,11 @@ Daemon::~Daemon() = default;
 
 Result<void> Daemon::start(const std::map<std::string, ChannelSpec>& channels) {
   if (Result<void> good = check_channels(channels); !good) return good;
-  signals_ = std::make_unique<Signals>(*this, *loop_);
+  signals_.emplace(*loop_, [this](int number) { signalled(number); });
+  signals_->add({SIGTERM, SIGINT, SIGUSR1, SIGUSR2});
+  if (!options_.ignores_hang_up) signals_->add({SIGHUP});
   const bool named = channels.size() > 1;
-  PortContext context{loop_, log_};
+  PortContext context{loop_, log_, std::make_shared<Disks>()};
   for (const auto& [name, spec] : channels) {
     if (named) context.log = log_->clone(name);
     auto channel = std::make_unique<SupervisedChannel>(
@@ -76,6 +56,12 @@ Result<void> Daemon::start(const std::map<std::string, ChannelSpec>& channels) {
 int Daemon::run() {
   loop_->run();
   return exit_status_;
+}
+
+void Daemon::signalled(int number) {
+  if (number == SIGUSR1) return rotate();
+  if (number == SIGHUP) return hung_up();
+  if (number != SIGUSR2) stop();
 }
 
 void Daemon::stop() {

@@ -3,14 +3,16 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include <spdlog/logger.h>
 
 #include "daemon/supervised_channel.hpp"
 #include "libport/base/result.hpp"
-#include "libport/port/loop.hpp"
-#include "libport/session/channel.hpp"
+#include "libport/catalog/channel.hpp"
+#include "libport/loop/loop.hpp"
+#include "libport/loop/signal_watch.hpp"
 
 namespace porttape {
 
@@ -39,8 +41,7 @@ class Daemon {
   int run();
 
  private:
-  struct Signals;
-
+  void signalled(int number);
   void stop();
   void rotate();
   void hung_up();
@@ -50,7 +51,7 @@ class Daemon {
   std::shared_ptr<spdlog::logger> log_;
   Options options_;
   std::map<std::string, std::unique_ptr<SupervisedChannel>> channels_;
-  std::unique_ptr<Signals> signals_;
+  std::optional<SignalWatch> signals_;
   int exit_status_ = 0;
 };
 

@@ -9,7 +9,7 @@
 
 #include "daemon/config_file.hpp"
 #include "libport/base/version.hpp"
-#include "libport/port/port_options.hpp"
+#include "libport/catalog/port_types.hpp"
 #include "tools/option_description.hpp"
 
 namespace porttape {
@@ -146,7 +146,7 @@ Result<Invocation> parse(std::span<const std::string> arguments) {
     return line;
   }
   if (verb == "--help-ports") {
-    line.print = port_help();
+    line.print = port_help(port_types());
     return line;
   }
   if (verb == "--version") {

@@ -9,7 +9,7 @@
 #include <spdlog/common.h>
 
 #include "libport/base/result.hpp"
-#include "libport/session/channel.hpp"
+#include "libport/catalog/channel.hpp"
 
 namespace porttape {
 

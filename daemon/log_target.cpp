@@ -10,7 +10,7 @@
 #include <unistd.h>
 #include <utility>
 
-#include "libport/port/socket_address.hpp"
+#include "libport/net/socket_address.hpp"
 
 namespace porttape {
 namespace {

@@ -5,11 +5,11 @@
 #include <string>
 
 #include "libport/base/result.hpp"
+#include "libport/catalog/channel.hpp"
+#include "libport/loop/fence.hpp"
+#include "libport/loop/timer.hpp"
 #include "libport/port/context.hpp"
-#include "libport/port/fence.hpp"
-#include "libport/port/timer.hpp"
-#include "libport/session/channel.hpp"
-#include "libport/session/session.hpp"
+#include "libport/session/make_session.hpp"
 
 namespace porttape {
 

@@ -8,7 +8,7 @@
 
 #include "libport/base/result.hpp"
 #include "libport/base/unique_fd.hpp"
-#include "libport/port/fd_watch.hpp"
+#include "libport/loop/fd_watch.hpp"
 
 namespace porttape {
 

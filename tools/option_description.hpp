@@ -9,7 +9,7 @@
 #include <boost/program_options/positional_options.hpp>
 #include <boost/program_options/variables_map.hpp>
 
-#include "libport/port/option_schema.hpp"
+#include "libport/port/port_type.hpp"
 
 namespace porttape {
 

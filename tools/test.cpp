@@ -16,8 +16,9 @@
 #include <boost/program_options/errors.hpp>
 
 #include "libport/base/printable.hpp"
-#include "libport/port/report_file.hpp"
-#include "libport/session/channel.hpp"
+#include "libport/catalog/channel.hpp"
+#include "libport/taped/report_file.hpp"
+#include "libport/taped/types.hpp"
 #include "tools/option_description.hpp"
 #include "tools/output.hpp"
 #include "tools/test_run.hpp"
@@ -59,7 +60,7 @@ std::vector<OptionSpec> test_options() {
   std::vector<OptionSpec> specs = channel_options(ChannelMode::replay);
   std::erase_if(specs, [](const OptionSpec& spec) { return spec.name == "once"; });
   for (OptionSpec& spec : specs) {
-    if (spec.name == "on-mismatch") spec.default_value = "fail";
+    spec.default_value = replay_default(ReplayUse::test, spec.name, spec.default_value);
     if (spec.name == "driver") spec.help = "PORT for the command instead of a pty in a private folder";
   }
   specs.push_back({"timeout", OptionSpec::Kind::number, "",
@@ -72,16 +73,17 @@ std::vector<OptionSpec> test_options() {
 Result<TestRequest> read_request(const po::variables_map& values, const std::vector<OptionSpec>& specs,
                                  PrivateFolder& folder, std::vector<std::string> command) {
   ChannelSpec channel{ChannelMode::replay, given_values(values, specs)};
-  TestRequest request;
+  std::optional<Nanos> limit;
+  bool never_ends = false;
   if (const auto timeout = channel.values.extract("timeout")) {
     const auto spec = std::ranges::find(specs, "timeout", &OptionSpec::name);
     const Result<std::string> checked = check_value(*spec, timeout.mapped());
     if (!checked) return checked.error();
-    const double limit = std::stod(*checked);
-    request.never_ends = limit == 0;
-    if (limit > 0) request.timeout = std::chrono::duration_cast<Nanos>(std::chrono::duration<double>(limit));
+    const double given = std::stod(*checked);
+    never_ends = given == 0;
+    if (given > 0) limit = std::chrono::duration_cast<Nanos>(std::chrono::duration<double>(given));
   }
-  channel.values.try_emplace("on-mismatch", "fail");
+  set_replay_defaults(ReplayUse::test, channel.values);
   if (!channel.values.contains("driver")) {
     const Result<std::string> path = folder.make();
     if (!path) return path.error();
@@ -89,16 +91,12 @@ Result<TestRequest> read_request(const po::variables_map& values, const std::vec
   }
   Result<ChannelPorts> ports = channel_ports(channel);
   if (!ports) return ports.error();
-  request.ports = std::move(*ports);
-  // The report is written here, once the command's exit status is known.
-  request.report_file = request.ports.device.text("report");
-  request.ports.device.values.erase("report");
-  if (!request.report_file.empty()) {
-    if (Result<void> place = check_report_place(request.report_file); !place) return place.error();
+  TestRequest request{std::move(*ports), limit, never_ends, std::move(command)};
+  if (const std::string& file = request.replay().report_file; !file.empty()) {
+    if (Result<void> place = check_report_place(file); !place) return place.error();
   }
-  if (command.empty())
+  if (request.command.empty())
     return make_error(Errc::usage, "the command is missing: porttape test --tape NAME -- COMMAND…");
-  request.command = std::move(command);
   return request;
 }
 
@@ -119,8 +117,8 @@ int run_request(const TestRequest& request, std::ostream& out, std::ostream& err
   if (report->command_exit.value_or(0) != 0)
     fmt::print(err, "porttape test: the command ended with status {}\n", *report->command_exit);
   report->process_exit = output_status(out, test.exit_status(*report));
-  if (!request.report_file.empty()) {
-    if (Result<void> written = write_report(request.report_file, to_json(*report)); !written)
+  if (!request.replay().report_file.empty()) {
+    if (Result<void> written = write_report(request.replay().report_file, to_json(*report)); !written)
       return fail(written.error(), err);
   }
   return *report->process_exit;

@@ -7,11 +7,9 @@
 #include <string_view>
 #include <utility>
 
-#include <boost/asio/io_context.hpp>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
-#include "libport/port/port_factory.hpp"
 #include "libport/port/printable_message.hpp"
 #include "libport/tape/tape_name.hpp"
 
@@ -63,7 +61,7 @@ TestRun::TestRun(TestRequest request)
       log_(std::make_shared<spdlog::logger>("porttape", std::make_shared<spdlog::sinks::stderr_sink_mt>())),
       kill_timer_(loop_, [this] { end_late_command(); }),
       idle_timer_(loop_, [this] { look_whether_idle(); }),
-      signals_(loop_.io()) {
+      signals_(loop_, [this](int number) { signalled(number); }) {
   log_->set_level(spdlog::level::err);
   auto formatter = std::make_unique<spdlog::pattern_formatter>();
   formatter->add_flag<PrintableMessage>('v').set_pattern("porttape: %v");
@@ -88,22 +86,21 @@ Result<RunReport> TestRun::run() {
 }
 
 Result<void> TestRun::start_session() {
-  const PortContext context{&loop_, log_};
-  const Result<ReplayConfig> config = replay_config(request_.ports.device);
-  if (!config) return config.error();
-  ReplayPort::Options options{
-      literal_tape(request_.ports.device.text("file")), *config, false, {}, {}, true, true};
+  ChannelPorts ports = request_.ports;
+  ReplayPort::Options options = request_.replay();
+  options.report_file.clear();  // written once the command's exit status is known
+  options.report_unopened = options.brief = true;
   options.on_report = [this](const RunReport& report) { take(report); };
-  auto device = std::make_unique<ReplayPort>(context, std::move(options));
-  device_ = device.get();
-  Result<std::unique_ptr<Port>> driver = make_port(context, request_.ports.driver, device->name());
-  if (!driver) return driver.error();
-  session_ = std::make_unique<Session>(context, std::move(*driver), std::move(device), [this](int status) {
+  ports.device.set(std::move(options));
+  Result<std::unique_ptr<Session>> made = make_session({&loop_, log_}, ports, [this](int status) {
     session_status_ = status;
     opens_ = session_->counters().opens;
     device_ = nullptr;
     session_.reset();
   });
+  if (!made) return made.error();
+  session_ = std::move(*made);
+  device_ = &dynamic_cast<ReplayPort&>(session_->device());
   return session_->start();
 }
 
@@ -111,9 +108,8 @@ Result<void> TestRun::start_command() {
   const std::string name = session_->driver().name();
   const std::string port = name.substr(name.find(':') + 1);
   for (const int number : {SIGINT, SIGTERM, SIGHUP}) {
-    if (!is_ignored(number)) signals_.add(number);
+    if (!is_ignored(number)) signals_.add({number});
   }
-  wait_for_signal();
   Result<std::unique_ptr<ChildProcess>> command =
       ChildProcess::start(loop_, with_port(request_.command, port), [] {});
   if (!command) return command.error();
@@ -126,16 +122,13 @@ Result<void> TestRun::start_command() {
   return {};
 }
 
-void TestRun::wait_for_signal() {
-  signals_.async_wait([this](const boost::system::error_code& error, int number) {
-    if (error) return;
-    // The command gets the signal, then a while to end; a second signal ends it at once.
-    command_->kill(signal_ != 0 ? SIGKILL : number);
-    if (signal_ == 0) signal_ = number;
-    terminated_ = true;
-    kill_timer_.set_after(kAfterTerm);
-    wait_for_signal();
-  });
+// The command gets the signal, then a while to end; a second signal ends it at once.
+void TestRun::signalled(int number) {
+  if (!command_) return;
+  command_->kill(signal_ != 0 ? SIGKILL : number);
+  if (signal_ == 0) signal_ = number;
+  terminated_ = true;
+  kill_timer_.set_after(kAfterTerm);
 }
 
 // Of several runs in one command the first that failed counts; one in which nothing passed only when it is
@@ -153,7 +146,7 @@ void TestRun::take(const RunReport& report) {
 }
 
 bool TestRun::is_hung_up(const RunReport& report) const {
-  return report.mismatch && request_.ports.device.text("on-mismatch") == "fail";
+  return report.mismatch && request_.replay().config.on_mismatch == OnMismatch::fail;
 }
 
 bool TestRun::line_is_idle() {
@@ -225,7 +218,7 @@ Result<RunReport> TestRun::verdict() {
     notes_.emplace_back("the command never opened the port");
     trouble_ = true;
   }
-  report_->tape = request_.ports.device.text("file");
+  report_->tape = request_.replay().tape.name();
   report_->command_exit = command_->exit_code();
   return *report_;
 }

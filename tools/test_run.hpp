@@ -5,14 +5,13 @@
 #include <string>
 #include <vector>
 
-#include <boost/asio/signal_set.hpp>
-
-#include "libport/port/loop.hpp"
-#include "libport/port/replay_port.hpp"
-#include "libport/port/timer.hpp"
+#include "libport/catalog/channel.hpp"
+#include "libport/loop/loop.hpp"
+#include "libport/loop/signal_watch.hpp"
+#include "libport/loop/timer.hpp"
 #include "libport/replay/report.hpp"
-#include "libport/session/channel.hpp"
-#include "libport/session/session.hpp"
+#include "libport/session/make_session.hpp"
+#include "libport/taped/replay_port.hpp"
 #include "tools/child_process.hpp"
 #include "tools/command_family.hpp"
 #include "tools/idle_watch.hpp"
@@ -22,10 +21,11 @@ namespace porttape {
 // What `porttape test` is to do.
 struct TestRequest {
   ChannelPorts ports;
-  std::string report_file;
   std::optional<Nanos> timeout;
   bool never_ends = false;  // --timeout 0: the command ends by itself alone
   std::vector<std::string> command;
+
+  [[nodiscard]] const ReplayPort::Options& replay() const { return *ports.device.get<ReplayPort::Options>(); }
 };
 
 // One run of a command against a tape: starts both, waits for the command's end, ends what it left running,
@@ -47,7 +47,7 @@ class TestRun {
  private:
   Result<void> start_session();
   Result<void> start_command();
-  void wait_for_signal();
+  void signalled(int number);
   void take(const RunReport& report);
   [[nodiscard]] bool is_hung_up(const RunReport& report) const;
   void look_whether_idle();
@@ -73,7 +73,7 @@ class TestRun {
   IdleWatch idle_;
   std::uint64_t seen_bytes_ = 0;
   std::uint64_t opens_ = 0;
-  boost::asio::signal_set signals_;
+  SignalWatch signals_;
   std::vector<std::string> notes_;
   bool trouble_ = false;  // among the notes is something that a passed test must not have
   int session_status_ = 0;

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "libport/port/blocking_port.hpp"
+#include "libport/blocking/blocking_port.hpp"
 
 namespace flexiport {
 

@@ -6,7 +6,9 @@
 #include <flexiport/tcpport.h>
 #include <flexiport/udpport.h>
 
+#include "libport/catalog/port_types.hpp"
 #include "libport/flexiport/backing.hpp"
+#include "libport/port/short_spelling.hpp"
 
 namespace flexiport {
 namespace {
@@ -33,19 +35,16 @@ Port* CreatePort(std::map<std::string, std::string> options) {
   if (type == "tcp") return new TCPPort(options);
   if (type == "udp") return new UDPPort(options);
   if (type == "logreader") return new LogReaderPort(options);
-  if (type.ends_with("log")) return new LogWriterPort(options);
+  const porttape::PortType* known = porttape::port_types().find(type);
+  if (known != nullptr && !known->records.empty()) return new LogWriterPort(options);
   return new OtherPort(type, options);
 }
 
 Port* CreatePort(std::string options) {
   std::map<std::string, std::string> taken;
-  std::size_t begin = options.find_first_not_of(kSeparators);
-  while (begin != std::string::npos) {
-    const std::size_t end = options.find_first_of(kSeparators, begin);
-    const std::string token = options.substr(begin, end == std::string::npos ? end : end - begin);
-    const std::size_t equals = token.find('=');
-    taken[token.substr(0, equals)] = equals == std::string::npos ? "1" : token.substr(equals + 1);
-    begin = options.find_first_not_of(kSeparators, end);
+  for (const std::string_view token : porttape::split_tokens(options, kSeparators)) {
+    auto [option, value] = porttape::split_option(token);
+    taken[std::move(option)] = std::move(value);
   }
   return CreatePort(taken);
 }

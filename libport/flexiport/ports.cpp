@@ -6,8 +6,9 @@
 #include <flexiport/tcpport.h>
 #include <flexiport/udpport.h>
 
+#include "libport/catalog/port_types.hpp"
 #include "libport/flexiport/backing.hpp"
-#include "libport/port/port_options.hpp"
+#include "libport/taped/types.hpp"
 
 namespace flexiport {
 namespace {
@@ -17,7 +18,8 @@ using Options = std::map<std::string, std::string>;
 std::string recorded_type(const Options& options) {
   const auto type = options.find("type");
   if (type == options.end()) throw PortException("No port type specified.");
-  if (!type->second.ends_with("log")) {
+  const porttape::PortType* known = porttape::port_types().find(type->second);
+  if (known == nullptr || known->records.empty()) {
     throw PortException("Not a port with a log: " + type->second + " (seriallog, tcplog, udplog, …)");
   }
   return type->second;
@@ -31,7 +33,7 @@ Options replacing(Options options) {
 // flexiport's rules where they differ from porttape's: times that are ignored make everything readable
 // whatever is written, and a late write is never wrong.
 Options documented(Options options) {
-  options.try_emplace("early-only", "1");
+  porttape::set_replay_defaults(porttape::ReplayUse::drop_in, options);
   const auto ignored = options.find("ignoretimes");
   if (ignored == options.end() || options.contains("timing")) return options;
   const auto value = ignored->second;
@@ -49,10 +51,10 @@ Options documented(Options options) {
 }  // namespace
 
 SerialPort::SerialPort(std::map<std::string, std::string> options) : BackedPort("serial", "serial", options) {
-  porttape::PortOptions known;
-  known.type = "serial";
-  known.values = options;
-  _baud = static_cast<unsigned>(known.integer("baud"));
+  options["type"] = "serial";
+  const porttape::Result<porttape::PortOptions> known = porttape::check_options(std::move(options));
+  if (!known) raise(known.error());
+  _baud = static_cast<unsigned>(known->integer("baud"));
 }
 
 SerialPort::~SerialPort() = default;

@@ -9,6 +9,7 @@
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/result.hpp"
+#include "libport/port/line_settings.hpp"
 
 namespace porttape {
 
@@ -69,6 +70,8 @@ class PortListener {
   // The peer dropped bytes of its own line (tcflush): what had come to it and was not read, what it had
   // written and was not sent, or both.
   virtual void on_flush(FlushQueue) {}
+  // The peer has changed the settings of its line.
+  virtual void on_settings(const LineSettings&) {}
   // So many bytes, taken by write() or come from the peer, reached nobody.
   virtual void on_dropped(std::uint64_t bytes, std::string_view why) {
     (void)bytes;
@@ -126,8 +129,12 @@ class Port {
   // to be dropped, what was passed on included.
   virtual bool discard() { return true; }
 
-  // Changes the speed of the line, also while it is up. Errc::usage where there is none to change.
-  virtual Result<void> set_baud(unsigned) { return make_error(Errc::usage, name() + " has no baud rate"); }
+  // The settings of a serial line; none where the line has no such thing.
+  [[nodiscard]] virtual std::optional<LineSettings> settings() const { return std::nullopt; }
+  // Changes them, also while the line is up. Errc::usage where there are none; on an error they stay.
+  virtual Result<void> apply(const LineSettings&) {
+    return make_error(Errc::usage, name() + " has no line settings");
+  }
   // What is to happen first, where nothing can come until the caller does something; for one who would wait
   // for ever.
   [[nodiscard]] virtual std::string awaits() { return {}; }

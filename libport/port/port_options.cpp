@@ -1,12 +1,13 @@
 #include "libport/port/port_options.hpp"
 
 #include <charconv>
+#include <chrono>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <ranges>
 #include <utility>
 
-#include "libport/port/option_schema.hpp"
 #include "libport/port/short_spelling.hpp"
-#include "libport/port/socket_address.hpp"
 
 namespace porttape {
 namespace {
@@ -15,24 +16,6 @@ constexpr std::string_view kSeparators = ", \t\n";  // of flexiport's option str
 
 Error usage(std::string message) { return make_error(Errc::usage, std::move(message)); }
 
-std::string type_names() {
-  std::string names;
-  for (const PortType& type : port_types()) {
-    if (!names.empty()) names += ", ";
-    names += type.name;
-  }
-  return names;
-}
-
-std::string option_names(const PortType& type) {
-  std::string names;
-  for (const OptionSpec& option : type.options) {
-    if (!names.empty()) names += ", ";
-    names += option.name;
-  }
-  return names;
-}
-
 bool is_option_string(std::string_view spec) {
   for (const std::string_view token : split_tokens(spec, kSeparators)) {
     if (token.starts_with("type=")) return true;
@@ -40,92 +23,84 @@ bool is_option_string(std::string_view spec) {
   return false;
 }
 
-Result<PortOptions> parse_option_string(std::string_view spec) {
-  PortOptions options;
+std::map<std::string, std::string> option_string(std::string_view spec) {
+  std::map<std::string, std::string> values;
   for (const std::string_view token : split_tokens(spec, kSeparators)) {
     auto [key, value] = split_option(token);
-    if (key == "type") {
-      options.type = std::move(value);
-    } else {
-      options.values[std::move(key)] = std::move(value);
-    }
+    values[std::move(key)] = std::move(value);
   }
-  return options;
+  return values;
 }
 
-template <class T>
-T parsed(const std::string& text) {
-  T value{};
-  std::from_chars(text.data(), text.data() + text.size(), value);
-  return value;
+Error in_port(std::string_view spec, const Error& error) {
+  return make_error(error.code, fmt::format("port '{}': {}", spec, error.message));
+}
+
+CommonOptions common_options_of(const PortOptions& written) {
+  CommonOptions common{.reads = !written.flag("writeonly"),
+                       .writes = !written.flag("readonly"),
+                       .always_open = written.flag("alwaysopen")};
+  if (const double timeout = written.number("timeout"); timeout >= 0)
+    common.timeout = std::chrono::duration_cast<Nanos>(std::chrono::duration<double>(timeout));
+  return common;
 }
 
 }  // namespace
 
 std::string PortOptions::text(const std::string& option) const {
   if (const auto it = values.find(option); it != values.end()) return it->second;
-  const PortType* known = find_port_type(type);
-  const OptionSpec* spec = known == nullptr ? nullptr : known->find(option);
+  const OptionSpec* spec = type == nullptr ? nullptr : type->find(option);
   return spec == nullptr ? std::string() : std::string(spec->default_value);
 }
 
-bool PortOptions::flag(const std::string& option) const { return has(option); }
-long PortOptions::integer(const std::string& option) const { return static_cast<long>(number(option)); }
-double PortOptions::number(const std::string& option) const { return parsed<double>(text(option)); }
+double PortOptions::number(const std::string& option) const {
+  const std::string value = text(option);
+  double number = 0;
+  std::from_chars(value.data(), value.data() + value.size(), number);
+  return number;
+}
 
-Result<PortOptions> parse_port(std::string_view spec) {
+Result<unsigned> PortOptions::mode(const std::string& option) const {
+  const std::string value = text(option);
+  unsigned mode = 0;
+  const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), mode, 8);
+  const bool octal = error == std::errc{} && end == value.data() + value.size();
+  if (!octal || value.size() > 4 || mode > 0777) {
+    return usage(
+        fmt::format("option '{}': '{}' is not valid; accepted: octal permissions like 0660", option, value));
+  }
+  return mode;
+}
+
+Result<PortOptions> parse_options(const PortTypes& types, std::string_view spec) {
   if (split_tokens(spec, kSeparators).empty()) {
     return usage(fmt::format("a port is missing; name one as TYPE:MAIN[,option=value…] with a type of {}",
-                             type_names()));
+                             types.names()));
   }
-  Result<PortOptions> options =
-      is_option_string(spec) ? parse_option_string(spec) : parse_short_spelling(spec);
-  if (!options) return options;
-  Result<PortOptions> checked = check_port(std::move(*options));
-  if (!checked) return usage(fmt::format("port '{}': {}", spec, checked.error().message));
+  Result<std::map<std::string, std::string>> values = option_string(spec);
+  if (!is_option_string(spec)) values = parse_short_spelling(types, spec);
+  if (!values) return values.error();
+  Result<PortOptions> checked = check_options(types, std::move(*values));
+  if (!checked) return in_port(spec, checked.error());
   return checked;
 }
 
-namespace {
-
-// Octal permissions, as chmod(1) takes them.
-bool is_mode(std::string_view text) {
-  return !text.empty() && text.size() <= 4 && (text.size() < 4 || text.front() == '0') &&
-         text.find_first_not_of("01234567") == std::string_view::npos;
-}
-
-// What a value alone does not tell.
-Result<void> check_together(const PortOptions& options) {
-  const bool tcp = options.type == "tcp" || options.type == "tcplog";
-  const bool path = options.type == "unix" || options.type == "unixlog";
-  if (tcp && options.integer("port") == 0 && !options.flag("listen")) {
-    return usage("option 'port': '0' is not valid; accepted: a whole number from 1 to 65535");
-  }
-  if (const auto file = options.values.find("file"); file != options.values.end() && file->second.empty())
-    return usage("option 'file' is empty; accepted: the name of a tape");
-  if (const auto mode = options.values.find("mode"); mode != options.values.end() && !is_mode(mode->second)) {
-    return usage(
-        fmt::format("option 'mode': '{}' is not valid; accepted: octal permissions like 0660", mode->second));
-  }
-  if (!path) return {};
-  if (options.text("path").empty()) return usage("option 'path' is missing; accepted: the path of a socket");
-  if (const Result<SocketAddress> address = unix_address(options.text("path")); !address)
-    return address.error();
-  return {};
-}
-
-}  // namespace
-
-Result<PortOptions> check_port(PortOptions options) {
-  if (options.type.empty()) return usage("option 'type' is missing; accepted: " + type_names());
-  const PortType* type = find_port_type(options.type);
+Result<PortOptions> check_options(const PortTypes& types, std::map<std::string, std::string> values) {
+  const auto name = values.extract("type");
+  if (!name || name.mapped().empty()) return usage("option 'type' is missing; accepted: " + types.names());
+  const PortType* type = types.find(name.mapped());
   if (type == nullptr)
-    return usage(fmt::format("unknown type '{}'; accepted: {}", options.type, type_names()));
+    return usage(fmt::format("unknown type '{}'; accepted: {}", name.mapped(), types.names()));
+  return check_options(PortOptions{type, std::move(values)});
+}
+
+Result<PortOptions> check_options(PortOptions options) {
   for (auto it = options.values.begin(); it != options.values.end();) {
-    const OptionSpec* spec = type->find(it->first);
+    const OptionSpec* spec = options.type->find(it->first);
     if (spec == nullptr) {
-      return usage(fmt::format("unknown option '{}' ('{}') of type {}; accepted: {}", it->first, it->second,
-                               type->name, option_names(*type)));
+      return usage(fmt::format(
+          "unknown option '{}' ('{}') of type {}; accepted: {}", it->first, it->second, options.type->name,
+          fmt::join(options.type->options | std::views::transform(&OptionSpec::name), ", ")));
     }
     Result<std::string> value = check_value(*spec, it->second);
     if (!value) return value.error();
@@ -135,19 +110,32 @@ Result<PortOptions> check_port(PortOptions options) {
       (it++)->second = std::move(*value);
     }
   }
-  if (Result<void> together = check_together(options); !together) return together.error();
-  const bool udp = options.type == "udp" || options.type == "udplog";
-  if (udp && options.flag("listen")) options.values.try_emplace("recv_ip", "127.0.0.1");
+  if (options.type->complete) options.type->complete(options);
   return options;
 }
 
-std::string port_help() {
+Result<PortSpec> PortSpec::read(PortOptions written) {
+  Result<TypedOptions> options = written.type->read(written);
+  if (!options) return options.error();
+  const CommonOptions common = common_options_of(written);
+  return PortSpec(std::move(written), common, std::move(*options));
+}
+
+Result<PortSpec> parse_port(const PortTypes& types, std::string_view spec) {
+  Result<PortOptions> written = parse_options(types, spec);
+  if (!written) return written.error();
+  Result<PortSpec> read = PortSpec::read(std::move(*written));
+  if (!read) return in_port(spec, read.error());
+  return read;
+}
+
+std::string port_help(const PortTypes& types) {
   const auto spelling = [](std::string_view name, const ShortForm& form) {
     return fmt::format("{}:{}{}{}", name, form.main, form.port.empty() ? "" : ":", form.port);
   };
   std::string out =
       "A PORT is TYPE:MAIN[,option=value…] or type=TYPE,option=value…; a bare /dev/… is serial:.\n";
-  for (const PortType& type : port_types()) {
+  for (const PortType& type : types.all()) {
     out += fmt::format("\n{}  {}\n", spelling(type.name, type.form), type.help);
     if (!type.listening.main.empty())
       out += spelling(std::string(type.name) + std::string(kListenSuffix), type.listening) + "\n";

@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <fmt/format.h>
 
-#include "libport/port/option_schema.hpp"
-#include "libport/port/socket_address.hpp"
+#include "libport/port/port_options.hpp"
 
 namespace porttape {
 namespace {
@@ -41,23 +40,31 @@ Result<Place> split_place(std::string_view text, bool listen) {
   return Place{host, port};
 }
 
-Result<void> set_main(PortOptions& options, std::string_view main, const ShortForm& form, bool listen) {
+using Values = std::map<std::string, std::string>;
+
+Result<void> set_main(Values& values, std::string_view main, const ShortForm& form, bool listen) {
   if (form.port.empty()) {
-    options.values[std::string(form.main)] = std::string(main);
+    values[std::string(form.main)] = std::string(main);
     return {};
   }
   const Result<Place> place = split_place(main, listen);
   if (!place) return place.error();
-  if (!place->host.empty()) options.values[std::string(form.main)] = std::string(place->host);
-  if (!place->port.empty()) options.values[std::string(form.port)] = std::string(place->port);
+  if (!place->host.empty()) values[std::string(form.main)] = std::string(place->host);
+  if (!place->port.empty()) values[std::string(form.port)] = std::string(place->port);
   return {};
 }
 
+// The short form that these options are spelled in.
+const ShortForm& form_of(const PortOptions& options) {
+  const PortType& type = *options.type;
+  return options.flag("listen") && !type.listening.main.empty() ? type.listening : type.form;
+}
+
 // The type's name without the suffix, and whether it was there and means something.
-const PortType* find_spelled_type(std::string_view spelled, bool& listen) {
-  if (const PortType* type = find_port_type(spelled)) return type;
+const PortType* find_spelled_type(const PortTypes& types, std::string_view spelled, bool& listen) {
+  if (const PortType* type = types.find(spelled)) return type;
   if (!spelled.ends_with(kListenSuffix)) return nullptr;
-  const PortType* type = find_port_type(spelled.substr(0, spelled.size() - kListenSuffix.size()));
+  const PortType* type = types.find(spelled.substr(0, spelled.size() - kListenSuffix.size()));
   listen = type != nullptr && !type->listening.main.empty();
   return listen ? type : nullptr;
 }
@@ -81,8 +88,8 @@ std::pair<std::string, std::string> split_option(std::string_view token) {
   return {std::string(token.substr(0, equals)), std::string(token.substr(equals + 1))};
 }
 
-Result<PortOptions> parse_short_spelling(std::string_view spec) {
-  PortOptions options;
+Result<Values> parse_short_spelling(const PortTypes& types, std::string_view spec) {
+  Values values;
   std::string_view rest = spec;
   std::string_view spelled = "serial";
   if (!spec.starts_with("/dev/")) {
@@ -91,46 +98,51 @@ Result<PortOptions> parse_short_spelling(std::string_view spec) {
     rest = end == std::string_view::npos ? std::string_view{} : spec.substr(spec[end] == ':' ? end + 1 : end);
   }
   bool listen = false;
-  const PortType* type = find_spelled_type(spelled, listen);
-  options.type = std::string(type == nullptr ? spelled : type->name);
-  if (type == nullptr) return options;
-  if (listen) options.values["listen"] = "1";
+  const PortType* type = find_spelled_type(types, spelled, listen);
+  values.emplace("type", type == nullptr ? spelled : type->name);
+  if (type == nullptr) return values;
+  if (listen) values.emplace("listen", "1");
   const std::size_t main_end = rest.find(',');
   if (const std::string_view main = rest.substr(0, main_end); !main.empty()) {
-    Result<void> set = set_main(options, main, listen ? type->listening : type->form, listen);
+    Result<void> set = set_main(values, main, listen ? type->listening : type->form, listen);
     if (!set) return set.error();
   }
-  if (main_end == std::string_view::npos) return options;
+  if (main_end == std::string_view::npos) return values;
   for (const std::string_view token : split_tokens(rest.substr(main_end), ",")) {
     auto [key, value] = split_option(token);
-    options.values[std::move(key)] = std::move(value);
+    values[std::move(key)] = std::move(value);
   }
-  return options;
+  return values;
+}
+
+std::string host_and_port(std::string_view host, long port) {
+  return host.find(':') == std::string_view::npos ? fmt::format("{}:{}", host, port)
+                                                  : fmt::format("[{}]:{}", host, port);
 }
 
 std::string PortOptions::spelled() const {
   std::string text = name();
-  const PortType* known = find_port_type(type);
-  const bool listens = known != nullptr && flag("listen") && !known->listening.main.empty();
-  const ShortForm form = known == nullptr ? ShortForm{} : listens ? known->listening : known->form;
+  const ShortForm& form = form_of(*this);
+  const bool listens = &form == &type->listening;
   for (const auto& [option, value] : values) {
     if (option == form.main || option == form.port || (listens && option == "listen")) continue;
-    const OptionSpec* spec = known == nullptr ? nullptr : known->find(option);
+    const OptionSpec* spec = type->find(option);
     const bool is_flag = spec != nullptr && spec->kind == OptionSpec::Kind::flag;
-    text += is_flag ? "," + option : "," + option + "=" + value;
+    text += ',';
+    text += option;
+    if (!is_flag) text.append("=").append(value);
   }
   return text;
 }
 
 std::string PortOptions::name() const {
-  const PortType* known = find_port_type(type);
-  if (known == nullptr) return type;
-  const bool listens = flag("listen") && !known->listening.main.empty();
-  const ShortForm& form = listens ? known->listening : known->form;
-  const std::string spelled = listens ? type + std::string(kListenSuffix) : type;
+  const ShortForm& form = form_of(*this);
+  std::string spelled(type->name);
+  if (&form == &type->listening) spelled += kListenSuffix;
   const std::string main = text(std::string(form.main));
   if (main.empty()) return spelled;
-  return spelled + ":" + (form.port.empty() ? main : host_and_port(main, integer(std::string(form.port))));
+  return fmt::format("{}:{}", spelled,
+                     form.port.empty() ? main : host_and_port(main, integer(std::string(form.port))));
 }
 
 }  // namespace porttape

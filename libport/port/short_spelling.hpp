@@ -1,12 +1,13 @@
 #pragma once
 
+#include <map>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include "libport/base/result.hpp"
-#include "libport/port/port_options.hpp"
+#include "libport/port/port_type.hpp"
 
 namespace porttape {
 
@@ -18,9 +19,13 @@ std::vector<std::string_view> split_tokens(std::string_view text, std::string_vi
 // `key=value` or a bare key, which turns a boolean option on.
 std::pair<std::string, std::string> split_option(std::string_view token);
 
-// `TYPE:MAIN[,option=value…]` as options; unchecked, an unknown type is left for check_port(). Main parts:
-// `tcp:HOST`, `tcp:HOST:PORT`, `tcp:[::1]:PORT`, `tcp-listen:PORT`, `unix:/path`, `/dev/…`. Errc::usage for a
-// main part that cannot be taken apart.
-Result<PortOptions> parse_short_spelling(std::string_view spec);
+// `TYPE:MAIN[,option=value…]` as options with the type among them; unchecked, an unknown type is left for
+// check_options(). Main parts: `tcp:HOST`, `tcp:HOST:PORT`, `tcp:[::1]:PORT`, `tcp-listen:PORT`,
+// `unix:/path`, `/dev/…`. Errc::usage for a main part that cannot be taken apart.
+Result<std::map<std::string, std::string>> parse_short_spelling(const PortTypes& types,
+                                                                std::string_view spec);
+
+// `HOST:PORT`, an IPv6 address in brackets.
+std::string host_and_port(std::string_view host, long port);
 
 }  // namespace porttape

@@ -10,9 +10,9 @@
 #include <string_view>
 #include <utility>
 
+#include "libport/loop/timer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
-#include "libport/port/timer.hpp"
 #include "libport/session/end_wait.hpp"
 
 namespace porttape {

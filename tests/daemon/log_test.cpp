@@ -16,7 +16,7 @@
 
 #include "daemon/log_target.hpp"
 #include "libport/base/unique_fd.hpp"
-#include "libport/port/socket_address.hpp"
+#include "libport/net/socket_address.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {

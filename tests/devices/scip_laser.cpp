@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "libport/port/blocking_port.hpp"
+#include "libport/blocking/blocking_port.hpp"
 #include "tests/devices/scip_answer.hpp"
 
 namespace {

@@ -12,8 +12,8 @@
 #include <gtest/gtest.h>
 
 #include "libport/base/unique_fd.hpp"
-#include "libport/port/pty_port.hpp"
 #include "libport/session/session.hpp"
+#include "libport/tty/pty_port.hpp"
 #include "tests/support/memory_port.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
@@ -30,9 +30,8 @@ class PtySession {
   explicit PtySession(std::uint64_t seed) : link((dir.path() / "port").string()), random_(seed) {
     const PortContext context{&loop, book.log()};
     device.up_at_once = false;
-    session = std::make_unique<Session>(
-        context, std::make_unique<PtyPort>(context, PortOptions{"pty", {{"link", link}}}),
-        std::make_unique<MemoryPort>(device), [](int) {});
+    session = std::make_unique<Session>(context, std::make_unique<PtyPort>(context, PtyOptions{.link = link}),
+                                        std::make_unique<MemoryPort>(device), [](int) {});
   }
 
   std::uint32_t dice(std::uint32_t n) { return static_cast<std::uint32_t>(random_() % n); }
@@ -153,7 +152,7 @@ TEST(PtySessionEnd, WhatADriverWroteForADeviceThatIsNotThereIsTold) {
   device.up_at_once = false;
   const PortContext context{&loop, book.log()};
   bool ended = false;
-  Session session(context, std::make_unique<PtyPort>(context, PortOptions{"pty", {{"link", link}}}),
+  Session session(context, std::make_unique<PtyPort>(context, PtyOptions{.link = link}),
                   std::make_unique<MemoryPort>(device), [&ended](int) { ended = true; });
   ASSERT_TRUE(session.start().has_value());
   UniqueFd driver(::open(link.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));

@@ -9,10 +9,10 @@
 
 #include <gtest/gtest.h>
 
-#include "libport/port/fd_watch.hpp"
-#include "libport/port/loop.hpp"
+#include "libport/loop/fd_watch.hpp"
+#include "libport/loop/loop.hpp"
+#include "libport/loop/timer.hpp"
 #include "libport/port/port.hpp"
-#include "libport/port/timer.hpp"
 
 namespace porttape {
 

@@ -14,8 +14,8 @@
 #include <gtest/gtest.h>
 
 #include "libport/base/unique_fd.hpp"
+#include "libport/net/socket_address.hpp"
 #include "libport/port/port.hpp"
-#include "libport/port/socket_address.hpp"
 
 namespace porttape::test {
 

@@ -1,7 +1,7 @@
 // Reads all of a tape through the installed library: `porttape_program FILE` prints what the device sent.
 
 #include <cstdio>
-#include <libport/port/blocking_port.hpp>
+#include <libport/blocking/blocking_port.hpp>
 #include <string>
 
 int main(int argc, char** argv) {

@@ -1,0 +1,168 @@
+#include "libport/catalog/channel.hpp"
+
+#include <algorithm>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <utility>
+
+#include "libport/catalog/port_types.hpp"
+#include "libport/tape/tape_name.hpp"
+#include "libport/taped/types.hpp"
+
+namespace porttape {
+namespace {
+
+using Kind = OptionSpec::Kind;
+
+const OptionSpec kDriver{"driver", Kind::text, "", "PORT that the driver opens, e.g. pty:/tmp/laser"};
+const OptionSpec kDevice{"device", Kind::text, "",
+                         "PORT of the device, e.g. serial:/dev/ttyUSB0,baud=115200"};
+const OptionSpec kTape{"tape", Kind::text, "", "NAME of the tape: NAMEr, NAMEw, NAMEe"};
+const OptionSpec kWaitDevice{"wait-device", Kind::flag, "", "a device that is missing is waited for"};
+
+const OptionSpec kOnExisting{
+    "on-existing",
+    Kind::choice,
+    "refuse",
+    "a tape of that name is there: an error, the next free name (laser.2.log), or it is replaced",
+    0,
+    0,
+    {"refuse", "next", "overwrite"}};
+
+// A logreader's options that are options of the verb `replay` too.
+std::vector<OptionSpec> replay_options() {
+  const std::vector<OptionSpec> common = with_common({});
+  std::vector<OptionSpec> options;
+  for (OptionSpec option : port_types().find("logreader")->options) {
+    const bool is_common = std::ranges::find(common, option.name, &OptionSpec::name) != common.end();
+    if (is_common || option.name == "file" || option.name == "ignoretimes") continue;
+    option.default_value = replay_default(ReplayUse::verb, option.name, option.default_value);
+    options.push_back(std::move(option));
+  }
+  return options;
+}
+
+Error usage(std::string message) { return make_error(Errc::usage, std::move(message)); }
+
+// The options with checked values; flags that are off are absent.
+Result<std::map<std::string, std::string>> check_values(const ChannelSpec& spec) {
+  const std::vector<OptionSpec> known = channel_options(spec.mode);
+  std::map<std::string, std::string> checked;
+  for (const auto& [name, value] : spec.values) {
+    const auto option = std::ranges::find(known, name, &OptionSpec::name);
+    if (option == known.end()) {
+      std::vector<std::string_view> names;
+      for (const OptionSpec& each : known) names.push_back(each.name);
+      return usage(
+          fmt::format("unknown option '{}' ('{}'); accepted: {}", name, value, fmt::join(names, ", ")));
+    }
+    Result<std::string> good = check_value(*option, value);
+    if (!good) return good.error();
+    if (option->kind != Kind::flag || !good->empty()) checked[name] = std::move(*good);
+  }
+  for (const std::string_view required : {"driver", "device", "tape"}) {
+    const bool wanted = std::ranges::find(known, required, &OptionSpec::name) != known.end();
+    if (wanted && checked[std::string(required)].empty()) {
+      return usage(fmt::format("option '{}' is missing; see --help", required));
+    }
+  }
+  return checked;
+}
+
+using Values = std::map<std::string, std::string>;
+
+Result<PortOptions> named_port(std::string_view option, const std::string& spec) {
+  Result<PortOptions> port = parse_options(port_types(), spec);
+  if (!port) return usage(fmt::format("option '{}': {}", option, port.error().message));
+  return port;
+}
+
+Result<PortSpec> read_port(std::string_view option, Result<PortOptions> written) {
+  if (!written) return written.error();
+  Result<PortSpec> port = PortSpec::read(std::move(*written));
+  if (!port) return usage(fmt::format("option '{}': {}", option, port.error().message));
+  return port;
+}
+
+Result<PortSpec> replay_device(Values values, const PortOptions& driver, bool find) {
+  auto tape = values.extract("tape");
+  values.erase("driver");
+  // Datagrams have no close that could end the one run.
+  if (driver.type->keeps_datagrams && values.contains("once")) values.try_emplace("at-end", "exit");
+  set_replay_defaults(ReplayUse::verb, values);
+  if (find) {
+    const Result<TapePaths> found = find_tape(tape.mapped());
+    if (!found) return found.error();
+    tape.mapped() = found->name();
+  }
+  values["file"] = std::move(tape.mapped());
+  Result<PortOptions> device = check_options(PortOptions{port_types().find("logreader"), std::move(values)});
+  if (!device) return device.error();
+  return PortSpec::read(std::move(*device));
+}
+
+Result<PortOptions> recording_device(const Values& values, Result<PortOptions> device) {
+  if (!device) return device;
+  const PortType& type = *device->type;
+  if (type.recorded_as.empty()) {
+    return usage(fmt::format("option 'device': a port of type {} cannot be recorded{}", type.name,
+                             type.records.empty() ? "" : "; give it to bridge"));
+  }
+  device->type = port_types().find(type.recorded_as);
+  device->values["file"] = new_tape(values.at("tape")).name();
+  const auto existing = values.find("on-existing");
+  if (existing != values.end()) device->values["on-existing"] = existing->second;
+  if (values.contains("overwrite")) device->values["on-existing"] = "overwrite";
+  if (values.contains("fail-closed")) device->values["failclosed"] = "1";
+  return device;
+}
+
+Result<PortSpec> live_device(const Values& values, bool recorded) {
+  Result<PortOptions> device = named_port("device", values.at("device"));
+  if (device && values.contains("wait-device") && device->type->find("wait") != nullptr)
+    device->values["wait"] = "1";
+  if (recorded) device = recording_device(values, std::move(device));
+  return read_port("device", std::move(device));
+}
+
+Result<ChannelPorts> ports_of(const ChannelSpec& spec, bool find) {
+  const Result<Values> values = check_values(spec);
+  if (!values) return values.error();
+  Result<PortOptions> driver = named_port("driver", values->at("driver"));
+  if (!driver) return driver.error();
+  Result<PortSpec> device = spec.mode == ChannelMode::replay
+                                ? replay_device(*values, *driver, find)
+                                : live_device(*values, spec.mode == ChannelMode::record);
+  if (!device) return device.error();
+  Result<PortSpec> read = read_port("driver", std::move(driver));
+  if (!read) return read.error();
+  return ChannelPorts{std::move(*read), std::move(*device)};
+}
+
+}  // namespace
+
+std::vector<OptionSpec> channel_options(ChannelMode mode) {
+  std::vector<OptionSpec> options;
+  switch (mode) {
+    case ChannelMode::record:
+      return {kDevice,
+              kDriver,
+              kTape,
+              kOnExisting,
+              {"overwrite", Kind::flag, "", "short for --on-existing overwrite"},
+              {"fail-closed", Kind::flag, "", "ends when the tape cannot be written; else the line stays up"},
+              kWaitDevice};
+    case ChannelMode::replay:
+      options = replay_options();
+      options.insert(options.begin(), {kTape, kDriver});
+      return options;
+    case ChannelMode::bridge:
+      break;
+  }
+  return {kDevice, kDriver, kWaitDevice};
+}
+
+Result<ChannelPorts> channel_ports(const ChannelSpec& spec) { return ports_of(spec, true); }
+Result<ChannelPorts> named_ports(const ChannelSpec& spec) { return ports_of(spec, false); }
+
+}  // namespace porttape

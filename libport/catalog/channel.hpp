@@ -1,0 +1,36 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "libport/port/port_options.hpp"
+
+namespace porttape {
+
+// What a channel does; also the verb of the daemon that makes one.
+enum class ChannelMode { record, replay, bridge };
+
+// The options of a mode, for a command line, a configuration file and --help. Replay has the verb's defaults
+// here (strictness 1, reactive), not flexiport's.
+std::vector<OptionSpec> channel_options(ChannelMode mode);
+
+// A driver's and a device's end, as a user describes them: option name to value, as written. Both programs
+// and the configuration file make one of these.
+struct ChannelSpec {
+  ChannelMode mode = ChannelMode::bridge;
+  std::map<std::string, std::string> values;
+};
+
+// The two ports that a channel joins. Errc::usage names the option that is wrong, or the tape that is
+// missing.
+struct ChannelPorts {
+  PortSpec driver;
+  PortSpec device;
+};
+Result<ChannelPorts> channel_ports(const ChannelSpec& spec);
+// The same by the options alone, whether the tape of a replay is there or not.
+Result<ChannelPorts> named_ports(const ChannelSpec& spec);
+
+}  // namespace porttape

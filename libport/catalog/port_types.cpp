@@ -1,0 +1,40 @@
+#include "libport/catalog/port_types.hpp"
+
+#include <utility>
+#include <vector>
+
+#include "libport/net/types.hpp"
+#include "libport/taped/types.hpp"
+#include "libport/tty/types.hpp"
+
+namespace porttape {
+namespace {
+
+std::vector<PortType> all_types() {
+  std::vector<PortType> types = {serial_type(), pty_type(), logreader_type(),
+                                 tcp_type(),    udp_type(), unix_type()};
+  for (std::size_t n = 0, plain = types.size(); n < plain; ++n) {
+    if (!types[n].recorded_as.empty()) types.push_back(recording_type(types[n]));
+  }
+  return types;
+}
+
+}  // namespace
+
+const PortTypes& port_types() {
+  static const PortTypes types(all_types());
+  return types;
+}
+
+Result<PortSpec> parse_port(std::string_view spec) { return parse_port(port_types(), spec); }
+
+Result<PortOptions> check_options(std::map<std::string, std::string> values) {
+  return check_options(port_types(), std::move(values));
+}
+
+Result<std::unique_ptr<Port>> make_port(const PortContext& context, const PortSpec& spec,
+                                        const std::string& peer) {
+  return spec.type().make(context, spec, peer);
+}
+
+}  // namespace porttape

@@ -1,0 +1,104 @@
+#include "libport/loop/fd_watch.hpp"
+
+#include <array>
+#include <poll.h>
+#include <utility>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/posix/basic_stream_descriptor.hpp>
+
+#include "libport/loop/timer.hpp"
+
+namespace porttape {
+
+// The executor by its own type: the default one is erased, which costs each wait.
+using Descriptor = boost::asio::posix::basic_stream_descriptor<boost::asio::io_context::executor_type>;
+
+struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
+  struct Side {
+    Descriptor::wait_type type;
+    Callback callback;
+    bool wanted = false;
+    bool waiting = false;
+  };
+
+  State(Loop& owner, int fd, Callback on_readable, Callback on_writable)
+      : loop(&owner),
+        fence(owner.fence()),
+        descriptor(owner.io()),
+        number(fd),
+        sides{Side{Descriptor::wait_read, std::move(on_readable)},
+              Side{Descriptor::wait_write, std::move(on_writable)}} {
+    boost::system::error_code refused;
+    descriptor.assign(fd, refused);
+    if (refused) look_timer = std::make_unique<Timer>(owner, [this] { look(); });
+  }
+
+  void watch(std::size_t index, bool on) {
+    sides[index].wanted = on && !gone;
+    if (on) wait(index);
+  }
+
+  void wait(std::size_t index) {
+    Side& side = sides[index];
+    if (side.waiting || gone) return;
+    if (look_timer) {
+      if (!look_timer->due()) look_timer->set_after(kLook);
+      return;
+    }
+    side.waiting = true;
+    descriptor.async_wait(side.type, [self = shared_from_this(), index](const boost::system::error_code&) {
+      Side& ready = self->sides[index];
+      ready.waiting = false;
+      if (self->gone || !ready.wanted) return;
+      self->loop->came_from(self->number);
+      self->loop->within(self->fence, ready.callback);
+      if (!self->gone && ready.wanted) self->wait(index);
+    });
+  }
+
+  // Where the kernel does not watch it.
+  void look() {
+    const auto self = shared_from_this();
+    pollfd now{number, POLLIN | POLLOUT, 0};
+    const bool there = ::poll(&now, 1, 0) > 0;
+    const std::array<int, 2> events = {POLLIN | POLLHUP | POLLERR, POLLOUT | POLLHUP | POLLERR};
+    for (std::size_t index = 0; index < sides.size(); ++index) {
+      if (there && (now.revents & events[index]) != 0 && sides[index].wanted && !gone)
+        sides[index].callback();
+    }
+    if (!gone && (sides[0].wanted || sides[1].wanted)) look_timer->set_after(kLook);
+  }
+
+  void stop() {
+    gone = true;
+    if (look_timer) {
+      look_timer->cancel();
+    } else {
+      descriptor.release();
+    }
+  }
+
+  Loop* loop;
+  std::shared_ptr<Fence> fence;
+  Descriptor descriptor;
+  int number;
+  std::unique_ptr<Timer> look_timer;
+  std::array<Side, 2> sides;
+  bool gone = false;
+};
+
+FdWatch::FdWatch(Loop& loop, int fd, Callback on_readable, Callback on_writable)
+    : state_(std::make_shared<State>(loop, fd, std::move(on_readable), std::move(on_writable))) {}
+
+FdWatch::~FdWatch() { stop(); }
+
+void FdWatch::stop() {
+  if (state_->gone) return;
+  state_->stop();
+}
+
+void FdWatch::watch_readable(bool on) { state_->watch(0, on); }
+void FdWatch::watch_writable(bool on) { state_->watch(1, on); }
+
+}  // namespace porttape

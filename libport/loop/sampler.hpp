@@ -1,0 +1,40 @@
+#pragma once
+
+#include <functional>
+#include <map>
+
+#include "libport/loop/timer.hpp"
+
+namespace porttape {
+
+// Looks again and again at what no event tells of (a pty's settings), for all ports of a loop by one timer:
+// quickly in the first second, since drivers set their line just after opening it, slowly later.
+// Loop thread only.
+class Sampler {
+ public:
+  static constexpr Nanos kQuick = std::chrono::milliseconds(10);
+  static constexpr Nanos kSlow = std::chrono::milliseconds(100);
+  static constexpr Nanos kYoung = std::chrono::seconds(1);
+
+  explicit Sampler(Loop& loop);
+
+  // `look` is called until remove(); it adds and removes nobody. Adding an owner again makes it young again.
+  void add(const void* owner, std::function<void()> look);
+  void remove(const void* owner);
+
+ private:
+  struct Member {
+    std::function<void()> look;
+    std::shared_ptr<Fence> fence;
+    Instant young_until;
+  };
+
+  void on_timer();
+
+  Loop* loop_;
+  std::map<const void*, Member> members_;
+  Instant next_slow_{};
+  Timer timer_;
+};
+
+}  // namespace porttape

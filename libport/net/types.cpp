@@ -1,0 +1,142 @@
+#include "libport/net/types.hpp"
+
+#include <memory>
+#include <string>
+
+#include "libport/net/socket_address.hpp"
+#include "libport/net/tcp_port.hpp"
+#include "libport/net/udp_port.hpp"
+#include "libport/net/unix_port.hpp"
+#include "libport/port/port_options.hpp"
+#include "libport/port/short_spelling.hpp"
+
+namespace porttape {
+namespace {
+
+using Kind = OptionSpec::Kind;
+using Claims = std::vector<PortType::Claim>;
+
+constexpr double kMaxPort = 65535;  // 0 is for the listening ones
+
+Error usage(std::string message) { return make_error(Errc::usage, std::move(message)); }
+
+std::uint16_t port_number(const PortOptions& written, const std::string& option) {
+  return static_cast<std::uint16_t>(written.integer(option));
+}
+
+StreamOptions stream_options(const PortOptions& written) {
+  return {.listen = written.flag("listen"), .wait = written.flag("wait")};
+}
+
+Result<TcpOptions> tcp_options(const PortOptions& written) {
+  TcpOptions options{written.text("ip"), port_number(written, "port"), stream_options(written)};
+  if (options.port == 0 && !options.stream.listen)
+    return usage("option 'port': '0' is not valid; accepted: a whole number from 1 to 65535");
+  return options;
+}
+
+Result<UdpOptions> udp_options(const PortOptions& written) {
+  const std::string from = written.text("from");
+  return UdpOptions{.to_host = written.text("dest_ip"),
+                    .to_port = port_number(written, "dest_port"),
+                    .own_host = written.text("recv_ip"),
+                    .own_port = port_number(written, "recv_port"),
+                    .listen = written.flag("listen"),
+                    .from = from == "peer"  ? UdpOptions::From::peer
+                            : from == "any" ? UdpOptions::From::any
+                                            : UdpOptions::From::as_usual};
+}
+
+Result<UnixOptions> unix_options(const PortOptions& written) {
+  const std::string path = written.text("path");
+  if (path.empty()) return usage("option 'path' is missing; accepted: the path of a socket");
+  if (const Result<SocketAddress> address = unix_address(path); !address) return address.error();
+  const Result<unsigned> mode = written.mode("mode");
+  if (!mode) return mode.error();
+  return UnixOptions{path, *mode, stream_options(written)};
+}
+
+Claims claim_address(const char* kind, const std::string& host, std::uint16_t port) {
+  return port == 0 ? Claims() : Claims{{kind, host_and_port(host, port)}};
+}
+
+}  // namespace
+
+PortType tcp_type() {
+  PortType type{"tcp", {"ip", "port"}, "a TCP connection"};
+  type.listening = {"ip", "port"};
+  type.recorded_as = "tcplog";
+  type.options = with_common({
+      {"ip", Kind::text, "127.0.0.1", "address or name of the peer; with listen the own address, * for all"},
+      {"port", Kind::integer, "20000", "1 to 65535; with listen 0 takes a free one and prints it", 0,
+       kMaxPort},
+      {"listen", Kind::flag, "", "the peer connects (tcp-listen:)"},
+      {"wait", Kind::flag, "", "a device that is missing is waited for"},
+  });
+  type.read = reads(tcp_options);
+  type.make = makes<TcpOptions>([](const auto& context, const auto& common, const auto& options) {
+    return std::make_unique<TcpPort>(context, common, options);
+  });
+  type.claims = [](const PortSpec& spec) {
+    const TcpOptions& tcp = *spec.get<TcpOptions>();
+    return tcp.stream.listen ? claim_address("TCP port", tcp.host, tcp.port) : Claims();
+  };
+  return type;
+}
+
+PortType udp_type() {
+  PortType type{"udp", {"dest_ip", "dest_port"}, "UDP datagrams"};
+  type.listening = {"recv_ip", "recv_port"};
+  type.recorded_as = "udplog";
+  type.keeps_datagrams = true;
+  type.options = with_common({
+      {"dest_ip", Kind::text, "127.0.0.1", "address or name that datagrams go to"},
+      {"dest_port", Kind::integer, "20000", "1 to 65535", 1, kMaxPort},
+      {"recv_ip", Kind::text, "*", "own address, * for all (with listen 127.0.0.1 unless given)"},
+      {"recv_port", Kind::integer, "20000", "1 to 65535, 0 takes a free one and prints it", 0, kMaxPort},
+      {"listen", Kind::flag, "", "datagrams go to who sent the latest one (udp-listen:)"},
+      {"from",
+       Kind::choice,
+       "",
+       "whose datagrams count: the peer's, or anybody's (default: peer; with listen, and in a program's "
+       "own ports, any)",
+       0,
+       0,
+       {"peer", "any"}},
+  });
+  type.complete = [](PortOptions& written) {
+    if (written.flag("listen")) written.values.try_emplace("recv_ip", "127.0.0.1");
+  };
+  type.read = reads(udp_options);
+  type.make = makes<UdpOptions>([](const auto& context, const auto& common, const auto& options) {
+    return std::make_unique<UdpPort>(context, common, options);
+  });
+  type.claims = [](const PortSpec& spec) {
+    const UdpOptions& udp = *spec.get<UdpOptions>();
+    return claim_address("UDP port", udp.own_host, udp.own_port);
+  };
+  return type;
+}
+
+PortType unix_type() {
+  PortType type{"unix", {"path"}, "a Unix stream socket"};
+  type.listening = {"path"};
+  type.recorded_as = "unixlog";
+  type.options = with_common({
+      {"path", Kind::text, "", "the socket file"},
+      {"listen", Kind::flag, "", "the peer connects (unix-listen:)"},
+      {"mode", Kind::text, "0600", "permissions of the socket file, octal; with listen"},
+      {"wait", Kind::flag, "", "a device that is missing is waited for"},
+  });
+  type.read = reads(unix_options);
+  type.make = makes<UnixOptions>([](const auto& context, const auto& common, const auto& options) {
+    return std::make_unique<UnixPort>(context, common, options);
+  });
+  type.claims = [](const PortSpec& spec) {
+    const UnixOptions& options = *spec.get<UnixOptions>();
+    return options.stream.listen ? Claims{{"socket", options.path}} : Claims();
+  };
+  return type;
+}
+
+}  // namespace porttape

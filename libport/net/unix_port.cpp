@@ -1,0 +1,108 @@
+#include "libport/net/unix_port.hpp"
+
+#include <cerrno>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <utility>
+
+#include <spdlog/spdlog.h>
+
+namespace porttape {
+namespace {
+
+constexpr int kBacklog = 128;
+
+UniqueFd make_socket(int type = SOCK_STREAM) {
+  return UniqueFd(::socket(AF_UNIX, type | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+}
+
+}  // namespace
+
+UnixPort::UnixPort(const PortContext& context, const CommonOptions& common, UnixOptions options)
+    : StreamPort(context, common, options.stream), path_(std::move(options.path)), mode_(options.mode) {}
+
+UnixPort::~UnixPort() {
+  struct stat status {};
+  if (node_ && ::lstat(path_.c_str(), &status) == 0 && *node_ == std::pair(status.st_dev, status.st_ino))
+    (void)::unlink(path_.c_str());
+}
+
+Result<void> UnixPort::free_place(const SocketAddress& address) const {
+  struct stat status {};
+  if (::lstat(path_.c_str(), &status) != 0) return {};
+  if (!S_ISSOCK(status.st_mode)) {
+    return make_error(
+        Errc::usage,
+        fmt::format("socket '{}' exists and is not a socket; it is left alone, choose another path", path_));
+  }
+  // Of another type, so that whoever listens there sees no connection: EPROTOTYPE.
+  const UniqueFd probe = make_socket(SOCK_DGRAM);
+  if (::connect(probe.get(), address.get(), address.size) == 0 || errno != ECONNREFUSED) {
+    return make_error(Errc::usage,
+                      fmt::format("socket '{}' is in use; end that program or choose another path", path_));
+  }
+  (void)::unlink(path_.c_str());
+  return {};
+}
+
+Result<UniqueFd> UnixPort::make_listener() {
+  const Result<SocketAddress> address = unix_address(path_);
+  if (!address) return address.error();
+  if (Result<void> place = free_place(*address); !place) return place.error();
+  UniqueFd fd = make_socket();
+  // The file's permissions are the socket's less the umask: never wider than `mode`, from the start.
+  if (!fd || ::fchmod(fd.get(), mode_) != 0 || ::bind(fd.get(), address->get(), address->size) != 0)
+    return make_error(Errc::usage, fmt::format("socket '{}' cannot be made: {}", path_, errno_text(errno)));
+  if (Result<void> own = own_node(); !own) return own.error();
+  if (::listen(fd.get(), kBacklog) != 0)
+    return make_error(Errc::usage, fmt::format("socket '{}' cannot be made: {}", path_, errno_text(errno)));
+  context_.log->info("listening on {}", path_);
+  return fd;
+}
+
+// Takes note of the socket file that bind() made, and gives it what the umask took from its permissions. What
+// the name means may have changed since: only a socket of our own is touched, and no link is followed.
+Result<void> UnixPort::own_node() {
+  const UniqueFd node(::open(path_.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
+  struct stat status {};
+  if (!node || ::fstat(node.get(), &status) != 0 || !S_ISSOCK(status.st_mode) ||
+      status.st_uid != ::geteuid()) {
+    return make_error(Errc::usage, fmt::format("socket '{}' was replaced as it was made; choose a folder "
+                                               "that nobody else writes to",
+                                               path_));
+  }
+  node_.emplace(status.st_dev, status.st_ino);
+  const std::string self = fmt::format("/proc/self/fd/{}", node.get());
+  if ((status.st_mode & 0777) != mode_ && ::chmod(self.c_str(), mode_) != 0) {
+    context_.log->warn("socket '{}' has the permissions {:04o}, not {:04o}: {}", path_, status.st_mode & 0777,
+                       mode_, errno_text(errno));
+  }
+  return {};
+}
+
+Result<void> UnixPort::check_peer() {
+  struct stat status {};
+  const bool there = ::stat(path_.c_str(), &status) == 0;
+  const int error = errno;
+  if (there && S_ISSOCK(status.st_mode)) return {};
+  return make_error(Errc::device_missing,
+                    fmt::format("socket '{}': {}", path_,
+                                there ? "it is not a socket"
+                                      : errno_text(error) + "; is the program that listens there running?"));
+}
+
+void UnixPort::connect_to_peer(Connector& connector) {
+  const Result<SocketAddress> address = unix_address(path_);
+  connector.to_address(*address);  // its length was checked with the options
+}
+
+PeerState UnixPort::peer_state(int fd) const {
+  pollfd poll{fd, 0, 0};
+  return ::poll(&poll, 1, 0) > 0 && (poll.revents & POLLHUP) != 0 ? PeerState::gone : PeerState::reading;
+}
+
+}  // namespace porttape

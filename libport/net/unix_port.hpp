@@ -1,0 +1,43 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <sys/types.h>
+#include <utility>
+
+#include "libport/net/stream_port.hpp"
+
+namespace porttape {
+
+struct UnixOptions {
+  std::string path;
+  unsigned mode = 0600;  // of the socket file, with listen
+  StreamOptions stream = {};
+};
+
+// A Unix stream socket at `path`. With `listen` it makes the socket file, with the permissions `mode`, and
+// takes it away at the end if it is still its own. It replaces nothing but a socket that nobody listens on,
+// left by a program that was killed. A link that another user puts in its place is never followed.
+class UnixPort final : public StreamPort {
+ public:
+  UnixPort(const PortContext& context, const CommonOptions& common, UnixOptions options);
+  ~UnixPort() override;
+
+  [[nodiscard]] std::string name() const override { return (passive() ? "unix-listen:" : "unix:") + path_; }
+
+ protected:
+  Result<UniqueFd> make_listener() override;
+  Result<void> check_peer() override;
+  void connect_to_peer(Connector& connector) override;
+  [[nodiscard]] PeerState peer_state(int fd) const override;
+
+ private:
+  [[nodiscard]] Result<void> free_place(const SocketAddress& address) const;
+  Result<void> own_node();
+
+  const std::string path_;
+  const mode_t mode_;
+  std::optional<std::pair<dev_t, ino_t>> node_;  // the socket file we made
+};
+
+}  // namespace porttape

@@ -1,0 +1,112 @@
+#pragma once
+
+#include <any>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "libport/base/result.hpp"
+
+namespace porttape {
+
+class Port;
+class PortSpec;
+struct PortContext;
+struct PortOptions;
+
+// One option of a port type: how its value is checked and what --help says of it.
+struct OptionSpec {
+  enum class Kind { text, flag, integer, number, choice };
+
+  std::string_view name;
+  Kind kind = Kind::text;
+  std::string_view default_value = {};
+  std::string_view help = {};
+  double min = 0;  // integer and number
+  double max = std::numeric_limits<double>::max();
+  std::vector<std::string_view> choices = {};
+};
+
+// Checks a value and gives its canonical form ("1" and "" for flags). Errc::usage names option, value and
+// what is accepted.
+Result<std::string> check_value(const OptionSpec& option, std::string_view value);
+
+// The options of a type, and behind them those that all ports have (CommonOptions).
+std::vector<OptionSpec> with_common(std::vector<OptionSpec> options);
+
+// The options that the main part of a short spelling sets: `MAIN`, or `MAIN:PORT` where there is a port.
+struct ShortForm {
+  std::string_view main;
+  std::string_view port = {};
+};
+
+// The struct of one type's options, which `make` of that type knows.
+class TypedOptions {
+ public:
+  template <class Options>
+  static TypedOptions of(Options options) {
+    TypedOptions typed;
+    typed.value_ = std::move(options);
+    return typed;
+  }
+  // Null where it is another type's.
+  template <class Options>
+  [[nodiscard]] const Options* get() const {
+    return std::any_cast<Options>(&value_);
+  }
+
+ private:
+  TypedOptions() = default;
+  std::any value_;
+};
+
+// All that is known of a port type, in one place: how it is spelled, its options, and what is made of them.
+// Each room with ports gives its own (tty/types.hpp, net/types.hpp, taped/types.hpp); `catalog` has the
+// table.
+struct PortType {
+  std::string_view name;
+  ShortForm form;
+  std::string_view help;
+  std::vector<OptionSpec> options = {};
+  ShortForm listening = {};           // of `NAME-listen:`, which also sets `listen`; none: no such spelling
+  std::string_view recorded_as = {};  // the type that keeps a tape of it; none: it cannot be recorded
+  std::string_view records = {};      // the type that it keeps a tape of
+  bool keeps_datagrams = false;       // no close of the line ends a session
+
+  // The options as the struct that `make` takes, checked against each other. Errc::usage. The values have
+  // been checked one by one.
+  std::function<Result<TypedOptions>(const PortOptions&)> read = {};
+  // Defaults that hang on other options; none: there are none.
+  std::function<void(PortOptions&)> complete = {};
+  // The port. `peer` says what is at the line's other end, for a tape's header.
+  std::function<Result<std::unique_ptr<Port>>(const PortContext&, const PortSpec&, const std::string& peer)>
+      make = {};
+  // What only one port can have at a time (`link /tmp/x`, `TCP port *:2112`), a kind and where.
+  using Claim = std::pair<std::string, std::string>;
+  std::function<std::vector<Claim>(const PortSpec&)> claims = [](const PortSpec&) {
+    return std::vector<Claim>();
+  };
+
+  [[nodiscard]] const OptionSpec* find(std::string_view option) const;
+};
+
+// The types that a program knows.
+class PortTypes {
+ public:
+  explicit PortTypes(std::vector<PortType> types) : types_(std::move(types)) {}
+
+  [[nodiscard]] std::span<const PortType> all() const { return types_; }
+  [[nodiscard]] const PortType* find(std::string_view name) const;
+  // `tcp, udp, …`, for messages.
+  [[nodiscard]] std::string names() const;
+
+ private:
+  std::vector<PortType> types_;
+};
+
+}  // namespace porttape

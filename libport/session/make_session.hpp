@@ -1,0 +1,16 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "libport/catalog/channel.hpp"
+#include "libport/port/context.hpp"
+#include "libport/session/session.hpp"
+
+namespace porttape {
+
+// A session of the two ports that these describe. Errc::usage.
+Result<std::unique_ptr<Session>> make_session(const PortContext& context, const ChannelPorts& ports,
+                                              std::function<void(int exit_status)> on_end);
+
+}  // namespace porttape

@@ -1,0 +1,103 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "libport/loop/timer.hpp"
+#include "libport/port/context.hpp"
+#include "libport/port/port.hpp"
+#include "libport/replay/engine.hpp"
+#include "libport/tape/tape_name.hpp"
+#include "libport/tape/tape_reader.hpp"
+#include "libport/taped/replay_reports.hpp"
+
+namespace porttape {
+
+// A tape in the device's place: reads the tape and the clock, and does what the engine says. Each run's
+// report goes to the log and, when asked for, to a file; with `once` the session ends after the first run.
+class ReplayPort final : public Port {
+ public:
+  struct Options {
+    TapePaths tape;
+    ReplayConfig config;
+    bool once = false;
+    std::string report_file = {};
+    std::function<void(const RunReport&)> on_report = {};  // each run's, or empty
+    bool report_unopened = false;  // a run that no driver began gets its report at the end, as with `once`
+    // The program ends soon, and has no other ports: where the tape has no reopen, opens are looked for in
+    // the first moments instead of being told by the kernel, whose events take long to give up.
+    bool brief = false;
+  };
+
+  ReplayPort(const PortContext& context, Options options);
+  ~ReplayPort() override;
+
+  Result<void> prepare() override;
+  void open() override;
+  void close() override;
+  void write(ByteView data) override;
+  bool end_writing() override;
+  // A driver that writes on while the tape is read on to where it writes.
+  [[nodiscard]] bool congested() const override { return congested_; }
+  // What is due counts as read, where the tape is stamped at arrival and answers follow their questions. Else
+  // nothing is dropped: the tape holds what its driver read, or plays by a clock that a slow reader lags
+  // behind.
+  bool discard() override;
+  // The same for a driver that flushes what came to it, whatever the timing; a tape of another
+  // recorder (without events) holds what its driver read, and nothing that was flushed. A flush on the tape
+  // has no effect: the driver makes its own.
+  void peer_flushed(FlushQueue queue) override;
+  [[nodiscard]] std::string awaits() override;
+  // Each block of a tape of UDP was a datagram.
+  [[nodiscard]] bool keeps_datagrams() const override { return datagrams_; }
+  void set_reading(bool on) override;
+  void hang_up(bool) override {}
+  // Ends the run; the status is its verdict's. Takes 5 s at most: what is not known or not written then is
+  // told.
+  void finish() override;
+  [[nodiscard]] std::string name() const override { return "logreader:" + options_.tape.name(); }
+
+  // When it will do something by itself; nothing while only the driver can move things on.
+  [[nodiscard]] std::optional<Instant> next_due() const {
+    return engine_ ? engine_->next_deadline() : std::nullopt;
+  }
+
+  // The latest run's, once it is complete.
+  [[nodiscard]] const std::optional<RunReport>& report() const { return report_; }
+
+ private:
+  void pump();
+  [[nodiscard]] Instant pump_time(Instant now) const;
+  void perform(ReplayActions& actions);
+  void set_timer();
+  [[nodiscard]] bool may_spin(Instant due) const;
+  void on_timer();
+  void take_report(RunReport report);
+  void publish(const RunReport& report);
+  void continue_finish();
+  void add_stalls(RunReport& report, Instant begun) const;
+  [[nodiscard]] int status() const;
+
+  PortContext context_;
+  Options options_;
+  std::optional<TapeReader> schedule_;
+  std::optional<TapeReader> writes_;
+  std::unique_ptr<Engine> engine_;
+  Timer timer_;
+  std::unique_ptr<ReplayReports> reports_;
+  std::optional<RunReport> report_;
+  std::optional<Instant> run_begun_;
+  std::optional<Timer> finish_timer_;
+  Instant finish_limit_{};
+  bool any_run_ = false;  // has ended
+  bool report_failed_ = false;
+  bool congested_ = false;
+  bool reading_on_ = false;  // the engine has used up its budget
+  bool open_ = false;
+  bool dropping_ = false;
+  bool datagrams_ = false;
+};
+
+}  // namespace porttape

@@ -1,0 +1,207 @@
+#include "libport/taped/replay_reports.hpp"
+
+#include <algorithm>
+#include <fmt/format.h>
+#include <utility>
+
+#include <spdlog/spdlog.h>
+
+#include "libport/replay/hint.hpp"
+#include "libport/replay/tape_count.hpp"
+#include "libport/tape/tape_reader.hpp"
+#include "libport/taped/report_file.hpp"
+
+namespace porttape {
+
+// Work on another thread. It and the loop share this and nothing else; `stop` asks it to end early.
+struct ReplayReports::Job {
+  std::atomic<bool> stop{false};
+  bool done = false;  // written by the loop's thread, and so are the results
+};
+
+struct ReplayReports::Count : Job {
+  std::optional<TapeTotals> totals;
+};
+
+struct ReplayReports::Search : Job {
+  Mismatch mismatch;
+  std::optional<std::string> hint;
+};
+
+ReplayReports::ReplayReports(const PortContext& context, Options options, Publish publish)
+    : context_(context),
+      options_(std::move(options)),
+      publish_(std::move(publish)),
+      timer_(*context.loop, [this] { move_on(); }) {}
+
+ReplayReports::~ReplayReports() {
+  if (count_) count_->stop = true;
+  for (const auto& search : searches_) search->stop = true;
+  for (const Waiting& waiting : waiting_) {
+    if (waiting.search) waiting.search->stop = true;
+  }
+}
+
+// False where no thread is to be had.
+bool ReplayReports::run(const Workers::Strand& strand, const std::shared_ptr<Job>& job,
+                        std::function<void()> work, std::function<void()> done) {
+  return context_.loop->run_elsewhere(strand, std::move(work),
+                                      [job, done = std::move(done), alive = std::weak_ptr<int>(alive_)] {
+                                        job->done = true;
+                                        if (!alive.expired()) done();
+                                      });
+}
+
+void ReplayReports::begin_count() {
+  if (options_.totals || count_) return;
+  count_ = std::make_shared<Count>();
+  const auto found = std::make_shared<std::optional<TapeTotals>>();
+  const auto work = [count = count_, found, tape = options_.tape] {
+    Result<TapeReader> reader = TapeReader::open(tape);
+    if (reader) *found = count_tape(*reader, [&count] { return count->stop.load(); });
+  };
+  const bool begun = run(count_strand_, count_, work, [this, found] {
+    count_->totals = *found;
+    options_.totals = *found;
+    move_on();
+  });
+  count_->done = !begun;
+}
+
+void ReplayReports::look_for_hint(const Mismatch& mismatch) {
+  if (mismatch.kind == MismatchKind::timing || searches_.size() >= kMostHints) return;
+  auto search = std::make_shared<Search>();
+  search->mismatch = mismatch;
+  const auto found = std::make_shared<std::optional<std::string>>();
+  const auto work = [search, found, tape = options_.tape] {
+    Result<TapeReader> reader = TapeReader::open(tape, TapeReader::Select::writes_only);
+    if (!reader) return;
+    *found = find_hint(*reader, search->mismatch.tape_offset, search->mismatch.got,
+                       [&search] { return search->stop.load(); });
+  };
+  const bool begun = run(hint_strand_, search, work, [this, search, found] {
+    search->hint = *found;
+    hint_found(*search);
+  });
+  if (begun) searches_.push_back(std::move(search));
+}
+
+void ReplayReports::hint_found(const Search& search) {
+  if (search.hint && !search.hint->empty()) {
+    context_.log->warn("{}: what the driver wrote at byte {} is {}", options_.tape.name(),
+                       search.mismatch.offset, *search.hint);
+  }
+  move_on();
+}
+
+void ReplayReports::add(RunReport report) {
+  begin_count();
+  Waiting waiting{std::move(report), nullptr, Loop::now()};
+  const auto first = std::ranges::find_if(searches_, [&waiting](const auto& search) {
+    return waiting.report.mismatch && search->mismatch.kind == waiting.report.mismatch->kind &&
+           search->mismatch.offset == waiting.report.mismatch->offset;
+  });
+  for (auto search = searches_.begin(); search != searches_.end(); ++search) {
+    if (search != first) (*search)->stop = true;
+  }
+  if (first != searches_.end()) waiting.search = *first;
+  searches_.clear();
+  waiting_.push_back(std::move(waiting));
+  move_on();
+}
+
+// Publishes what is complete.
+void ReplayReports::move_on() {
+  const Instant now = Loop::now();
+  while (!waiting_.empty() && complete(waiting_.front(), now)) {
+    const RunReport report = std::move(waiting_.front().report);
+    waiting_.pop_front();
+    if (!options_.file.empty()) write_file(to_json(report));
+    publish_(report);
+  }
+  set_timer();
+  if (!done_ || !waiting_.empty() || (file_under_way_ && now < *limit_)) return;
+  if (file_under_way_) {
+    context_.log->error("report '{}' was not written in time: what it goes to takes nothing", options_.file);
+    file_failed_ = true;
+  }
+  timer_.cancel();
+  std::exchange(done_, nullptr)(!file_failed_);
+}
+
+bool ReplayReports::complete(Waiting& waiting, Instant now) {
+  const bool hint = has_hint(waiting, now);
+  return has_totals(waiting, now) && hint;
+}
+
+bool ReplayReports::has_totals(Waiting& waiting, Instant now) {
+  if (options_.totals) {
+    add_totals(waiting.report, *options_.totals);
+    return true;
+  }
+  if (!count_->done && !late(waiting.ended + kCountLimit, now)) return false;
+  count_->stop = true;
+  give_up_totals(waiting.report, "it was not counted in time, so that writes may be missing");
+  return true;
+}
+
+bool ReplayReports::has_hint(Waiting& waiting, Instant now) {
+  if (!waiting.search) return true;
+  if (!waiting.search->done && !late(waiting.ended + kHintLimit, now)) return false;
+  waiting.search->stop = true;
+  waiting.report.mismatch->hint =
+      waiting.search->hint.value_or("not known: looking for the bytes elsewhere on the tape was given up");
+  waiting.search.reset();
+  return true;
+}
+
+bool ReplayReports::late(Instant limit, Instant now) const {
+  return now >= limit || (limit_ && now >= *limit_ - kFileTime);
+}
+
+void ReplayReports::write_file(std::string text) {
+  if (file_under_way_) {
+    next_file_ = std::move(text);
+    return;
+  }
+  const auto job = std::make_shared<Job>();
+  const auto written = std::make_shared<Result<void>>();
+  const auto work = [written, file = options_.file, text = std::move(text)] {
+    *written = write_report(file, text);
+  };
+  file_under_way_ = true;
+  const bool begun = run(file_strand_, job, work, [this, written] {
+    file_written(*written);
+    move_on();
+  });
+  if (begun) return;
+  work();
+  file_written(*written);
+}
+
+void ReplayReports::file_written(const Result<void>& written) {
+  file_under_way_ = false;
+  if (!written) context_.log->error("{}", written.error().message);
+  file_failed_ = file_failed_ || !written;
+  if (next_file_) write_file(*std::exchange(next_file_, std::nullopt));
+}
+
+void ReplayReports::finish(Instant limit, std::function<void(bool)> done) {
+  limit_ = limit;
+  done_ = std::move(done);
+  move_on();
+}
+
+void ReplayReports::set_timer() {
+  std::optional<Instant> next;
+  const auto at = [&next](Instant when) { next = next ? std::min(*next, when) : when; };
+  if (done_) at(waiting_.empty() ? *limit_ : *limit_ - kFileTime);
+  if (!waiting_.empty()) {
+    const Waiting& first = waiting_.front();
+    if (!options_.totals) at(first.ended + kCountLimit);
+    if (first.search) at(first.ended + kHintLimit);
+  }
+  next ? timer_.set(*next) : timer_.cancel();
+}
+
+}  // namespace porttape

@@ -1,0 +1,93 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "libport/base/workers.hpp"
+#include "libport/loop/timer.hpp"
+#include "libport/port/context.hpp"
+#include "libport/replay/report.hpp"
+#include "libport/tape/tape_name.hpp"
+
+namespace porttape {
+
+// The way of each run's report from the end of the run to those who read it. What may take long is done on
+// other threads, by readers of their own: counting the tape, looking for where the bytes of a mismatch stand
+// elsewhere, writing the file. A report waits for the count and the hint, but not longer than the limits
+// below, and then says what is missing; the line waits for nothing.
+//
+// Drive it: begin_count() when a run begins, look_for_hint() for each mismatch, add() at the end of a run,
+// and finish() once. Loop thread only. Destroying it gives up what is under way.
+class ReplayReports {
+ public:
+  static constexpr Nanos kCountLimit = std::chrono::seconds(5);
+  static constexpr Nanos kHintLimit = std::chrono::seconds(1);
+  static constexpr Nanos kFileTime = std::chrono::seconds(1);
+  static constexpr std::size_t kMostHints = 8;  // a run
+
+  struct Options {
+    TapePaths tape;
+    std::string file;                  // for the latest report, or empty
+    std::optional<TapeTotals> totals;  // if known without counting
+  };
+  // In the order of the runs; the file follows.
+  using Publish = std::function<void(const RunReport&)>;
+
+  ReplayReports(const PortContext& context, Options options, Publish publish);
+  ~ReplayReports();
+
+  // Counts the tape, unless that is done, given up or under way.
+  void begin_count();
+  void look_for_hint(const Mismatch& mismatch);
+  void add(RunReport report);
+
+  // Calls `done` once all reports are published and the file is written, or at `limit` (count and hint are
+  // given up kFileTime before); whether the file could be written. No report may be added then.
+  void finish(Instant limit, std::function<void(bool written)> done);
+
+ private:
+  struct Job;
+  struct Count;
+  struct Search;
+  struct Waiting {
+    RunReport report;
+    std::shared_ptr<Search> search;  // for the report's mismatch
+    Instant ended{};
+  };
+
+  [[nodiscard]] bool run(const Workers::Strand& strand, const std::shared_ptr<Job>& job,
+                         std::function<void()> work, std::function<void()> done);
+  void hint_found(const Search& search);
+  void move_on();
+  bool complete(Waiting& waiting, Instant now);
+  bool has_totals(Waiting& waiting, Instant now);
+  bool has_hint(Waiting& waiting, Instant now);
+  [[nodiscard]] bool late(Instant limit, Instant now) const;
+  void write_file(std::string text);
+  void file_written(const Result<void>& written);
+  void set_timer();
+
+  PortContext context_;
+  Options options_;
+  Publish publish_;
+  Workers::Strand count_strand_;
+  Workers::Strand hint_strand_;
+  Workers::Strand file_strand_;
+  std::shared_ptr<Count> count_;
+  std::deque<std::shared_ptr<Search>> searches_;  // of the run that goes on
+  std::deque<Waiting> waiting_;
+  bool file_under_way_ = false;
+  std::optional<std::string> next_file_;  // to be written after that one
+  bool file_failed_ = false;
+  std::optional<Instant> limit_;
+  std::function<void(bool)> done_;
+  Timer timer_;
+  std::shared_ptr<int> alive_ = std::make_shared<int>();
+};
+
+}  // namespace porttape

@@ -1,0 +1,157 @@
+#include "libport/taped/report_file.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <climits>
+#include <cstdint>
+#include <cstdio>
+#include <fcntl.h>
+#include <filesystem>
+#include <fmt/format.h>
+#include <poll.h>
+#include <random>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "libport/base/unique_fd.hpp"
+#include "libport/taped/report_place.hpp"
+
+namespace porttape {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+constexpr std::chrono::milliseconds kReaderLimit(1000);
+
+// The system calls here give an errno, 0 when all went well.
+
+int write_all(int fd, std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t n = ::write(fd, text.data(), text.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return n < 0 ? errno : EIO;
+    text.remove_prefix(static_cast<std::size_t>(n));
+  }
+  return 0;
+}
+
+// To what a reader empties, or does not: PIPE_BUF bytes at a time are taken at once where poll() says so.
+int write_with_patience(int fd, std::string_view text) {
+  const auto until = Clock::now() + kReaderLimit;
+  while (!text.empty()) {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now()).count();
+    pollfd ready{.fd = fd, .events = POLLOUT, .revents = 0};
+    const int polled = ::poll(&ready, 1, static_cast<int>(std::max<std::int64_t>(left, 0)));
+    if (polled < 0 && errno == EINTR) continue;
+    if (polled <= 0) return polled < 0 ? errno : ETIMEDOUT;
+    const ssize_t n = ::write(fd, text.data(), std::min<std::size_t>(text.size(), PIPE_BUF));
+    if (n < 0 && (errno == EINTR || errno == EAGAIN)) continue;
+    if (n <= 0) return n < 0 ? errno : EIO;
+    text.remove_prefix(static_cast<std::size_t>(n));
+  }
+  return 0;
+}
+
+// A name beside `file` that nobody can know beforehand.
+std::string new_name_beside(const std::string& file) {
+  std::random_device random;
+  return (fs::path(file).parent_path() / fmt::format(".report-{:08x}{:08x}.new", random(), random()))
+      .string();
+}
+
+// Opens a file that was not there; `name` is what it is called.
+UniqueFd create_beside(const std::string& file, std::string& name) {
+  constexpr int attempts = 100;
+  for (int n = 0; n < attempts; ++n) {
+    name = new_name_beside(file);
+    UniqueFd fd(::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644));
+    if (fd || errno != EEXIST) return fd;
+  }
+  return {};
+}
+
+int replace(const std::string& file, std::string_view text) {
+  std::string name;
+  UniqueFd fd = create_beside(file, name);
+  if (!fd) return errno;
+  int error = write_all(fd.get(), text);
+  if (error == 0 && ::fsync(fd.get()) != 0) error = errno;
+  if (::close(fd.release()) != 0 && error == 0) error = errno;
+  if (error == 0 && std::rename(name.c_str(), file.c_str()) != 0) error = errno;
+  if (error != 0) (void)::unlink(name.c_str());
+  return error;
+}
+
+int write_in_place(const ReportPlace& place, std::string_view text) {
+  // O_NONBLOCK: a pipe that nobody has open for reading is an error, not a wait.
+  const int follow = place.kind == ReportPlace::Kind::descriptor ? 0 : O_NOFOLLOW;
+  UniqueFd fd(::open(place.file.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | follow));
+  if (!fd) return errno;
+  if (const int error = write_with_patience(fd.get(), text); error != 0) return error;
+  return ::close(fd.release()) == 0 ? 0 : errno;
+}
+
+Error cannot_write(const std::string& path, int error) {
+  const std::string why =
+      error == ETIMEDOUT || error == ENXIO ? "nobody reads what it leads to" : errno_text(error);
+  return make_error(Errc::io, fmt::format("report '{}' cannot be written: {}", path, why));
+}
+
+// Errno of what would keep `file` from being replaced. A file without a name is the surest probe; not all
+// file systems have them.
+int probe_replace(const std::string& file) {
+  const std::string folder = fs::path(file).parent_path().string();
+  if (UniqueFd probe(::open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600)); !probe) {
+    if (errno != EOPNOTSUPP && errno != EISDIR && errno != EINVAL) return errno;
+    if (::access(folder.c_str(), W_OK | X_OK) != 0) return errno;
+  }
+  struct stat parent {};
+  struct stat old {};
+  if (::stat(folder.c_str(), &parent) != 0) return errno;
+  const bool sticky = (parent.st_mode & S_ISVTX) != 0 && ::geteuid() != 0 && parent.st_uid != ::geteuid();
+  if (sticky && ::lstat(file.c_str(), &old) == 0 && old.st_uid != ::geteuid()) return EPERM;
+  return 0;
+}
+
+}  // namespace
+
+Result<void> check_report_place(const std::string& path) {
+  if (path == "-") return {};
+  std::error_code error;
+  if (fs::is_directory(path, error))
+    return make_error(Errc::usage, fmt::format("report '{}' is a folder; name a file", path));
+  const Result<ReportPlace> place = find_report_place(path);
+  if (!place) return make_error(Errc::usage, fmt::format("report '{}': {}", path, place.error().message));
+  const std::string folder = fs::path(place->file).parent_path().string();
+  if (!fs::is_directory(folder, error)) {
+    return make_error(
+        Errc::usage, fmt::format("report '{}': its folder {} does not exist; create it first", path, folder));
+  }
+  const int why = place->kind == ReportPlace::Kind::replaced ? probe_replace(place->file)
+                  : ::access(place->file.c_str(), W_OK) == 0 ? 0
+                                                             : errno;
+  if (why == 0) return {};
+  return make_error(Errc::usage, fmt::format("report '{}' cannot be written: {}; name another file", path,
+                                             errno_text(why)));
+}
+
+Result<void> write_report(const std::string& path, std::string_view text) {
+  int error = 0;
+  if (path == "-") {
+    error = write_with_patience(STDOUT_FILENO, text);
+  } else {
+    const Result<ReportPlace> place = find_report_place(path);
+    if (!place)
+      return make_error(Errc::io,
+                        fmt::format("report '{}' cannot be written: {}", path, place.error().message));
+    error = place->kind == ReportPlace::Kind::replaced ? replace(place->file, text)
+                                                       : write_in_place(*place, text);
+  }
+  if (error == 0) return {};
+  return cannot_write(path, error);
+}
+
+}  // namespace porttape

@@ -1,0 +1,275 @@
+#include "libport/taped/tape_keeper.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <utility>
+
+#include <spdlog/spdlog.h>
+
+namespace porttape {
+namespace {
+
+using Phase = LiveTape::Status::Phase;
+using std::chrono::duration_cast;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr Nanos kLongestRetry = seconds(30);
+// A nearly full disk takes one block and not the next: how often that is told.
+constexpr Nanos kTellingEvery = seconds(1);
+// How often a disk that does not answer is looked at, and after which silence it is told of; fail_closed ends
+// the line within two seconds.
+constexpr Nanos kWatchEvery = milliseconds(250);
+constexpr Nanos kSilence = seconds(1);
+constexpr Nanos kFailClosedSilence = milliseconds(700);
+
+PortContext with_disks(PortContext context) {
+  if (!context.disks) context.disks = std::make_shared<Disks>();
+  return context;
+}
+
+}  // namespace
+
+struct TapeKeeper::Ending {
+  std::unique_ptr<LiveTape> tape;
+  bool sync_told = false;
+};
+
+TapeKeeper::TapeKeeper(const PortContext& context, Options options, std::function<void()> on_must_end)
+    : context_(with_disks(context)),
+      options_(std::move(options)),
+      on_must_end_(std::move(on_must_end)),
+      retry_(options_.retry),
+      retry_timer_(*context.loop, [this] { start(); }),
+      watch_timer_(*context.loop, [this] { watch_disk(); }),
+      end_timer_(*context.loop, [this] { give_up_ending(); }) {}
+
+TapeKeeper::~TapeKeeper() = default;
+
+Result<void> TapeKeeper::check() const {
+  return TapeWriter::check(options_.tape, {.on_existing = options_.on_existing});
+}
+
+TapeTime TapeKeeper::tape_time(Instant at) const { return TapeTime{duration_cast<Micros>(at - zero_)}; }
+
+void TapeKeeper::begin(Instant zero) {
+  begun_ = true;
+  zero_ = zero;
+  start();
+}
+
+void TapeKeeper::start() {
+  TapeHeader header = options_.header;
+  header.zero = tape_zero(zero_, Loop::now());
+  header = completed(std::move(header));
+  id_ = header.id;
+  LiveTape::Options live{.paths = options_.tape,
+                         .header = std::move(header),
+                         .writer = {.on_existing = options_.on_existing, .first_number = first_number_},
+                         .queue_bytes = options_.queue_bytes,
+                         .on_news = {},
+                         .make = options_.make};
+  live.on_news = [post = context_.loop->poster(), this, alive = std::weak_ptr<int>(alive_)] {
+    post([this, alive] {
+      if (!alive.expired()) on_news();
+    });
+  };
+  made_told_ = slow_told_ = sync_told_ = silence_told_ = failing_ = failure_told_ = false;
+  tape_ = std::make_unique<LiveTape>(context_.loop->workers(), context_.disks, std::move(live));
+  watch_timer_.set_after(kWatchEvery);
+  if (open_since_) {
+    tape_->note([at = tape_time(*open_since_)](TapeWriter& writer) { writer.open_event(at); });
+  }
+  if (missed_bytes_ > 0) {
+    tape_->note([at = tape_time(*missed_since_), bytes = missed_bytes_,
+                 why = missed_why_](TapeWriter& writer) { writer.lose(at, bytes, why); });
+  }
+}
+
+void TapeKeeper::block(Direction direction, Instant at, ByteView data) {
+  if (!tape_) {
+    if (!begun_) return;  // no driver has come yet
+    missed_bytes_ += data.size();
+    if (!missed_since_) missed_since_ = at;
+    return;
+  }
+  tape_->block(direction, tape_time(at), data);
+  if (tape_->failing() != failing_) {
+    const LiveTape::Status status = tape_->status();
+    tell_failure(status.failure, status.bytes_lost);
+  }
+  if (tape_->queued() && !watch_timer_.due()) watch_timer_.set_after(kWatchEvery);
+}
+
+void TapeKeeper::note(Instant at, Event event) {
+  if (!tape_) return;
+  tape_->note([event = std::move(event), time = tape_time(at)](TapeWriter& writer) { event(writer, time); });
+}
+
+void TapeKeeper::opened(Instant at) {
+  open_since_ = at;
+  note(at, [](TapeWriter& writer, TapeTime time) { writer.open_event(time); });
+}
+
+void TapeKeeper::closed(Instant at) {
+  if (!std::exchange(open_since_, std::nullopt)) return;
+  note(at, [](TapeWriter& writer, TapeTime time) { writer.close_event(time); });
+}
+
+void TapeKeeper::on_news() {
+  look_at_current();
+  look_at_ending();
+}
+
+void TapeKeeper::look_at_current() {
+  if (!tape_) return;
+  const LiveTape::Status status = tape_->status();
+  if (status.phase == Phase::not_made) return not_made(status);
+  if (status.phase != Phase::being_made && !std::exchange(made_told_, true)) {
+    context_.log->info("recording to {}", status.paths.name());
+    retry_ = options_.retry;
+    missed_bytes_ = 0;
+    missed_since_.reset();
+    missed_why_.clear();
+  }
+  if (status.slowest >= LiveTape::kLongWrite && !std::exchange(slow_told_, true)) {
+    context_.log->warn(
+        "tape {}: its disk took {} ms for a write; what is recorded goes over a queue from now on",
+        options_.tape.name(), status.slowest.count());
+  }
+  tell_sync_error(status, sync_told_);
+  if (status.failure.empty() != !failing_) tell_failure(status.failure, status.bytes_lost);
+}
+
+void TapeKeeper::not_made(const LiveTape::Status& status) {
+  tape_.reset();
+  watch_timer_.cancel();
+  incomplete_ = true;
+  missed_bytes_ += status.bytes_lost;
+  if (!missed_since_) missed_since_ = zero_;
+  if (std::exchange(missed_why_, status.error->message) != missed_why_) {
+    context_.log->error("{}; nothing is recorded until that is mended, the line stays up", missed_why_);
+  }
+  retry_timer_.set_after(retry_);
+  retry_ = std::min(retry_ * 2, kLongestRetry);
+  must_end();
+}
+
+void TapeKeeper::tell_failure(const std::string& failure, std::uint64_t lost) {
+  failing_ = !failure.empty();
+  if (!failing_) {
+    if (std::exchange(failure_told_, false))
+      context_.log->info("{} is being written again; {} bytes are missing", options_.tape.name(), lost);
+    return;
+  }
+  const Instant now = Loop::now();
+  if (now < next_telling_) return;
+  next_telling_ = now + kTellingEvery;
+  failure_told_ = true;
+  context_.log->error(
+      "tape {}: {}; {}", options_.tape.name(), failure,
+      options_.fail_closed ? "ending, as --fail-closed asks" : "the line stays up, the loss is counted");
+  must_end();
+}
+
+void TapeKeeper::tell_sync_error(const LiveTape::Status& status, bool& told) {
+  if (status.sync_error == 0 || std::exchange(told, true)) return;
+  incomplete_ = true;
+  context_.log->error("tape {}: what was written may not be on the disk: {}", status.paths.name(),
+                      status.sync_error == ENOENT ? "its files were removed; SIGUSR1 begins the next tape"
+                                                  : errno_text(status.sync_error));
+  must_end();
+}
+
+void TapeKeeper::must_end() {
+  if (options_.fail_closed) on_must_end_();
+}
+
+// No event tells that a disk does not answer. Runs only while blocks come.
+void TapeKeeper::watch_disk() {
+  if (!tape_) return;
+  const LiveTape::Status status = tape_->status();
+  if (!status.waits_since) return;
+  watch_timer_.set_after(kWatchEvery);
+  const Nanos silence = Loop::now() - *status.waits_since;
+  if (silence >= kSilence && !std::exchange(silence_told_, true)) {
+    context_.log->error("tape {}: its disk does not answer; {} bytes wait for it", options_.tape.name(),
+                        status.bytes_waiting);
+  }
+  if (silence >= kFailClosedSilence) must_end();
+}
+
+void TapeKeeper::rotate(Instant now) {
+  if (!begun_) return;
+  if (tape_) {
+    const LiveTape::Status status = tape_->status();
+    const TapePaths& paths = status.id.empty() ? options_.tape : status.paths;  // not made yet
+    options_.header.previous = PreviousTape{id_, paths.file_name()};
+  }
+  end_current(now);
+  options_.on_existing = OnExisting::next;
+  first_number_ = 2;
+  zero_ = now;
+  if (open_since_) open_since_ = now;
+  start();
+}
+
+void TapeKeeper::end_current(Instant now) {
+  retry_timer_.cancel();
+  watch_timer_.cancel();
+  if (tape_) {
+    tape_->finish(tape_time(now));
+    ending_.push_back({std::move(tape_), sync_told_});
+  }
+  if (missed_bytes_ > 0 && !missed_why_.empty() && ending_.empty()) {
+    context_.log->error("{} bytes passed and are on no tape: {}", missed_bytes_, missed_why_);
+    missed_bytes_ = 0;
+  }
+}
+
+void TapeKeeper::look_at_ending() {
+  for (auto ending = ending_.begin(); ending != ending_.end();) {
+    const LiveTape::Status status = ending->tape->status();
+    tell_sync_error(status, ending->sync_told);
+    if (!status.over()) {
+      ++ending;
+      continue;
+    }
+    if (status.error) {
+      incomplete_ = true;
+      context_.log->error("{}", status.error->message);
+    } else {
+      context_.log->info("{} is complete: {} bytes", status.paths.name(), status.bytes_written);
+    }
+    ending = ending_.erase(ending);
+  }
+  complete_if_over();
+}
+
+void TapeKeeper::finish(Instant now, std::function<void(bool)> done) {
+  closed(now);
+  end_current(now);
+  on_done_ = std::move(done);
+  end_timer_.set_after(kEndLimit);
+  look_at_ending();
+}
+
+void TapeKeeper::give_up_ending() {
+  for (const Ending& ending : ending_) {
+    const LiveTape::Status status = ending.tape->status();
+    context_.log->error("tape {}: its disk did not answer within {} s; {} bytes and the end are not on it",
+                        options_.tape.name(), kEndLimit.count(), status.bytes_waiting);
+    incomplete_ = true;
+  }
+  ending_.clear();
+  complete_if_over();
+}
+
+void TapeKeeper::complete_if_over() {
+  if (!ending_.empty() || !on_done_) return;
+  end_timer_.cancel();
+  std::exchange(on_done_, {})(!incomplete_);
+}
+
+}  // namespace porttape

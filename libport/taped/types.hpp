@@ -1,0 +1,31 @@
+#pragma once
+
+#include "libport/port/port_options.hpp"
+#include "libport/port/port_type.hpp"
+#include "libport/tape/tape_name.hpp"
+#include "libport/tape/tape_writer.hpp"
+
+namespace porttape {
+
+// `logreader` makes ReplayPort; its typed options are ReplayPort::Options.
+PortType logreader_type();
+
+// A port with a tape of it.
+struct RecordingOptions {
+  PortSpec inner;
+  TapePaths tape;
+  OnExisting on_existing = OnExisting::refuse;
+  bool fail_closed = false;
+};
+
+// The type that records ports of `inner`, which has a recorded_as; makes RecordingPort.
+PortType recording_type(const PortType& inner);
+
+// Where a tape is played decides some defaults; the others are the type's, which are flexiport's.
+enum class ReplayUse { verb, test, in_process, drop_in };
+// The option's default there, or `general`.
+std::string_view replay_default(ReplayUse use, std::string_view option, std::string_view general);
+// Puts them where nothing was given.
+void set_replay_defaults(ReplayUse use, std::map<std::string, std::string>& values);
+
+}  // namespace porttape

@@ -1,0 +1,129 @@
+#include "libport/tty/pty.hpp"
+
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <grp.h>
+#include <poll.h>
+#include <pwd.h>
+#include <stdlib.h>
+#include <sys/ioctl.h>
+#include <sys/stat.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include "libport/tty/tty.hpp"
+
+namespace porttape {
+namespace {
+
+Error pty_error(std::string_view what) {
+  return make_error(Errc::io, fmt::format("pty: {}: {}", what, errno_text(errno)));
+}
+
+template <class Id>
+bool parse_id(const std::string& text, Id& id) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
+  return error == std::errc{} && end == text.data() + text.size();
+}
+
+Result<uid_t> user_id(const std::string& name) {
+  uid_t id = static_cast<uid_t>(-1);
+  if (name.empty() || parse_id(name, id)) return id;
+  if (const passwd* entry = ::getpwnam(name.c_str())) return entry->pw_uid;
+  return make_error(Errc::usage, fmt::format("option 'owner': there is no user '{}'", name));
+}
+
+Result<gid_t> group_id(const std::string& name) {
+  gid_t id = static_cast<gid_t>(-1);
+  if (name.empty() || parse_id(name, id)) return id;
+  if (const group* entry = ::getgrnam(name.c_str())) return entry->gr_gid;
+  return make_error(Errc::usage, fmt::format("option 'group': there is no group '{}'", name));
+}
+
+Result<void> give_access(const std::string& path, const Pty::Access& access) {
+  const Result<uid_t> owner = user_id(access.owner);
+  if (!owner) return owner.error();
+  const Result<gid_t> group = group_id(access.group);
+  if (!group) return group.error();
+  if (::chown(path.c_str(), *owner, *group) != 0) return pty_error("giving " + path + " its owner");
+  if (::chmod(path.c_str(), access.mode) != 0) return pty_error("giving " + path + " its mode");
+  return {};
+}
+
+short poll_master(int fd) {
+  pollfd state{fd, POLLIN, 0};
+  return ::poll(&state, 1, 0) > 0 ? state.revents : short{0};
+}
+
+}  // namespace
+
+Result<Pty> Pty::create(FileEvents& events, const Access& access) {
+  Pty pty;
+  pty.master_.reset(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  if (!pty.master_) return pty_error("no pty to be had");
+  std::array<char, 64> path{};
+  if (::grantpt(pty.master()) != 0 || ::unlockpt(pty.master()) != 0 ||
+      ::ptsname_r(pty.master(), path.data(), path.size()) != 0) {
+    return pty_error("unlocking it");
+  }
+  pty.slave_path_ = path.data();
+  if (Result<void> raw = make_pty_raw(pty.master()); !raw) return raw.error();
+  if (Result<void> packets = pty.packet_mode(true); !packets) return packets.error();
+  if (Result<void> given = give_access(pty.slave_path_, access); !given) return given.error();
+  if (Result<UniqueFd> slave = pty.open_slave(); !slave) return slave.error();
+  pty.watch_ = events.watch_file(pty.slave_path_);
+  return pty;
+}
+
+Result<void> Pty::packet_mode(bool on) {
+  const int value = on ? 1 : 0;
+  if (::ioctl(master(), TIOCPKT, &value) != 0) return pty_error("packet mode");
+  return {};
+}
+
+Result<UniqueFd> Pty::open_slave() const {
+  UniqueFd slave(::open(slave_path_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  if (!slave) return pty_error("opening " + slave_path_);
+  return slave;
+}
+
+bool Pty::occupied() const {
+  const short state = poll_master(master());
+  return (state & POLLHUP) == 0 || (state & POLLIN) != 0;
+}
+
+bool Pty::open_now() const { return (poll_master(master()) & POLLHUP) == 0; }
+
+Result<void> Pty::settle() {
+  // Our own open and flush are no news: not to inotify, not as a packet.
+  Result<void> settled;
+  watch_->unnoticed([&] {
+    settled = packet_mode(false);
+    if (settled) settled = freshen();
+    if (Result<void> packets = packet_mode(true); settled) settled = packets;
+  });
+  return settled;
+}
+
+Result<void> Pty::freshen() const {
+  const Result<UniqueFd> slave = open_slave();
+  if (!slave) return slave.error();
+  (void)::ioctl(slave->get(), TIOCNXCL);
+  if (::tcflush(slave->get(), TCIFLUSH) != 0) return pty_error("flushing " + slave_path_);
+  return make_pty_raw(slave->get());
+}
+
+std::optional<std::size_t> Pty::unread() {
+  std::optional<std::size_t> unread;
+  watch_->unnoticed([&] {
+    const UniqueFd slave(::open(slave_path_.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    int bytes = 0;
+    if (slave && ::ioctl(slave.get(), FIONREAD, &bytes) == 0) unread = static_cast<std::size_t>(bytes);
+  });
+  return unread;
+}
+
+}  // namespace porttape

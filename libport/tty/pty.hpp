@@ -1,0 +1,72 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "libport/base/result.hpp"
+#include "libport/base/unique_fd.hpp"
+#include "libport/loop/file_events.hpp"
+
+namespace porttape {
+
+// A pseudo-terminal pair of which we hold the master, with what is needed to learn when programs open and
+// close the slave.
+//
+// The kernel tells of a last close by POLLHUP on the master and of an open not at all, so: the slave is
+// opened and closed once at creation, which sets POLLHUP; from then on `occupied()` is the truth and inotify
+// events on the slave are only the reason to look. No slave descriptor is held, since POLLHUP would never
+// come.
+class Pty {
+ public:
+  using Event = FileEvents::Event;
+
+  // A raw pty in packet mode with these permissions on the slave. `owner` and `group` may be names or
+  // numbers, or empty.
+  struct Access {
+    unsigned mode = 0600;
+    std::string owner = {};
+    std::string group = {};
+  };
+  static Result<Pty> create(FileEvents& events, const Access& access);
+
+  [[nodiscard]] int master() const { return master_.get(); }
+  // Called from the loop when a program has opened or closed the slave.
+  void on_events(std::function<void()> callback) { watch_->on_event(std::move(callback)); }
+  [[nodiscard]] const std::string& slave_path() const { return slave_path_; }
+
+  // Whether a program has the slave open, or had and left bytes behind.
+  [[nodiscard]] bool occupied() const;
+  // Whether a program has the slave open now.
+  [[nodiscard]] bool open_now() const;
+
+  // The opens and closes since the last call, in order. An open is there before the first byte that is
+  // written after it.
+  std::vector<Event> take_events() { return watch_->take(); }
+  // Whether each open and close is among them; else equal ones in a row may be one.
+  [[nodiscard]] bool exact() const { return watch_->exact(); }
+
+  // Makes the line fresh for the next driver, as a real tty is: unread input gone, exclusive use given up,
+  // raw. Call after the last close. Fails when a driver left TIOCEXCL set and we are not root, or when no
+  // descriptor is to be had: what the last driver left is still there.
+  Result<void> settle();
+
+  // Bytes written to the driver that it has not read yet; counts at most what the line discipline holds
+  // (4095). Unknown when the slave cannot be looked at: the driver keeps it to itself (TIOCEXCL) and we are
+  // not root, or no descriptor is to be had.
+  [[nodiscard]] std::optional<std::size_t> unread();
+
+ private:
+  Pty() = default;
+  Result<void> packet_mode(bool on);
+  Result<UniqueFd> open_slave() const;
+  Result<void> freshen() const;
+
+  UniqueFd master_;
+  std::string slave_path_;
+  std::unique_ptr<FileEvents::Watch> watch_;
+};
+
+}  // namespace porttape

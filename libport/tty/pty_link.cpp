@@ -1,0 +1,122 @@
+#include "libport/tty/pty_link.hpp"
+
+#include <array>
+#include <cerrno>
+#include <cstdio>
+#include <ctime>
+#include <fcntl.h>
+#include <filesystem>
+#include <fmt/format.h>
+#include <random>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <utility>
+
+namespace porttape {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The nanoseconds of the modification time of our links: nothing else tells them from other programs' links.
+constexpr long kMark = 504'545'450;
+
+// Gives a link its mark, in a time not before now.
+void mark(const std::string& path) {
+  std::array<timespec, 2> times{};
+  ::clock_gettime(CLOCK_REALTIME, &times[1]);
+  if (times[1].tv_nsec > kMark) ++times[1].tv_sec;
+  times[1].tv_nsec = kMark;
+  times[0] = times[1];
+  (void)::utimensat(AT_FDCWD, path.c_str(), times.data(), AT_SYMLINK_NOFOLLOW);
+}
+
+// Whether it is a link of ours whose pty has gone and whose number another program's pty has got since: a
+// program that was killed left it.
+bool stale(const std::string& path) {
+  struct stat link {};
+  struct stat node {};
+  if (::lstat(path.c_str(), &link) != 0 || ::stat(path.c_str(), &node) != 0 || link.st_mtim.tv_nsec != kMark)
+    return false;
+  return std::pair(node.st_ctim.tv_sec, node.st_ctim.tv_nsec) >
+         std::pair(link.st_mtim.tv_sec, link.st_mtim.tv_nsec);
+}
+
+// A name that nobody can have planted something under.
+std::string temporary_name(const std::string& path) {
+  std::random_device random;
+  return fmt::format("{}.{:08x}{:08x}.new", path, random(), random());
+}
+
+// The link under `path`, made under another name first so that it replaces an old one in one step.
+Result<void> make_link(const std::string& path, const std::string& target) {
+  const std::string temporary = temporary_name(path);
+  const bool linked = ::symlink(target.c_str(), temporary.c_str()) == 0;
+  if (linked) mark(temporary);
+  if (!linked || std::rename(temporary.c_str(), path.c_str()) != 0) {
+    const int error = errno;
+    if (linked) (void)::unlink(temporary.c_str());
+    return make_error(Errc::usage, fmt::format("link '{}' cannot be made: {}", path, errno_text(error)));
+  }
+  return {};
+}
+
+// Whether the path is free, or a link that may go.
+Result<void> check_place(const std::string& path, const std::string& target) {
+  std::error_code error;
+  const fs::path parent = fs::absolute(path).parent_path();
+  if (!fs::is_directory(parent, error)) {
+    return make_error(Errc::usage, fmt::format("link '{}': its folder {} does not exist; create it first",
+                                               path, parent.string()));
+  }
+  const fs::file_status status = fs::symlink_status(path, error);
+  if (!fs::exists(status)) return {};
+  if (!fs::is_symlink(status)) {
+    return make_error(
+        Errc::usage,
+        fmt::format("link '{}' exists and is not a link; it is left alone, choose another path", path));
+  }
+  const fs::path points_to = fs::read_symlink(path, error);
+  if (points_to == target || !fs::exists(path, error) || stale(path)) return {};
+  return make_error(
+      Errc::usage,
+      fmt::format("link '{}' exists and points to {}, which is in use; remove it or choose another path",
+                  path, points_to.string()));
+}
+
+}  // namespace
+
+Result<PtyLink> PtyLink::publish(const std::string& path, const std::string& target) {
+  if (Result<void> place = check_place(path, target); !place) return place.error();
+  if (Result<void> made = make_link(path, target); !made) return made.error();
+  return PtyLink(path, target);
+}
+
+PtyLink::PtyLink(std::string path, std::string target) : path_(std::move(path)), target_(std::move(target)) {}
+
+PtyLink::PtyLink(PtyLink&& other) noexcept
+    : path_(std::exchange(other.path_, {})), target_(std::exchange(other.target_, {})) {}
+
+PtyLink& PtyLink::operator=(PtyLink&& other) noexcept {
+  if (this != &other) {
+    remove();
+    path_ = std::exchange(other.path_, {});
+    target_ = std::exchange(other.target_, {});
+  }
+  return *this;
+}
+
+PtyLink::~PtyLink() { remove(); }
+
+Result<void> PtyLink::retarget(const std::string& target) {
+  Result<void> made = make_link(path_, target);
+  if (made) target_ = target;
+  return made;
+}
+
+void PtyLink::remove() {
+  if (path_.empty()) return;
+  std::error_code error;
+  if (fs::read_symlink(path_, error) == target_ && !error) (void)::unlink(path_.c_str());
+}
+
+}  // namespace porttape

@@ -1,0 +1,130 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "libport/loop/fd_watch.hpp"
+#include "libport/loop/outbox.hpp"
+#include "libport/loop/timer.hpp"
+#include "libport/port/context.hpp"
+#include "libport/port/port.hpp"
+#include "libport/tty/pty.hpp"
+#include "libport/tty/pty_link.hpp"
+
+namespace porttape {
+
+struct PtyOptions {
+  std::string link = {};  // none: the slave's path is printed
+  Pty::Access access = {};
+};
+
+// A pseudo-terminal that a program opens as if it were the device. Passive: up while a program has the slave
+// open. Owns the pty and its link. One peer at a time: a second program that opens it shares the line, as on
+// a real tty.
+//
+// Sessions are made of what is known of the openers:
+//
+// | what is seen                          | openers before | then                                          |
+// |---------------------------------------|----------------|-----------------------------------------------|
+// | an open                               | no session     | a session begins                              |
+// | an open                               | 0              | closed and opened again: one ends, one begins |
+// | an open                               | 1 or more      | one more, the session goes on                 |
+// | an open                               | unknown        | the session goes on                           |
+// | a close                               | known          | one less; that nobody is left, HUP says       |
+// | HUP and no byte left (read gives EIO) | any            | the session ends; opens after that last close |
+// |                                       |                | begin the next                                |
+// | no HUP, no session                    | 0, or lost     | where events were lost, or opens cannot be    |
+// |                                       |                | told one by one: a session begins             |
+//
+// | HUP, and reading is off              | any            | what is left is kept 10 s for a device that   |
+// |                                       |                | comes, then dropped and told; the session ends |
+//
+// Their number is exact where each open and close is told (Pty::exact). It is unknown after an open that may
+// stand for several, after lost events, and for a session that was found without an event. HUP, which the
+// kernel shows while nobody has the slave open, is always true, and with it the number is 0.
+class PtyPort final : public Port {
+ public:
+  PtyPort(const PortContext& context, PtyOptions options);
+  ~PtyPort() override;
+
+  Result<void> prepare() override;
+  void open() override;
+  void close() override;
+  void write(ByteView data) override;
+  [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
+  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
+  void set_reading(bool on) override;
+  // Replaces the pty by a new one under the same link; on_down(hung_up) follows. Without a link the new path
+  // is printed.
+  void hang_up(bool after_reading) override;
+  void read_pending() override;
+  void finish() override;
+  [[nodiscard]] bool passive() const override { return true; }
+  [[nodiscard]] std::string name() const override;
+
+ private:
+  using Openers = std::optional<int>;  // how many descriptors programs have open; none: unknown
+
+  static constexpr std::size_t kReadSize = 4096;  // a status byte and the 4095 bytes that a pty gives at most
+
+  // What belongs to one pty and goes with it.
+  struct Line {
+    Line(PtyPort& port, Pty made);
+    Pty pty;
+    FdWatch master_watch;
+    Outbox outbox;
+  };
+
+  Result<void> make_line();
+  void announce_path() const;
+  void publish_line();
+  void replace_line();
+  void drop_line();
+  void renew_line();
+  void look();
+  void on_event();
+  void handle_events(const std::vector<Pty::Event>& events);
+  void handle_event(Pty::Event event);
+  void count(Pty::Event event);
+  void watch_reading();
+  void on_unread_timer();
+  void drop_rest();
+  void on_readable();
+  bool read_once();  // true when there may be more
+  [[nodiscard]] bool may_deliver() const { return peer_ && accepting_ && reading_; }
+  void take_packet(ByteView packet);
+  void handle_packet(ByteView packet);
+  void deliver_held();
+  void deliver_held_soon();
+  void peer_arrived(Openers openers);
+  void master_ended();
+  void peer_left();
+  void peer_reopened();
+  void drop_unsent();
+  void drop_held();
+  void set_up(bool up, LineDown::Reason reason = LineDown::Reason::closed);
+  void on_hang_up_timer();
+  void tell_waiting();
+
+  PortContext context_;
+  PtyOptions options_;
+  std::optional<PtyLink> link_;
+  std::unique_ptr<Line> line_;  // null before prepare(), and while no new pty can be made
+  Timer hang_up_timer_;
+  Timer renew_timer_;                     // while there is no line
+  Timer unread_timer_;                    // while the driver is not read
+  std::optional<Instant> gone_since_;     // not read, and seen to have closed
+  std::optional<Instant> unknown_since_;  // hanging up, without seeing whether the driver has read everything
+  Bytes held_;  // a packet that was read when the session began or reading stopped: delivered first
+  Openers openers_ = 0;
+  bool events_lost_ = false;  // since HUP was seen last
+  bool accepting_ = false;
+  bool peer_ = false;
+  bool up_ = false;
+  bool reading_ = true;
+  std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
+};
+
+}  // namespace porttape

@@ -1,0 +1,169 @@
+#include "libport/net/unix_port.hpp"
+
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+#include <utility>
+
+#include <gtest/gtest.h>
+
+#include "libport/catalog/port_types.hpp"
+#include "tests/support/port_log.hpp"
+#include "tests/support/quiet_log.hpp"
+#include "tests/support/sockets.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace {
+
+std::function<void()> after_bind;  // what somebody else does just then
+
+}  // namespace
+
+// In the place of the C library's, for this program.
+// NOLINTNEXTLINE(readability-inconsistent-declaration-parameter-name)
+extern "C" int bind(int fd, const sockaddr* address, socklen_t size) noexcept {
+  const auto result = static_cast<int>(::syscall(SYS_bind, fd, address, size));
+  if (after_bind) std::exchange(after_bind, {})();
+  return result;
+}
+
+namespace porttape {
+namespace {
+
+namespace fs = std::filesystem;
+using test::Socket;
+
+class UnixPortTest : public testing::Test {
+ protected:
+  Result<void> make(const std::string& more) {
+    const Result<PortSpec> spec = parse_port("unix:" + path + more);
+    if (!spec) return spec.error();
+    port.emplace(PortContext{&loop, book.log()}, spec->common(), *spec->get<UnixOptions>());
+    port->listen(log);
+    return port->prepare();
+  }
+  [[nodiscard]] Socket connect() const { return Socket::connect_to(*unix_address(path)); }
+
+  test::TempDir dir;
+  std::string path = dir / "socket";
+  Loop loop;
+  LogBook book;
+  PortLog log;
+  std::optional<UnixPort> port;
+};
+
+TEST_F(UnixPortTest, TheSocketIsPrivateAndGoesAwayAtTheEnd) {
+  ASSERT_TRUE(make(",listen").has_value());
+  struct stat status {};
+  ASSERT_EQ(::lstat(path.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777U, 0600U);
+  port.reset();
+  EXPECT_FALSE(fs::exists(path));
+}
+
+TEST_F(UnixPortTest, TheModeCanBeChosen) {
+  ASSERT_TRUE(make(",listen,mode=0666").has_value());
+  struct stat status {};
+  ASSERT_EQ(::lstat(path.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777U, 0666U);
+  port.reset();
+  EXPECT_FALSE(make(",listen,mode=rw").has_value());
+  EXPECT_FALSE(make(",listen,mode=01777").has_value());
+}
+
+TEST_F(UnixPortTest, TheUmaskTakesNothingFromTheMode) {
+  const mode_t old = ::umask(0077);
+  ASSERT_TRUE(make(",listen,mode=0666").has_value());
+  ::umask(old);
+  struct stat status {};
+  ASSERT_EQ(::lstat(path.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777U, 0666U);
+}
+
+TEST_F(UnixPortTest, ALinkPlantedAsTheSocketIsMadeIsNotFollowed) {
+  const std::string precious = dir / "precious";
+  std::ofstream(precious) << "data";
+  ASSERT_EQ(::chmod(precious.c_str(), 0600), 0);
+  after_bind = [&] {
+    fs::remove(path);
+    fs::create_symlink(precious, path);
+  };
+  EXPECT_FALSE(make(",listen,mode=0666").has_value());
+  struct stat status {};
+  ASSERT_EQ(::lstat(precious.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777U, 0600U);
+  port.reset();
+  EXPECT_TRUE(fs::is_symlink(path)) << "somebody else's is left alone";
+}
+
+TEST_F(UnixPortTest, BytesGoBothWays) {
+  ASSERT_TRUE(make(",listen").has_value());
+  port->open();
+  Socket peer = connect();
+  peer.send("ask");
+  run_until(loop, [&] { return log.data == "ask"; });
+  port->write(as_bytes("answer"));
+  peer.receive();
+  EXPECT_EQ(peer.got, "answer");
+  peer.close();
+  run_until(loop, [&] { return log.events == "up closed "; });
+}
+
+TEST_F(UnixPortTest, AFileIsNeverReplaced) {
+  std::ofstream(path) << "data";
+  const Result<void> made = make(",listen");
+  ASSERT_FALSE(made.has_value());
+  EXPECT_EQ(made.error().code, Errc::usage);
+  EXPECT_EQ(fs::file_size(path), 4U);
+}
+
+TEST_F(UnixPortTest, ASocketInUseIsNotReplacedAStaleOneIs) {
+  {
+    const SocketAddress address = *unix_address(path);
+    const UniqueFd other(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    ASSERT_EQ(::bind(other.get(), address.get(), address.size), 0);
+    ASSERT_EQ(::listen(other.get(), 1), 0);
+    const Result<void> made = make(",listen");
+    ASSERT_FALSE(made.has_value());
+    EXPECT_NE(made.error().message.find("in use"), std::string::npos);
+  }
+  EXPECT_TRUE(make(",listen").has_value());
+}
+
+TEST_F(UnixPortTest, ASocketThatSomebodyElsePutThereStays) {
+  ASSERT_TRUE(make(",listen").has_value());
+  fs::remove(path);
+  std::ofstream(path) << "other";
+  port.reset();
+  EXPECT_TRUE(fs::exists(path));
+}
+
+TEST_F(UnixPortTest, AMissingSocketIsAMissingDeviceUnlessItIsWaitedFor) {
+  const Result<void> made = make("");
+  ASSERT_FALSE(made.has_value());
+  EXPECT_EQ(made.error().code, Errc::device_missing);
+  EXPECT_TRUE(make(",wait").has_value());
+}
+
+TEST_F(UnixPortTest, ConnectsToAListener) {
+  const SocketAddress address = *unix_address(path);
+  const Socket server(UniqueFd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0)));
+  ASSERT_EQ(::bind(server.fd(), address.get(), address.size), 0);
+  ASSERT_EQ(::listen(server.fd(), 1), 0);
+  ASSERT_TRUE(make("").has_value());
+  port->open();
+  run_until(loop, [&] { return log.events == "up "; });
+  Socket peer = server.accept();
+  port->write(as_bytes("hello"));
+  peer.receive();
+  EXPECT_EQ(peer.got, "hello");
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,143 @@
+// The replaying port: what it does off the loop, and when its end is told.
+
+#include "libport/taped/replay_port.hpp"
+
+#include <filesystem>
+#include <memory>
+#include <sys/stat.h>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "libport/tape/events.hpp"
+#include "tests/support/port_log.hpp"
+#include "tests/support/quiet_log.hpp"
+#include "tests/support/tape_bytes.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+using testing::HasSubstr;
+
+class ReplayPortTest : public testing::Test {
+ protected:
+  void start(const std::string& report = {}, OnMismatch on_mismatch = OnMismatch::fail) {
+    ReplayPort::Options options;
+    options.tape = literal_tape(dir / "t.log");
+    options.config.on_mismatch = on_mismatch;
+    options.report_file = report;
+    port = std::make_unique<ReplayPort>(PortContext{&loop, book.log()}, std::move(options));
+    port->listen(log);
+    ASSERT_TRUE(port->prepare().has_value());
+    port->open();
+  }
+  void write(std::string_view text) { port->write(as_bytes(text)); }
+  // How long it took until finish() was done.
+  Nanos finish() {
+    const Instant begin = Loop::now();
+    port->finish();
+    run_until(loop, [this] { return log.status.has_value(); });
+    return Loop::now() - begin;
+  }
+
+  test::TempDir dir;
+  Loop loop;
+  LogBook book;
+  PortLog log;
+  std::unique_ptr<ReplayPort> port;
+};
+
+TEST_F(ReplayPortTest, TheHintIsInTheReportThoughTheLineHungUpBefore) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one\n"}, {10, "two\n"}, {20, "three\n"}}));
+  start();
+  write("three\n");
+  EXPECT_THAT(log.events, HasSubstr("hung_up"));
+  EXPECT_FALSE(port->report().has_value()) << "the report follows";
+  run_until(loop, [this] { return port->report().has_value(); });
+  EXPECT_THAT(port->report()->mismatch->hint, HasSubstr("comes later at offset 8"));
+  EXPECT_THAT(book.text(), HasSubstr("comes later at offset 8"));
+  (void)finish();
+  EXPECT_EQ(log.status, 3);
+}
+
+TEST_F(ReplayPortTest, TheReportFileIsThereWhenTheEndIsTold) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
+  start(dir / "report.json");
+  write("one");
+  port->close();
+  (void)finish();
+  EXPECT_EQ(log.status, 0);
+  EXPECT_THAT(std::string(as_text(test::read_file(dir / "report.json"))), HasSubstr(R"("verdict":"pass")"));
+}
+
+TEST_F(ReplayPortTest, AReportThatCannotBeWrittenIsAFailure) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
+  std::filesystem::create_directory(dir / "sub");
+  start((dir / "sub") + "/report.json");
+  write("one");
+  std::filesystem::remove(dir / "sub");
+  (void)finish();
+  EXPECT_EQ(log.status, 1);
+}
+
+// Two files of 1.5 GiB of empty blocks each: nobody waits for them.
+TEST_F(ReplayPortTest, ATapeOfEmptyBlocksHoldsNothingUp) {
+  for (const char* file : {"t.logr", "t.logw"}) {
+    test::write_file(dir / file, ByteView{});
+    std::filesystem::resize_file(dir / file, std::uintmax_t{3} << 29);
+  }
+  start();
+  for (int i = 0; i < 50; ++i) {
+    const Instant begin = Loop::now();
+    write("hello");
+    loop.poll_one();
+    EXPECT_LT(Loop::now() - begin, std::chrono::milliseconds(500));
+  }
+  port->close();
+  EXPECT_LT(finish(), std::chrono::seconds(8));
+  EXPECT_EQ(log.status, 1);
+  ASSERT_TRUE(port->report().has_value());
+  EXPECT_EQ(port->report()->to_driver_of, std::nullopt);
+  EXPECT_THAT(port->report()->trouble.value_or(""), HasSubstr("not counted in time"));
+}
+
+TEST_F(ReplayPortTest, AStallDuringTheRunIsADoubt) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
+  start();
+  write("one");
+  loop.post([begin = Loop::now()] {
+    while (Loop::now() - begin < std::chrono::milliseconds(60)) {
+    }
+  });
+  loop.post([this] { port->close(); });
+  loop.post([this] { port->finish(); });
+  loop.run();
+  EXPECT_EQ(log.status, 0);
+  ASSERT_TRUE(port->report().has_value());
+  ASSERT_FALSE(port->report()->doubts.empty());
+  EXPECT_EQ(port->report()->doubts.at(0).kind, Doubt::Kind::stall);
+  EXPECT_THAT(port->report()->doubts.at(0).text, HasSubstr("stood still for"));
+}
+
+TEST_F(ReplayPortTest, AFlushOfTheDriverDropsWhatIsDueAndUnread) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "ask"}}));
+  test::write_file(dir / "t.logr", test::block_bytes({{1, "old"}}));
+  test::write_file(dir / "t.loge", as_bytes(header_line({})));
+  start();
+  port->set_reading(false);
+  write("ask");
+  run_until(loop, [begin = Loop::now(), this] {
+    loop.post([] {});
+    return Loop::now() - begin > std::chrono::milliseconds(5);
+  });
+  port->peer_flushed(FlushQueue::out);
+  port->peer_flushed(FlushQueue::in);
+  port->set_reading(true);
+  EXPECT_EQ(log.data, "");
+  (void)finish();
+  EXPECT_EQ(log.status, 0);
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,133 @@
+#include "libport/taped/report_file.hpp"
+
+#include <cstddef>
+#include <fcntl.h>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <gtest/gtest.h>
+
+#include "libport/base/unique_fd.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string content(const fs::path& path) {
+  std::ostringstream out;
+  out << std::ifstream(path).rdbuf();
+  return out.str();
+}
+
+TEST(ReportFile, IsReplacedWhole) {
+  const test::TempDir dir;
+  const fs::path path = dir.path() / "report.json";
+  ASSERT_TRUE(write_report(path.string(), "a long first report\n").has_value());
+  ASSERT_TRUE(write_report(path.string(), "second\n").has_value());
+  EXPECT_EQ(content(path), "second\n");
+  EXPECT_EQ(std::distance(fs::directory_iterator(dir.path()), fs::directory_iterator()), 1);
+}
+
+TEST(ReportFile, AMissingFolderIsFoundBeforeTheRun) {
+  const test::TempDir dir;
+  EXPECT_FALSE(check_report_place((dir.path() / "no" / "report.json").string()).has_value());
+  EXPECT_FALSE(check_report_place(dir.path().string()).has_value());
+  EXPECT_TRUE(check_report_place((dir.path() / "report.json").string()).has_value());
+}
+
+TEST(ReportFile, AFailedWriteLeavesTheOldReport) {
+  const test::TempDir dir;
+  EXPECT_FALSE(write_report((dir.path() / "no" / "report.json").string(), "x").has_value());
+}
+
+class ReportFileLinks : public testing::Test {
+ protected:
+  ReportFileLinks() { std::ofstream(victim) << "precious\n"; }
+
+  const test::TempDir dir;
+  const std::string report = dir / "report.json";
+  const std::string victim = dir / "victim";
+};
+
+TEST_F(ReportFileLinks, AHardLinkToAnotherFileIsReplacedNotWrittenThrough) {
+  fs::create_hard_link(victim, report);
+  ASSERT_TRUE(write_report(report, "new\n").has_value());
+  EXPECT_EQ(content(victim), "precious\n");
+  EXPECT_EQ(content(report), "new\n");
+}
+
+// A name made of the process id can be planted beforehand.
+TEST_F(ReportFileLinks, LinksPlantedAtTheTemporaryNameAreNotFollowed) {
+  fs::create_symlink(victim, report + "." + std::to_string(::getpid()) + ".new");
+  ASSERT_TRUE(write_report(report, "new\n").has_value());
+  EXPECT_EQ(content(victim), "precious\n");
+  EXPECT_EQ(content(report), "new\n");
+}
+
+TEST_F(ReportFileLinks, TheUsersOwnLinkIsKeptAndItsTargetReplaced) {
+  fs::create_symlink("victim", report);
+  ASSERT_TRUE(write_report(report, "new\n").has_value());
+  EXPECT_TRUE(fs::is_symlink(report));
+  EXPECT_EQ(content(victim), "new\n");
+}
+
+TEST_F(ReportFileLinks, AnotherUsersLinkIsRefusedBeforeTheRunAndAfterIt) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can make a link of another user";
+  fs::create_symlink(victim, report);
+  ASSERT_EQ(::lchown(report.c_str(), 65534, 65534), 0);
+  EXPECT_FALSE(check_report_place(report).has_value());
+  EXPECT_FALSE(write_report(report, "new\n").has_value());
+  EXPECT_EQ(content(victim), "precious\n");
+}
+
+TEST_F(ReportFileLinks, ALinkInACircleIsAnError) {
+  fs::create_symlink("report.json", report);
+  EXPECT_FALSE(check_report_place(report).has_value());
+}
+
+TEST(ReportFile, IsReadableByAllAsTheUmaskAllows) {
+  const test::TempDir dir;
+  const mode_t mask = ::umask(027);
+  const Result<void> written = write_report(dir / "r", "x");
+  ::umask(mask);
+  ASSERT_TRUE(written.has_value());
+  EXPECT_EQ(fs::status(dir / "r").permissions(), fs::perms(0640));
+}
+
+TEST(ReportFile, APlaceThatCannotBeWrittenIsFoundBeforeTheRun) {
+  const Result<void> place = check_report_place("/proc/report.json");
+  ASSERT_FALSE(place.has_value());
+  EXPECT_EQ(place.error().code, Errc::usage);
+}
+
+TEST(ReportFile, APipeThatNobodyOpenedIsAnErrorAndNoWait) {
+  const test::TempDir dir;
+  ASSERT_EQ(::mkfifo((dir / "pipe").c_str(), 0600), 0);
+  EXPECT_TRUE(check_report_place(dir / "pipe").has_value());
+  EXPECT_FALSE(write_report(dir / "pipe", "x").has_value());
+}
+
+TEST(ReportFile, APipeThatNobodyEmptiesIsAnErrorAndNoWait) {
+  const test::TempDir dir;
+  ASSERT_EQ(::mkfifo((dir / "pipe").c_str(), 0600), 0);
+  const UniqueFd reader(::open((dir / "pipe").c_str(), O_RDONLY | O_NONBLOCK));
+  ASSERT_TRUE(reader);
+  EXPECT_FALSE(write_report(dir / "pipe", std::string(std::size_t{1} << 20U, 'x')).has_value());
+}
+
+TEST(ReportFile, AnOpenFileGivenByItsDescriptorIsWrittenTo) {
+  const test::TempDir dir;
+  std::ofstream(dir / "log") << "before\n";
+  const UniqueFd log(::open((dir / "log").c_str(), O_WRONLY | O_APPEND));
+  ASSERT_TRUE(write_report("/dev/fd/" + std::to_string(log.get()), "report\n").has_value());
+  EXPECT_EQ(content(dir / "log"), "before\nreport\n");
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,482 @@
+#include "libport/tty/pty_port.hpp"
+
+#include <fcntl.h>
+#include <filesystem>
+#include <memory>
+#include <sys/ioctl.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <termios.h>
+#include <unistd.h>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "libport/base/unique_fd.hpp"
+#include "libport/loop/file_events.hpp"
+#include "tests/support/port_log.hpp"
+#include "tests/support/quiet_log.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+// Nothing can be opened while it is there.
+class NoDescriptors {
+ public:
+  NoDescriptors() {
+    ::getrlimit(RLIMIT_NOFILE, &before_);
+    const rlimit none{3, before_.rlim_max};
+    ::setrlimit(RLIMIT_NOFILE, &none);
+  }
+  NoDescriptors(const NoDescriptors&) = delete;
+  NoDescriptors& operator=(const NoDescriptors&) = delete;
+  ~NoDescriptors() { ::setrlimit(RLIMIT_NOFILE, &before_); }
+
+ private:
+  rlimit before_{};
+};
+
+class PtyPortTest : public testing::Test {
+ protected:
+  PtyPortTest() : link((dir.path() / "port").string()), port(PortContext{&loop, book.log()}, options()) {
+    port.listen(log);
+  }
+
+  [[nodiscard]] PtyOptions options() const { return {.link = link}; }
+  void start() {
+    const Result<void> prepared = port.prepare();
+    ASSERT_TRUE(prepared.has_value()) << prepared.error().message;
+    port.open();
+  }
+  [[nodiscard]] UniqueFd driver(int flags = O_RDWR | O_NOCTTY | O_NONBLOCK) const {
+    return UniqueFd(::open(link.c_str(), flags));
+  }
+  void until(const std::string& events) {
+    run_until(loop, [&] { return log.events == events; });
+    EXPECT_EQ(log.events, events);
+  }
+  static std::string read_some(const UniqueFd& fd) {
+    char buffer[256];
+    const ssize_t size = ::read(fd.get(), buffer, sizeof buffer);
+    return size > 0 ? std::string(buffer, static_cast<std::size_t>(size)) : std::string();
+  }
+  // The kernel hands bytes to the slave from a work queue.
+  static std::string read_all(const UniqueFd& fd, std::size_t size) {
+    ::fcntl(fd.get(), F_SETFL, ::fcntl(fd.get(), F_GETFL) & ~O_NONBLOCK);
+    std::string text;
+    while (text.size() < size) text += read_some(fd);
+    return text;
+  }
+
+  test::TempDir dir;
+  std::string link;
+  Loop loop;
+  LogBook book;
+  PortLog log;
+  PtyPort port;
+};
+
+TEST_F(PtyPortTest, IsUpWhileADriverHasItOpen) {
+  start();
+  UniqueFd fd = driver();
+  until("up ");
+  fd.reset();
+  until("up closed ");
+  fd = driver();
+  until("up closed up ");
+}
+
+TEST_F(PtyPortTest, BytesGoBothWaysUnchanged) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  const std::string all = {'\0', '\x03', '\r', '\n', '\x11', '\x13', '\x7f', '\xff'};
+  ASSERT_EQ(::write(fd.get(), all.data(), all.size()), static_cast<ssize_t>(all.size()));
+  run_until(loop, [&] { return log.data.size() >= all.size(); });
+  EXPECT_EQ(log.data, all);
+  port.write(as_bytes(all));
+  EXPECT_EQ(read_all(fd, all.size()), all);
+}
+
+TEST_F(PtyPortTest, ASessionThatIsOverBeforeWeLookIsSeenWhole) {
+  start();
+  UniqueFd fd = driver();
+  ASSERT_EQ(::write(fd.get(), "gone", 4), 4);
+  fd.reset();
+  until("up closed ");
+  EXPECT_EQ(log.data, "gone");
+}
+
+TEST_F(PtyPortTest, AnOpenAndCloseWithoutABytesIsSeen) {
+  start();
+  driver().reset();
+  until("up closed ");
+}
+
+TEST_F(PtyPortTest, ManyShortSessionsAreSeenOneByOne) {
+  start();
+  std::string expected;
+  for (int i = 0; i < 20; ++i) {
+    UniqueFd fd = driver();
+    ASSERT_EQ(::write(fd.get(), "x", 1), 1);
+    fd.reset();
+    expected += "up closed ";
+    until(expected);
+  }
+  EXPECT_EQ(log.data, std::string(20, 'x'));
+}
+
+TEST_F(PtyPortTest, WhatADriverLeftUnreadIsNotServedToTheNext) {
+  start();
+  UniqueFd fd = driver();
+  until("up ");
+  port.write(as_bytes("stale"));
+  fd.reset();
+  until("up closed ");
+  fd = driver();
+  until("up closed up ");
+  port.write(as_bytes("fresh"));
+  EXPECT_EQ(read_all(fd, 5), "fresh");
+}
+
+TEST_F(PtyPortTest, ExclusiveUseEndsWithTheDriver) {
+  start();
+  UniqueFd fd = driver();
+  ASSERT_EQ(::ioctl(fd.get(), TIOCEXCL), 0);
+  until("up ");
+  fd.reset();
+  until("up closed ");
+  fd = driver();
+  ASSERT_TRUE(fd);
+  int exclusive = 0;
+  ASSERT_EQ(::ioctl(fd.get(), TIOCGEXCL, &exclusive), 0);
+  EXPECT_EQ(exclusive, 0);
+}
+
+TEST_F(PtyPortTest, IsRawForEachDriverWhateverTheLastOneSet) {
+  start();
+  UniqueFd fd = driver();
+  until("up ");
+  termios tio{};
+  ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
+  EXPECT_EQ(tio.c_lflag & static_cast<tcflag_t>(ICANON | ECHO | ISIG), 0U);
+  tio.c_lflag |= ICANON | ECHO;
+  ASSERT_EQ(::tcsetattr(fd.get(), TCSANOW, &tio), 0);
+  fd.reset();
+  until("up closed ");
+  fd = driver();
+  ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
+  EXPECT_EQ(tio.c_lflag & static_cast<tcflag_t>(ICANON | ECHO | ISIG), 0U);
+}
+
+TEST_F(PtyPortTest, AskingForParityTwiceIsNoError) {
+  start();
+  for (int i = 0; i < 3; ++i) {
+    UniqueFd fd = driver();
+    termios tio{};
+    ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
+    ::cfmakeraw(&tio);
+    tio.c_cflag |= PARENB;
+    EXPECT_EQ(::tcsetattr(fd.get(), TCSANOW, &tio), 0) << "session " << i;
+    run_until(loop, [&] { return log.events.ends_with("up "); });
+    fd.reset();
+    run_until(loop, [&] { return log.events.ends_with("closed "); });
+  }
+}
+
+TEST_F(PtyPortTest, AskingForParityAgainInOneSessionIsNoErrorOnceWeHaveLooked) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  termios tio{};
+  for (const tcflag_t parity : {tcflag_t{PARENB}, tcflag_t{PARENB | PARODD}, tcflag_t{PARENB}}) {
+    ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
+    tio.c_lflag &= ~static_cast<tcflag_t>(ECHONL);
+    tio.c_cflag |= parity;
+    EXPECT_EQ(::tcsetattr(fd.get(), TCSANOW, &tio), 0);
+    run_until(loop, [&] {
+      return ::tcgetattr(fd.get(), &tio) == 0 && (tio.c_lflag & static_cast<tcflag_t>(ECHONL)) != 0;
+    });
+  }
+}
+
+TEST_F(PtyPortTest, ADriverThatDoesNotReadCongestsAndDrains) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  const std::string block(4096, 'b');
+  std::size_t written = 0;
+  while (!port.congested()) {
+    port.write(as_bytes(block));
+    written += block.size();
+    ASSERT_LT(written, 1U << 20U);
+  }
+  const Reader reader(loop, fd.get());
+  until("up drained ");
+  run_until(loop, [&] { return reader.got.size() >= written; });
+  EXPECT_EQ(reader.got.size(), written);
+}
+
+TEST_F(PtyPortTest, HangUpEndsTheDriversLineAndTheLinkLivesOn) {
+  start();
+  const UniqueFd fd = driver(O_RDWR | O_NOCTTY);
+  until("up ");
+  port.hang_up(false);
+  until("up hung_up ");
+  char byte = 0;
+  EXPECT_EQ(::read(fd.get(), &byte, 1), 0);
+  const UniqueFd again = driver();
+  EXPECT_TRUE(again);
+  until("up hung_up up ");
+}
+
+TEST_F(PtyPortTest, BetweenCloseAndOpenAPeersBytesWait) {
+  start();
+  UniqueFd first = driver();
+  until("up ");
+  first.reset();
+  until("up closed ");
+  port.close();
+  const UniqueFd second = driver();
+  ASSERT_EQ(::write(second.get(), "early", 5), 5);
+  while (loop.poll_one()) {
+  }
+  loop.restart();
+  EXPECT_EQ(log.data, "");
+  port.open();
+  run_until(loop, [&] { return log.data == "early"; });
+  EXPECT_EQ(log.events, "up closed up ");
+}
+
+TEST_F(PtyPortTest, ANewPtyThatCannotBeMadeIsTriedAgain) {
+#ifdef __SANITIZE_ADDRESS__
+  GTEST_SKIP() << "the sanitizers need descriptors themselves";
+#endif
+  start();
+  const UniqueFd first = driver();
+  until("up ");
+  {
+    const NoDescriptors none;
+    port.hang_up(false);
+    until("up hung_up ");
+  }
+  EXPECT_NE(book.text().find("is dead until"), std::string::npos) << book.text();
+  const auto opens = [this] { return static_cast<bool>(driver()); };
+  run_until(loop, opens);
+  EXPECT_TRUE(opens());
+}
+
+TEST_F(PtyPortTest, HangUpAfterReadingLosesNothing) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  const std::string tail(10'000, 't');
+  port.write(as_bytes(tail));
+  port.hang_up(true);
+  const Reader reader(loop, fd.get());
+  until("up hung_up ");
+  EXPECT_EQ(reader.got, tail);
+}
+
+TEST_F(PtyPortTest, BackpressureLeavesTheBytesWithTheDriver) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  port.set_reading(false);
+  ASSERT_EQ(::write(fd.get(), "later", 5), 5);
+  while (loop.poll_one()) {
+  }
+  EXPECT_EQ(log.data, "");
+  port.set_reading(true);
+  run_until(loop, [&] { return !log.data.empty(); });
+  EXPECT_EQ(log.data, "later");
+}
+
+TEST_F(PtyPortTest, ADriverThatFlushesItsInputDropsWhatWeQueued) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  while (!port.congested()) port.write(as_bytes(std::string(4096, 'q')));
+  ASSERT_EQ(::tcflush(fd.get(), TCIFLUSH), 0);
+  until("up drained ");
+  EXPECT_FALSE(port.congested());
+}
+
+TEST_F(PtyPortTest, AFlushOfTheDriversIsTold) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  ASSERT_EQ(::tcflush(fd.get(), TCIFLUSH), 0);
+  until("up flush_in ");
+  ASSERT_EQ(::tcflush(fd.get(), TCOFLUSH), 0);
+  until("up flush_in flush_out ");
+}
+
+TEST_F(PtyPortTest, OneOfTwoDescriptorsThatIsClosedAndOpenedAgainIsNoReopen) {
+  start();
+  const UniqueFd kept = driver();
+  UniqueFd other = driver();
+  until("up ");
+  for (int i = 0; i < 5; ++i) {
+    other.reset();
+    other = driver();
+    ASSERT_EQ(::write(other.get(), "x", 1), 1);
+    run_until(loop, [&] { return log.data.size() == static_cast<std::size_t>(i) + 1; });
+  }
+  EXPECT_EQ(log.events, "up ");
+}
+
+TEST_F(PtyPortTest, AReopenBeforeWeLookIsSeenHoweverManyHaveHadItOpen) {
+  start();
+  UniqueFd one = driver();
+  UniqueFd two = driver();
+  UniqueFd three = driver();
+  until("up ");
+  two.reset();
+  three.reset();
+  one.reset();
+  one = driver();
+  until("up closed up ");
+}
+
+TEST_F(PtyPortTest, WithoutInotifySessionsAreFoundByLooking) {
+  loop.file_events().refuse();
+  start();
+  EXPECT_NE(book.text().find("inotify"), std::string::npos) << book.text();
+  UniqueFd fd = driver();
+  until("up ");
+  UniqueFd other = driver();
+  fd.reset();
+  fd = driver();  // may have been a reopen: it is not taken for one
+  ASSERT_EQ(::write(fd.get(), "x", 1), 1);
+  run_until(loop, [&] { return log.data == "x"; });
+  EXPECT_EQ(log.events, "up ");
+  fd.reset();
+  other.reset();
+  until("up closed ");
+}
+
+TEST_F(PtyPortTest, TheEndOfADriverThatIsNotReadIsSeenBehindWhatItLeft) {
+  start();
+  UniqueFd fd = driver();
+  until("up ");
+  port.set_reading(false);
+  ASSERT_EQ(::write(fd.get(), "rest", 4), 4);
+  fd.reset();
+  until("up closed ");
+  EXPECT_EQ(log.data, "");
+  EXPECT_EQ(log.dropped, 4U);
+  port.set_reading(true);
+  fd = driver();
+  until("up closed up ");
+}
+
+TEST_F(PtyPortTest, InABriefProgramOpensAreLookedForFirstAndToldLater) {
+  loop.file_events().begin_after(std::chrono::milliseconds(5));
+  start();
+  UniqueFd fd = driver();
+  until("up ");
+  fd.reset();
+  until("up closed ");
+  bool late = false;
+  Timer after(loop, [&late] { late = true; });
+  after.set_after(std::chrono::milliseconds(10));
+  run_until(loop, [&late] { return late; });
+  EXPECT_EQ(book.text().find("inotify"), std::string::npos) << book.text();
+  fd = driver();
+  until("up closed up ");
+  fd.reset();
+  fd = driver();  // told one by one now: a reopen
+  until("up closed up closed up ");
+}
+
+TEST_F(PtyPortTest, LostEventsMakeEveryoneLook) {
+  start();
+  loop.file_events().lose();
+  const UniqueFd fd = driver();
+  until("up ");
+}
+
+// In a child that is not root: what the driver keeps to itself cannot be looked at then.
+TEST(PtyPortUnprivileged, ADriverThatKeepsTheLineToItselfGetsTheLastAnswer) {
+  if (::geteuid() != 0) GTEST_SKIP() << "needs root, to become somebody who is not";
+  const pid_t child = ::fork();
+  if (child == 0) {
+    if (::setresgid(65534, 65534, 65534) != 0 || ::setresuid(65534, 65534, 65534) != 0) ::_exit(2);
+    Loop loop;
+    LogBook book;
+    PortLog log;
+    const UniqueFd out(::open("/dev/null", O_WRONLY));
+    ::dup2(out.get(), STDOUT_FILENO);
+    PtyPort port(PortContext{&loop, book.log()}, {});
+    port.listen(log);
+    if (!port.prepare()) ::_exit(3);
+    port.open();
+    UniqueFd fd(::open(port.name().substr(4).c_str(), O_RDWR | O_NOCTTY));
+    if (!fd || ::ioctl(fd.get(), TIOCEXCL) != 0) ::_exit(4);
+    run_until(loop, [&] { return log.events == "up "; });
+    port.write(as_bytes("the last answer"));
+    port.hang_up(true);
+    run_until(loop, [&] { return book.text().find("cannot be seen") != std::string::npos; });
+    char buffer[64];
+    if (::read(fd.get(), buffer, sizeof buffer) != 15) ::_exit(5);
+    fd.reset();
+    run_until(loop, [&] { return log.events != "up "; });
+    const bool told = log.events == "up closed ";
+    fd.reset(::open(port.name().substr(4).c_str(), O_RDWR | O_NOCTTY));  // on a new pty
+    ::_exit(told && fd ? 0 : 6);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0) << "exit status " << WEXITSTATUS(status);
+}
+
+TEST(PtyPorts, ManyNeedOneInotifyDescriptorAndNoTimerEach) {
+  Loop loop;
+  LogBook book;
+  PortLog log;
+  const test::TempDir dir;
+  std::vector<std::unique_ptr<PtyPort>> ports;
+  for (int i = 0; i < 200; ++i) {
+    const std::string link = (dir.path() / std::to_string(i)).string();
+    ports.push_back(std::make_unique<PtyPort>(PortContext{&loop, book.log()}, PtyOptions{.link = link}));
+    ports.back()->listen(log);
+    ASSERT_TRUE(ports.back()->prepare().has_value()) << i;
+    ports.back()->open();
+  }
+  int inotify = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+    std::error_code gone;
+    if (std::filesystem::read_symlink(entry, gone).string().find("inotify") != std::string::npos) ++inotify;
+  }
+  EXPECT_EQ(inotify, 1);
+  const UniqueFd fd(::open((dir.path() / "117").c_str(), O_RDWR | O_NOCTTY));
+  run_until(loop, [&] { return log.events == "up "; });
+}
+
+TEST(PtyPortOptions, ModeIsTheSlaves) {
+  test::TempDir dir;
+  Loop loop;
+  LogBook book;
+  const std::string link = (dir.path() / "port").string();
+  PtyPort port(PortContext{&loop, book.log()}, {.link = link, .access = {.mode = 0640}});
+  ASSERT_TRUE(port.prepare().has_value());
+  EXPECT_EQ(std::filesystem::status(link).permissions(), static_cast<std::filesystem::perms>(0640));
+}
+
+TEST(PtyPortOptions, UnknownOwnerAndGroupAreErrors) {
+  Loop loop;
+  LogBook book;
+  for (const Pty::Access& access :
+       {Pty::Access{.owner = "nobody-here"}, Pty::Access{.group = "nobody-here"}}) {
+    PtyPort port(PortContext{&loop, book.log()}, {.access = access});
+    const Result<void> prepared = port.prepare();
+    ASSERT_FALSE(prepared.has_value());
+    EXPECT_EQ(prepared.error().code, Errc::usage);
+    EXPECT_NE(prepared.error().message.find("nobody-here"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace porttape
