@@ -164,7 +164,7 @@ void TestRun::look_whether_idle() {
 }
 
 void TestRun::end_idle_command() {
-  const std::string awaits = session_ ? device_->awaits() : std::string();
+  const std::string awaits = session_ ? device_->waiting()->awaits() : std::string();
   notes_.push_back(
       fmt::format("for {} s nothing was due, nothing came and the command slept, so it was ended; "
                   "--timeout 0 lets it sleep",

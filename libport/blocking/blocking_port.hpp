@@ -147,6 +147,9 @@ class BlockingPort final : private PortListener {
   Result<void> check_read() const;
   Result<void> check_write() const;
 
+  std::size_t write_some(ByteView data);
+  [[nodiscard]] std::size_t unsent();
+
   Wake wait(const Condition& ready, Micros timeout);
   void poll();
   // Waits for the condition, or for an end of the line with too little left to fulfil it.

@@ -61,7 +61,8 @@ Result<Transfer> BlockingPort::wait_for_input(const Condition& enough, std::size
   if (down_ || ended_) return line_ended();
   if (!open_) return Transfer{0, Transfer::End::closed};
   if (wake == Wake::timed_out) return Transfer{0, Transfer::End::timed_out};
-  const std::string awaited = port_->awaits();
+  WaitingCalls* const calls = port_->waiting();
+  const std::string awaited = calls == nullptr ? std::string() : calls->awaits();
   if (awaited.empty()) return line_ended();  // a tape at its end
   return make_error(Errc::io, "reading would wait for ever: " + awaited);
 }
@@ -195,6 +196,17 @@ Error BlockingPort::broken() const {
   return make_error(Errc::device_lost, port_->name() + ": the line is down");
 }
 
+std::size_t BlockingPort::write_some(ByteView data) {
+  if (WaitingCalls* const calls = port_->waiting()) return calls->write_some(data);
+  port_->write(data);
+  return data.size();
+}
+
+std::size_t BlockingPort::unsent() {
+  WaitingCalls* const calls = port_->waiting();
+  return calls == nullptr ? 0 : calls->unsent();
+}
+
 Result<Transfer> BlockingPort::write(ByteView data) {
   if (Result<void> may = check_write(); !may) return may.error();
   if (port_->keeps_datagrams() && data.size() > Port::kLargestDatagram) {
@@ -211,7 +223,7 @@ Result<Transfer> BlockingPort::write(ByteView data) {
       const ByteView rest = data.subspan(sent);
       const ByteView piece = port_->keeps_datagrams() ? rest : rest.first(std::min(rest.size(), kWriteChunk));
       drained_ = false;
-      const std::size_t taken = port_->write_some(piece);
+      const std::size_t taken = write_some(piece);
       sent += taken;
       if (taken == piece.size()) continue;
     }
@@ -247,7 +259,8 @@ Result<Transfer> BlockingPort::write_full(ByteView data) {
 Result<void> BlockingPort::flush() {
   if (!open_) return usage("the port is not open");
   poll();
-  if (!port_ || !port_->discard()) return {};
+  if (!port_) return {};
+  if (WaitingCalls* const calls = port_->waiting(); calls != nullptr && !calls->discard()) return {};
   input_.clear();
   consumed();
   return {};
@@ -257,7 +270,7 @@ Result<Transfer> BlockingPort::drain() {
   if (!open_) return usage("the port is not open");
   pulse_every_ = kFirstPulse;  // the kernel does not tell when its queue is empty
   pulse_.set_after(pulse_every_);
-  const Wake wake = wait([this] { return down_ || (!port_->congested() && port_->unsent() == 0); }, timeout_);
+  const Wake wake = wait([this] { return down_ || (!port_->congested() && unsent() == 0); }, timeout_);
   pulse_.cancel();
   if (wake != Wake::ready) return Transfer{0, Transfer::End::timed_out};
   if (!down_) return Transfer{};

@@ -171,7 +171,7 @@ std::size_t StreamPort::write_some(ByteView data) {
   return line_->outbox.write_some(data);
 }
 
-std::size_t StreamPort::unsent() const {
+std::optional<std::size_t> StreamPort::unread_by_peer() const {
   if (!line_) return 0;
   int queued = 0;
   const bool known = ::ioctl(line_->fd.get(), SIOCOUTQ, &queued) == 0 && queued > 0;

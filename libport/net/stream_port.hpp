@@ -41,7 +41,7 @@ struct StreamOptions {
 //
 // Closing is orderly (FIN after the bytes); hang_up(false) resets. What was not sent or not read is told by
 // on_dropped.
-class StreamPort : public Port {
+class StreamPort : public Port, private WaitingCalls {
  public:
   ~StreamPort() override;
 
@@ -50,11 +50,10 @@ class StreamPort : public Port {
   void close() override;
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
-  std::size_t write_some(ByteView data) override;
-  [[nodiscard]] std::size_t unsent() const override;
   // Once a TCP peer's machine has them all it counts as read.
-  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return unsent(); }
-  bool discard() override;
+  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
+  [[nodiscard]] WaitingCalls* waiting() override { return this; }
+  [[nodiscard]] bool keeps_datagrams() const override { return false; }
   bool end_writing() override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
@@ -74,6 +73,11 @@ class StreamPort : public Port {
   PortContext context_;
 
  private:
+  std::size_t write_some(ByteView data) override;
+  [[nodiscard]] std::size_t unsent() override { return *unread_by_peer(); }
+  bool discard() override;
+  [[nodiscard]] std::string awaits() override { return {}; }
+
   enum class Phase {
     up,
     half_closed,  // the peer sends no more; it may still read

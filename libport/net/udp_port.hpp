@@ -41,7 +41,7 @@ struct UdpOptions {
 // on_dropped tells both, without bytes. Datagrams that the system does not take (too large, no route) are
 // dropped and told by on_dropped; the line stays up. That nobody listens at the destination is not seen. More
 // than 65507 bytes in one write(), which no datagram can hold, go as several.
-class UdpPort final : public Port {
+class UdpPort final : public Port, private WaitingCalls {
  public:
   UdpPort(const PortContext& context, const CommonOptions& common, UdpOptions options);
   ~UdpPort() override;
@@ -52,7 +52,8 @@ class UdpPort final : public Port {
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return !queue_.empty(); }
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;  // what waits to be sent
-  bool discard() override;
+  bool end_writing() override { return false; }
+  [[nodiscard]] WaitingCalls* waiting() override { return this; }
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;
@@ -61,6 +62,15 @@ class UdpPort final : public Port {
   [[nodiscard]] std::string name() const override;
 
  private:
+  // A datagram is taken as a whole.
+  std::size_t write_some(ByteView data) override {
+    write(data);
+    return data.size();
+  }
+  [[nodiscard]] std::size_t unsent() override { return 0; }
+  bool discard() override;
+  [[nodiscard]] std::string awaits() override { return {}; }
+
   // What has come and was not read.
   struct Waiting {
     std::uint64_t datagrams = 0;

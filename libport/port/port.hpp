@@ -82,6 +82,38 @@ class PortListener {
   ~PortListener() = default;
 };
 
+// What a program that waits in its calls asks of a port besides (BlockingPort). A port without it takes all
+// that is written and keeps nothing that could be dropped.
+class WaitingCalls {
+ public:
+  // Takes only what can be sent at once and gives how much that was. After less than all, on_drained() comes
+  // when more can go.
+  virtual std::size_t write_some(ByteView data) = 0;
+  // Bytes that were taken but have not left this machine.
+  [[nodiscard]] virtual std::size_t unsent() = 0;
+  // Drops what came in and was not read, and what was taken and is not sent. False: the bytes that were
+  // passed on already are not to be dropped either.
+  virtual bool discard() = 0;
+  // What is to happen first, where nothing can come until the caller does something; for one who would wait
+  // for ever. Empty: nothing.
+  [[nodiscard]] virtual std::string awaits() = 0;
+
+ protected:
+  ~WaitingCalls() = default;
+};
+
+// What records a line.
+class Recorder {
+ public:
+  // Starts the next tape.
+  virtual void rotate() = 0;
+  // So many bytes of the session reached nobody at the line's other end.
+  virtual void note_gap(std::uint64_t bytes, std::string_view why) = 0;
+
+ protected:
+  ~Recorder() = default;
+};
+
 // One end of a line: a pty, a serial device, a socket, a tape, or a port that records another.
 //
 // Drive it: listen(), prepare() once, then open() and close() in turn; finish() before the end. A *passive*
@@ -112,33 +144,17 @@ class Port {
 
   // No more bytes will be written until close(): the peer sees the end of what was sent, and may still send.
   // True: it will end the line itself (on_down) when it has sent all. False: the line has no half-close.
-  virtual bool end_writing() { return false; }
+  virtual bool end_writing() = 0;
 
-  // For callers that wait: takes only what can be sent at once and gives how much that was. After less than
-  // all, on_drained() comes when more can go.
-  virtual std::size_t write_some(ByteView data) {
-    write(data);
-    return data.size();
-  }
-  // Bytes that were taken but have not left this machine.
-  [[nodiscard]] virtual std::size_t unsent() const { return 0; }
   // Bytes that were taken and that the peer has not read yet, as far as this machine knows; nothing where it
   // cannot be known. May cost a few system calls.
-  [[nodiscard]] virtual std::optional<std::size_t> unread_by_peer() const { return std::nullopt; }
-  // Drops what came in and was not read, and what was taken and is not sent. False: nothing that came in is
-  // to be dropped, what was passed on included.
-  virtual bool discard() { return true; }
-
+  [[nodiscard]] virtual std::optional<std::size_t> unread_by_peer() const = 0;
   // The settings of a serial line; none where the line has no such thing.
   [[nodiscard]] virtual std::optional<LineSettings> settings() const { return std::nullopt; }
   // Changes them, also while the line is up. Errc::usage where there are none; on an error they stay.
   virtual Result<void> apply(const LineSettings&) {
     return make_error(Errc::usage, name() + " has no line settings");
   }
-  // What is to happen first, where nothing can come until the caller does something; for one who would wait
-  // for ever.
-  [[nodiscard]] virtual std::string awaits() { return {}; }
-
   // Whether on_data may come: false is backpressure to the peer.
   virtual void set_reading(bool on) = 0;
 
@@ -148,32 +164,27 @@ class Port {
 
   // Passes on what has come in by now and was not read yet, as far as reading is on. For the end of a
   // session.
-  virtual void read_pending() {}
-
-  // So many bytes of the session reached nobody at the line's other end. For a port with a tape.
-  virtual void note_gap(std::uint64_t bytes, std::string_view why) {
-    (void)bytes;
-    (void)why;
-  }
+  virtual void read_pending() = 0;
 
   // The program at the line's other end has dropped bytes of its own line. For a port with a tape, and one
   // that plays one.
   virtual void peer_flushed(FlushQueue) {}
-
-  // Starts the next tape. Nothing to do for ports without one.
-  virtual void rotate() {}
 
   // The end of the program is near: completes what belongs to the session (tape, report). on_complete()
   // follows once, from within or later; a disk that does not answer delays it 10 s at most. The port may not
   // be opened again. Destroying it sooner gives up what is not complete.
   virtual void finish() { listener().on_complete(0); }
 
+  // What only some callers need, and only some ports have; null where it has nothing to do there.
+  [[nodiscard]] virtual WaitingCalls* waiting() { return nullptr; }
+  [[nodiscard]] virtual Recorder* recorder() { return nullptr; }
+
   // Whether it waits for the next peer by itself when one has closed.
-  [[nodiscard]] virtual bool passive() const { return false; }
+  [[nodiscard]] virtual bool passive() const = 0;
 
   static constexpr std::size_t kLargestDatagram = 65507;  // bytes in one of IPv4
   // Whether each write() reaches the peer as one datagram and each on_data() is one.
-  [[nodiscard]] virtual bool keeps_datagrams() const { return false; }
+  [[nodiscard]] virtual bool keeps_datagrams() const = 0;
 
   // For messages: `serial:/dev/ttyUSB0`.
   [[nodiscard]] virtual std::string name() const = 0;

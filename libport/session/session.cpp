@@ -171,7 +171,8 @@ void Session::dropped_by_driver(std::uint64_t bytes, std::string_view why) {
 void Session::note_gap() {
   if (driver_dropped_why_.empty()) return;
   const std::string why = std::exchange(driver_dropped_why_, {});
-  device_->note_gap(std::exchange(driver_dropped_, 0), why);
+  const std::uint64_t bytes = std::exchange(driver_dropped_, 0);
+  if (Recorder* recorder = device_->recorder()) recorder->note_gap(bytes, why);
 }
 
 void Session::dropped(std::uint64_t bytes, std::string_view why) {

@@ -61,7 +61,9 @@ class Session {
   void stop();
 
   // Starts the next tape.
-  void rotate() { device_->rotate(); }
+  void rotate() {
+    if (Recorder* recorder = device_->recorder()) recorder->rotate();
+  }
 
   [[nodiscard]] const Counters& counters() const { return counters_; }
   [[nodiscard]] Port& driver() { return *driver_; }

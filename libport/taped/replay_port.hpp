@@ -17,7 +17,7 @@ namespace porttape {
 
 // A tape in the device's place: reads the tape and the clock, and does what the engine says. Each run's
 // report goes to the log and, when asked for, to a file; with `once` the session ends after the first run.
-class ReplayPort final : public Port {
+class ReplayPort final : public Port, private WaitingCalls {
  public:
   struct Options {
     TapePaths tape;
@@ -41,15 +41,14 @@ class ReplayPort final : public Port {
   bool end_writing() override;
   // A driver that writes on while the tape is read on to where it writes.
   [[nodiscard]] bool congested() const override { return congested_; }
-  // What is due counts as read, where the tape is stamped at arrival and answers follow their questions. Else
-  // nothing is dropped: the tape holds what its driver read, or plays by a clock that a slow reader lags
-  // behind.
-  bool discard() override;
-  // The same for a driver that flushes what came to it, whatever the timing; a tape of another
-  // recorder (without events) holds what its driver read, and nothing that was flushed. A flush on the tape
-  // has no effect: the driver makes its own.
+  // A driver that flushes what came to it: what is due counts as read, if the tape is stamped at arrival. A
+  // tape of another recorder (without events) holds what its driver read, and nothing that was flushed. A
+  // flush on the tape has no effect: the driver makes its own.
   void peer_flushed(FlushQueue queue) override;
-  [[nodiscard]] std::string awaits() override;
+  [[nodiscard]] WaitingCalls* waiting() override { return this; }
+  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return std::nullopt; }
+  void read_pending() override {}
+  [[nodiscard]] bool passive() const override { return false; }
   // Each block of a tape of UDP was a datagram.
   [[nodiscard]] bool keeps_datagrams() const override { return datagrams_; }
   void set_reading(bool on) override;
@@ -68,6 +67,16 @@ class ReplayPort final : public Port {
   [[nodiscard]] const std::optional<RunReport>& report() const { return report_; }
 
  private:
+  std::size_t write_some(ByteView data) override {
+    write(data);
+    return data.size();
+  }
+  [[nodiscard]] std::size_t unsent() override { return 0; }
+  // As peer_flushed(), but only where answers follow their questions: a tape that plays by a clock may lag
+  // behind a slow reader.
+  bool discard() override;
+  [[nodiscard]] std::string awaits() override;
+
   void pump();
   [[nodiscard]] Instant pump_time(Instant now) const;
   void perform(ReplayActions& actions);

@@ -53,9 +53,9 @@ Result<void> TapeKeeper::check() const {
 
 TapeTime TapeKeeper::tape_time(Instant at) const { return TapeTime{duration_cast<Micros>(at - zero_)}; }
 
-void TapeKeeper::begin(Instant zero) {
+void TapeKeeper::begin() {
   begun_ = true;
-  zero_ = zero;
+  open_since_ = zero_ = *first_open_;
   start();
 }
 
@@ -108,11 +108,22 @@ void TapeKeeper::note(Instant at, Event event) {
 }
 
 void TapeKeeper::opened(Instant at) {
-  open_since_ = at;
-  note(at, [](TapeWriter& writer, TapeTime time) { writer.open_event(time); });
+  open_ = true;
+  if (!first_open_) first_open_ = at;
+  if (begun_) {
+    open_since_ = at;
+    note(at, [](TapeWriter& writer, TapeTime time) { writer.open_event(time); });
+  } else if (options_.on_existing != OnExisting::overwrite) {
+    begin();
+  }
+}
+
+void TapeKeeper::came_up(Instant) {
+  if (open_ && !begun_) begin();
 }
 
 void TapeKeeper::closed(Instant at) {
+  open_ = false;
   if (!std::exchange(open_since_, std::nullopt)) return;
   note(at, [](TapeWriter& writer, TapeTime time) { writer.close_event(time); });
 }

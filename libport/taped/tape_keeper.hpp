@@ -10,15 +10,16 @@
 #include "libport/loop/timer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/tape/live_tape.hpp"
+#include "libport/taped/line_observer.hpp"
 
 namespace porttape {
 
 // Keeps the tape of a line: begins it, tries again while it cannot be made, goes on with the next one at a
 // rotation, ends it, and says in the log how it stands. Never waits for a disk (LiveTape); owns the tapes.
 //
-// Drive it: check() before the line is there, begin() at the driver's first open, then block() and note();
-// finish() last. Loop thread only.
-class TapeKeeper {
+// The tape's zero is the first open. Its files come into being then; those that replace other ones only when
+// the line is up, so that a device that cannot be opened costs nothing.
+class TapeKeeper final : public LineObserver {
  public:
   struct Options {
     TapePaths tape;
@@ -33,36 +34,27 @@ class TapeKeeper {
 
   // `on_must_end`: fail_closed, and the tape is failing; may come more than once.
   TapeKeeper(const PortContext& context, Options options, std::function<void()> on_must_end);
-  ~TapeKeeper();
+  ~TapeKeeper() override;
   TapeKeeper(const TapeKeeper&) = delete;
   TapeKeeper& operator=(const TapeKeeper&) = delete;
 
   // Whether the tape can be made. Makes nothing. Errc::usage.
-  [[nodiscard]] Result<void> check() const;
-
-  // The tape begins; its zero is `zero`.
-  void begin(Instant zero);
-  [[nodiscard]] bool begun() const { return begun_; }
-
-  void block(Direction direction, Instant at, ByteView data);
-  // An event, in its place among the blocks.
-  using Event = std::function<void(TapeWriter&, TapeTime)>;
-  void note(Instant at, Event event);
-  // The driver opened or closed the line: events, and what a tape begins with that could not be made before.
-  void opened(Instant at);
-  void closed(Instant at);
-
-  // Ends the tape and begins the next one, whose zero is `now`. Nothing to do before begin().
-  void rotate(Instant now);
-
-  // Ends the tape. `done` comes once, from within or later, at the latest after kEndLimit: with whether
-  // everything that passed is on the tapes.
+  [[nodiscard]] Result<void> check() const override;
+  void opened(Instant at) override;
+  void came_up(Instant at) override;
+  void closed(Instant at) override;
+  void block(Direction direction, Instant at, ByteView data) override;
+  void note(Instant at, Event event) override;
+  // Ends the tape and begins the next one, whose zero is `now`. Nothing to do before the first open.
+  void rotate(Instant now) override;
+  // `done` comes after kEndLimit at the latest.
   static constexpr std::chrono::seconds kEndLimit{10};
-  void finish(Instant now, std::function<void(bool complete)> done);
+  void finish(Instant now, std::function<void(bool complete)> done) override;
 
  private:
   struct Ending;
 
+  void begin();
   void start();
   void end_current(Instant now);
   void on_news();
@@ -83,9 +75,11 @@ class TapeKeeper {
   std::function<void()> on_must_end_;
   std::unique_ptr<LiveTape> tape_;  // null before begin(), and while it cannot be made
   std::list<Ending> ending_;        // tapes that are being finished
+  std::optional<Instant> first_open_;
   Instant zero_{};
   std::optional<Instant> open_since_;
-  bool begun_ = false;
+  bool open_ = false;   // by a driver
+  bool begun_ = false;  // the first tape
   bool incomplete_ = false;
   // Of the current tape.
   std::string id_;

@@ -5,8 +5,9 @@
 #include <string>
 #include <utility>
 
-#include "libport/taped/recording_port.hpp"
 #include "libport/taped/replay_port.hpp"
+#include "libport/taped/tap_port.hpp"
+#include "libport/taped/tape_keeper.hpp"
 
 namespace porttape {
 namespace {
@@ -117,8 +118,9 @@ Result<std::unique_ptr<Port>> make_recording_port(const PortContext& context, co
                  .stamped = context.pulled ? Stamped::read : Stamped::arrival},
       .on_existing = options.on_existing,
       .fail_closed = options.fail_closed};
-  return std::unique_ptr<Port>(std::make_unique<RecordingPort>(
-      context, std::move(*port), RecordingPort::Options{.tape = std::move(tape)}));
+  auto tap = std::make_unique<TapPort>(std::move(*port));
+  tap->add(std::make_unique<TapeKeeper>(context, std::move(tape), [&tap = *tap] { tap.must_end(); }));
+  return std::unique_ptr<Port>(std::move(tap));
 }
 
 struct ReplayDefault {

@@ -18,7 +18,7 @@ struct RecordingOptions {
   bool fail_closed = false;
 };
 
-// The type that records ports of `inner`, which has a recorded_as; makes RecordingPort.
+// The type that records ports of `inner`, which has a recorded_as; makes a TapPort with a TapeKeeper.
 PortType recording_type(const PortType& inner);
 
 // Where a tape is played decides some defaults; the others are the type's, which are flexiport's.

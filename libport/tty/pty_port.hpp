@@ -62,6 +62,8 @@ class PtyPort final : public Port {
   void read_pending() override;
   void finish() override;
   [[nodiscard]] bool passive() const override { return true; }
+  [[nodiscard]] bool keeps_datagrams() const override { return false; }
+  bool end_writing() override { return false; }
   [[nodiscard]] std::string name() const override;
 
  private:

@@ -233,7 +233,7 @@ std::size_t SerialPort::write_some(ByteView data) {
   return !common_.writes ? data.size() : line_->outbox.write_some(data);
 }
 
-std::size_t SerialPort::unsent() const {
+std::optional<std::size_t> SerialPort::unread_by_peer() const {
   if (!line_) return 0;
   int queued = 0;
   const bool known = ::ioctl(line_->fd.get(), TIOCOUTQ, &queued) == 0 && queued > 0;

@@ -29,7 +29,7 @@ struct SerialOptions {
 // for a device that is missing instead of failing. A device that goes away is closed at once, so that it
 // comes back under its own name. Any other close may wait for unsent output (up to 30 s in the kernel): it is
 // done on another thread, and an open() that follows waits for it.
-class SerialPort final : public Port {
+class SerialPort final : public Port, private WaitingCalls {
  public:
   SerialPort(const PortContext& context, const CommonOptions& common, SerialOptions options);
   ~SerialPort() override;
@@ -41,10 +41,12 @@ class SerialPort final : public Port {
   void close() override;
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
-  std::size_t write_some(ByteView data) override;
-  [[nodiscard]] std::size_t unsent() const override;
-  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return unsent(); }
-  bool discard() override;
+  bool end_writing() override { return false; }
+  // What has not left this machine.
+  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
+  [[nodiscard]] WaitingCalls* waiting() override { return this; }
+  [[nodiscard]] bool passive() const override { return false; }
+  [[nodiscard]] bool keeps_datagrams() const override { return false; }
   [[nodiscard]] std::optional<LineSettings> settings() const override { return options_.settings; }
   Result<void> apply(const LineSettings& settings) override;
   void set_reading(bool on) override;
@@ -53,6 +55,11 @@ class SerialPort final : public Port {
   [[nodiscard]] std::string name() const override { return "serial:" + options_.device; }
 
  private:
+  std::size_t write_some(ByteView data) override;
+  [[nodiscard]] std::size_t unsent() override { return *unread_by_peer(); }
+  bool discard() override;
+  [[nodiscard]] std::string awaits() override { return {}; }
+
   struct Line {
     Line(SerialPort& port, UniqueFd opened);
     UniqueFd fd;

@@ -14,7 +14,7 @@ namespace porttape {
 
 // A port that a test plays both ends of: what was written to it is in `written`, what its peer does is a
 // call.
-class MemoryPort final : public Port {
+class MemoryPort final : public Port, private Recorder {
  public:
   // What the test looks at and steers; outlives the port.
   struct Peer {
@@ -74,7 +74,8 @@ class MemoryPort final : public Port {
     peer_->calls += "end_writing ";
     return peer_->half_closes;
   }
-  void note_gap(std::uint64_t bytes, std::string_view) override { peer_->gaps += bytes; }
+  void read_pending() override {}
+  [[nodiscard]] Recorder* recorder() override { return this; }
   [[nodiscard]] bool keeps_datagrams() const override { return peer_->datagrams; }
   [[nodiscard]] bool congested() const override { return peer_->congested; }
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return peer_->unread; }
@@ -82,7 +83,6 @@ class MemoryPort final : public Port {
   void hang_up(bool after_reading) override {
     peer_->calls += after_reading ? "hang_up_after_reading " : "hang_up ";
   }
-  void rotate() override { peer_->calls += "rotate "; }
   void peer_flushed(FlushQueue) override { peer_->calls += "peer_flushed "; }
   void finish() override {
     peer_->calls += "finish ";
@@ -92,6 +92,9 @@ class MemoryPort final : public Port {
   [[nodiscard]] std::string name() const override { return "memory"; }
 
  private:
+  void rotate() override { peer_->calls += "rotate "; }
+  void note_gap(std::uint64_t bytes, std::string_view) override { peer_->gaps += bytes; }
+
   Peer* peer_;
 };
 

@@ -1,5 +1,3 @@
-#include "libport/taped/recording_port.hpp"
-
 #include <filesystem>
 #include <fmt/format.h>
 #include <memory>
@@ -8,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include "libport/tape/tape_reader.hpp"
+#include "libport/taped/tap_port.hpp"
+#include "libport/taped/tape_keeper.hpp"
 #include "tests/support/memory_port.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
@@ -21,22 +21,23 @@ namespace fs = std::filesystem;
 Instant scripted_now;  // the clock that the port under test reads
 Instant read_scripted_clock() { return scripted_now; }
 
-class RecordingPortTest : public testing::Test {
+class RecordingTest : public testing::Test {
  protected:
-  RecordingPortTest() {
+  RecordingTest() {
     scripted_now = Instant{} + std::chrono::hours(1);
     make_port();
   }
 
   void make_port(bool overwrite = false, bool fail_closed = false) {
-    port = std::make_unique<RecordingPort>(
-        PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(device),
-        RecordingPort::Options{.tape = {.tape = tape,
-                                        .header = {.device = "memory", .driver = "test"},
-                                        .on_existing = overwrite ? OnExisting::overwrite : OnExisting::refuse,
-                                        .fail_closed = fail_closed,
-                                        .retry = std::chrono::milliseconds(1)},
-                               .now = &read_scripted_clock});
+    port = std::make_unique<TapPort>(std::make_unique<MemoryPort>(device), &read_scripted_clock);
+    port->add(std::make_unique<TapeKeeper>(
+        PortContext{&loop, book.log()},
+        TapeKeeper::Options{.tape = tape,
+                            .header = {.device = "memory", .driver = "test"},
+                            .on_existing = overwrite ? OnExisting::overwrite : OnExisting::refuse,
+                            .fail_closed = fail_closed,
+                            .retry = std::chrono::milliseconds(1)},
+        [this] { port->must_end(); }));
     log.status.reset();
     port->listen(log);
   }
@@ -76,16 +77,16 @@ class RecordingPortTest : public testing::Test {
   LogBook book;
   PortLog log;
   MemoryPort::Peer device;
-  std::unique_ptr<RecordingPort> port;
+  std::unique_ptr<TapPort> port;
 };
 
-TEST_F(RecordingPortTest, NoDriverNoTape) {
+TEST_F(RecordingTest, NoDriverNoTape) {
   ASSERT_TRUE(port->prepare().has_value());
   EXPECT_EQ(finish(), 0);
   EXPECT_TRUE(fs::is_empty(dir.path()));
 }
 
-TEST_F(RecordingPortTest, BothDirectionsAndTheSessionsAreOnTheTape) {
+TEST_F(RecordingTest, BothDirectionsAndTheSessionsAreOnTheTape) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
   pass(10);
@@ -103,7 +104,7 @@ TEST_F(RecordingPortTest, BothDirectionsAndTheSessionsAreOnTheTape) {
   EXPECT_EQ(records(tape), "open@0 w:ask@10 r:answer@20 close@30 open@100 close@110 end@110 ");
 }
 
-TEST_F(RecordingPortTest, AnExistingTapeIsFoundBeforeTheDeviceIsTouched) {
+TEST_F(RecordingTest, AnExistingTapeIsFoundBeforeTheDeviceIsTouched) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
   finish();
@@ -117,12 +118,12 @@ TEST_F(RecordingPortTest, AnExistingTapeIsFoundBeforeTheDeviceIsTouched) {
   EXPECT_TRUE(port->prepare().has_value());
 }
 
-TEST_F(RecordingPortTest, RotationGoesOnWithTheNextName) {
+TEST_F(RecordingTest, RotationGoesOnWithTheNextName) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
   port->write(as_bytes("one"));
   pass(50);
-  port->rotate();
+  port->recorder()->rotate();
   pass(5);
   port->write(as_bytes("two"));
   pass(5);
@@ -131,11 +132,11 @@ TEST_F(RecordingPortTest, RotationGoesOnWithTheNextName) {
   EXPECT_EQ(records(literal_tape((dir.path() / "x.2.log").string())), "open@0 w:two@5 close@10 end@10 ");
 }
 
-TEST_F(RecordingPortTest, TheNextPartKnowsTheOneBefore) {
+TEST_F(RecordingTest, TheNextPartKnowsTheOneBefore) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
   pass(50);
-  port->rotate();
+  port->recorder()->rotate();
   EXPECT_EQ(finish(), 0);
   const auto first = TapeReader::open(tape)->header();
   const auto second = TapeReader::open(literal_tape((dir.path() / "x.2.log").string()))->header();
@@ -146,7 +147,7 @@ TEST_F(RecordingPortTest, TheNextPartKnowsTheOneBefore) {
   EXPECT_EQ(second->zero->monotonic_us - first->zero->monotonic_us, 50);
 }
 
-TEST_F(RecordingPortTest, TheLineStaysUpWhenTheTapeCannotBeMade) {
+TEST_F(RecordingTest, TheLineStaysUpWhenTheTapeCannotBeMade) {
   ASSERT_TRUE(port->prepare().has_value());
   fs::remove_all(dir.path());
   port->open();
@@ -158,7 +159,7 @@ TEST_F(RecordingPortTest, TheLineStaysUpWhenTheTapeCannotBeMade) {
   EXPECT_EQ(finish(), exit_status::kRuntime);
 }
 
-TEST_F(RecordingPortTest, ATapeThatCouldNotBeMadeIsTriedAgainAndSaysWhatIsMissing) {
+TEST_F(RecordingTest, ATapeThatCouldNotBeMadeIsTriedAgainAndSaysWhatIsMissing) {
   ASSERT_TRUE(port->prepare().has_value());
   fs::remove_all(dir.path());
   port->open();
@@ -173,18 +174,18 @@ TEST_F(RecordingPortTest, ATapeThatCouldNotBeMadeIsTriedAgainAndSaysWhatIsMissin
   EXPECT_EQ(records(tape), "open@0 gap@2000000 w:kept@2000000 close@2000001 end@2000001 ");
 }
 
-TEST_F(RecordingPortTest, RotationToANameThatCannotBeMadeKeepsTheLine) {
+TEST_F(RecordingTest, RotationToANameThatCannotBeMadeKeepsTheLine) {
   tape = literal_tape(dir / (std::string(253, 'a')));
   make_port();
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
-  port->rotate();
+  port->recorder()->rotate();
   port->write(as_bytes("ask"));
   EXPECT_EQ(device.written, "ask");
   EXPECT_EQ(finish(), exit_status::kRuntime);
 }
 
-TEST_F(RecordingPortTest, FailClosedAsksForTheEndWhenTheTapeCannotBeMade) {
+TEST_F(RecordingTest, FailClosedAsksForTheEndWhenTheTapeCannotBeMade) {
   make_port(false, true);
   ASSERT_TRUE(port->prepare().has_value());
   fs::remove_all(dir.path());
@@ -192,7 +193,7 @@ TEST_F(RecordingPortTest, FailClosedAsksForTheEndWhenTheTapeCannotBeMade) {
   run_until(loop, [this] { return log.events.find("finished1") != std::string::npos; });
 }
 
-TEST_F(RecordingPortTest, ALostDeviceIsOnTheTape) {
+TEST_F(RecordingTest, ALostDeviceIsOnTheTape) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
   pass(10);
@@ -201,7 +202,7 @@ TEST_F(RecordingPortTest, ALostDeviceIsOnTheTape) {
   EXPECT_EQ(records(tape), "open@0 hang-up@10 close@10 end@10 ");
 }
 
-TEST_F(RecordingPortTest, ADeviceThatEndsTheLineHangsUpOnTheTapeUnlessTheDriverEndedFirst) {
+TEST_F(RecordingTest, ADeviceThatEndsTheLineHangsUpOnTheTapeUnlessTheDriverEndedFirst) {
   ASSERT_TRUE(port->prepare().has_value());
   const auto session = [this](bool driver_ends, LineDown::Reason reason) {
     port->open();
@@ -222,7 +223,7 @@ TEST_F(RecordingPortTest, ADeviceThatEndsTheLineHangsUpOnTheTapeUnlessTheDriverE
             "open@300 half-close@300 hang-up@310 close@310 open@400 hang-up@410 close@410 end@500 ");
 }
 
-TEST_F(RecordingPortTest, ADeviceThatComesBackIsOnTheTapeAndTheSessionIsTold) {
+TEST_F(RecordingTest, ADeviceThatComesBackIsOnTheTapeAndTheSessionIsTold) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
   pass(10);
@@ -234,7 +235,7 @@ TEST_F(RecordingPortTest, ADeviceThatComesBackIsOnTheTapeAndTheSessionIsTold) {
   EXPECT_EQ(log.events, "up interrupted resumed ");
 }
 
-TEST_F(RecordingPortTest, WhatDidNotReachTheDeviceIsAGap) {
+TEST_F(RecordingTest, WhatDidNotReachTheDeviceIsAGap) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
   pass(10);

@@ -1,0 +1,53 @@
+#include "libport/port/forwarding_port.hpp"
+
+#include <utility>
+
+namespace porttape {
+
+ForwardingPort::ForwardingPort(std::unique_ptr<Port> inner) : inner_(std::move(inner)) {}
+
+void ForwardingPort::listen(PortListener& listener) {
+  Port::listen(listener);
+  inner_->listen(*this);
+}
+
+Result<void> ForwardingPort::prepare() { return inner_->prepare(); }
+void ForwardingPort::open() { inner_->open(); }
+void ForwardingPort::close() { inner_->close(); }
+void ForwardingPort::write(ByteView data) { inner_->write(data); }
+bool ForwardingPort::congested() const { return inner_->congested(); }
+bool ForwardingPort::end_writing() { return inner_->end_writing(); }
+std::optional<std::size_t> ForwardingPort::unread_by_peer() const { return inner_->unread_by_peer(); }
+std::optional<LineSettings> ForwardingPort::settings() const { return inner_->settings(); }
+Result<void> ForwardingPort::apply(const LineSettings& settings) { return inner_->apply(settings); }
+void ForwardingPort::set_reading(bool on) { inner_->set_reading(on); }
+void ForwardingPort::hang_up(bool after_reading) { inner_->hang_up(after_reading); }
+void ForwardingPort::read_pending() { inner_->read_pending(); }
+void ForwardingPort::peer_flushed(FlushQueue queue) { inner_->peer_flushed(queue); }
+void ForwardingPort::finish() { inner_->finish(); }
+WaitingCalls* ForwardingPort::waiting() { return inner_->waiting(); }
+Recorder* ForwardingPort::recorder() { return inner_->recorder(); }
+bool ForwardingPort::passive() const { return inner_->passive(); }
+bool ForwardingPort::keeps_datagrams() const { return inner_->keeps_datagrams(); }
+std::string ForwardingPort::name() const { return inner_->name(); }
+
+void ForwardingPort::on_up() { listener().on_up(); }
+void ForwardingPort::on_data(ByteView data) { listener().on_data(data); }
+void ForwardingPort::on_arrivals(ByteView data, std::span<const std::size_t> ends) {
+  listener().on_arrivals(data, ends);
+}
+void ForwardingPort::on_drained() { listener().on_drained(); }
+void ForwardingPort::on_down(const LineDown& down) { listener().on_down(down); }
+void ForwardingPort::on_finished(int exit_status) { listener().on_finished(exit_status); }
+void ForwardingPort::on_complete(int exit_status) { listener().on_complete(exit_status); }
+PortListener::Answers ForwardingPort::on_ended() { return listener().on_ended(); }
+bool ForwardingPort::wants_rest() { return listener().wants_rest(); }
+void ForwardingPort::on_interrupted(const LineDown& down) { listener().on_interrupted(down); }
+void ForwardingPort::on_resumed() { listener().on_resumed(); }
+void ForwardingPort::on_flush(FlushQueue queue) { listener().on_flush(queue); }
+void ForwardingPort::on_settings(const LineSettings& settings) { listener().on_settings(settings); }
+void ForwardingPort::on_dropped(std::uint64_t bytes, std::string_view why) {
+  listener().on_dropped(bytes, why);
+}
+
+}  // namespace porttape

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "libport/port/port.hpp"
+
+namespace porttape {
+
+// A port around another, which it owns: passes on every call of both interfaces. A wrapper (a tap, a fault, a
+// filter) derives from it, overrides what it means and calls the function of this class to pass on. A call
+// that is new in Port or PortListener is added here, and no wrapper forgets it.
+class ForwardingPort : public Port, protected PortListener {
+ public:
+  explicit ForwardingPort(std::unique_ptr<Port> inner);
+
+  void listen(PortListener& listener) override;
+  Result<void> prepare() override;
+  void open() override;
+  void close() override;
+  void write(ByteView data) override;
+  [[nodiscard]] bool congested() const override;
+  bool end_writing() override;
+  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
+  [[nodiscard]] std::optional<LineSettings> settings() const override;
+  Result<void> apply(const LineSettings& settings) override;
+  void set_reading(bool on) override;
+  void hang_up(bool after_reading) override;
+  void read_pending() override;
+  void peer_flushed(FlushQueue queue) override;
+  void finish() override;
+  [[nodiscard]] WaitingCalls* waiting() override;
+  [[nodiscard]] Recorder* recorder() override;
+  [[nodiscard]] bool passive() const override;
+  [[nodiscard]] bool keeps_datagrams() const override;
+  [[nodiscard]] std::string name() const override;
+
+ protected:
+  [[nodiscard]] Port& inner() { return *inner_; }
+  [[nodiscard]] const Port& inner() const { return *inner_; }
+
+  void on_up() override;
+  void on_data(ByteView data) override;
+  void on_arrivals(ByteView data, std::span<const std::size_t> ends) override;
+  void on_drained() override;
+  void on_down(const LineDown& down) override;
+  void on_finished(int exit_status) override;
+  void on_complete(int exit_status) override;
+  Answers on_ended() override;
+  bool wants_rest() override;
+  void on_interrupted(const LineDown& down) override;
+  void on_resumed() override;
+  void on_flush(FlushQueue queue) override;
+  void on_settings(const LineSettings& settings) override;
+  void on_dropped(std::uint64_t bytes, std::string_view why) override;
+
+ private:
+  std::unique_ptr<Port> inner_;
+};
+
+}  // namespace porttape

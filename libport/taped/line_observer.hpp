@@ -1,0 +1,41 @@
+#pragma once
+
+#include <functional>
+#include <string_view>
+
+#include "libport/base/bytes.hpp"
+#include "libport/base/result.hpp"
+#include "libport/base/time.hpp"
+#include "libport/tape/record.hpp"
+#include "libport/tape/tape_writer.hpp"
+
+namespace porttape {
+
+// Is told what passes a line, in order and stamped, after it was passed on: the keeper of a tape, one who
+// shows it, one who counts. Changes nothing, and never makes the line wait. Loop thread only.
+class LineObserver {
+ public:
+  virtual ~LineObserver() = default;
+
+  // Before the line is there: whether it can do its work. Errc::usage.
+  [[nodiscard]] virtual Result<void> check() const = 0;
+
+  // A driver opened and closed the line; between them the line came up, if the device is there.
+  virtual void opened(Instant at) = 0;
+  virtual void came_up(Instant at) = 0;
+  virtual void closed(Instant at) = 0;
+
+  // As Direction has it: `read` is what the device sent. Valid during the call.
+  virtual void block(Direction direction, Instant at, ByteView data) = 0;
+  // An event, in its place among the blocks.
+  using Event = std::function<void(TapeWriter&, TapeTime)>;
+  virtual void note(Instant at, Event event) = 0;
+
+  // Begins the next tape, where it keeps one.
+  virtual void rotate(Instant at) = 0;
+  // The last call. `done` comes once, from within or later and in bounded time: with whether it has kept
+  // everything that passed.
+  virtual void finish(Instant at, std::function<void(bool complete)> done) = 0;
+};
+
+}  // namespace porttape

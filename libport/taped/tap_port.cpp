@@ -1,0 +1,165 @@
+#include "libport/taped/tap_port.hpp"
+
+#include <array>
+#include <utility>
+
+namespace porttape {
+
+TapPort::TapPort(std::unique_ptr<Port> inner, Instant (*now)())
+    : ForwardingPort(std::move(inner)), now_(now) {}
+
+void TapPort::add(std::unique_ptr<LineObserver> observer) { observers_.push_back(std::move(observer)); }
+
+void TapPort::must_end() { listener().on_finished(exit_status::kRuntime); }
+
+Result<void> TapPort::prepare() {
+  for (const auto& observer : observers_) {
+    if (Result<void> ready = observer->check(); !ready) return ready;
+  }
+  return ForwardingPort::prepare();
+}
+
+void TapPort::open() {
+  open_ = true;
+  writing_ended_ = false;
+  const Instant now = now_();
+  for (const auto& observer : observers_) observer->opened(now);
+  ForwardingPort::open();
+}
+
+void TapPort::on_up() {
+  const Instant now = now_();
+  for (const auto& observer : observers_) observer->came_up(now);
+  ForwardingPort::on_up();
+}
+
+void TapPort::close() {
+  ForwardingPort::close();
+  if (!std::exchange(open_, false)) return;
+  const Instant now = now_();
+  for (const auto& observer : observers_) observer->closed(now);
+}
+
+void TapPort::write(ByteView data) {
+  const Instant at = now_();  // before it goes out: the answer must not be stamped earlier
+  ForwardingPort::write(data);
+  block(Direction::write, at, data);
+}
+
+std::size_t TapPort::write_some(ByteView data) {
+  const Instant at = now_();
+  const std::size_t sent = inner().waiting()->write_some(data);
+  block(Direction::write, at, data.first(sent));
+  return sent;
+}
+
+bool TapPort::discard() {
+  const bool dropped = inner().waiting()->discard();
+  if (dropped) note_flush(FlushQueue::both);
+  return dropped;
+}
+
+bool TapPort::end_writing() {
+  writing_ended_ = true;
+  note([](TapeWriter& tape, TapeTime at) { tape.half_close_event(at, Side::driver); });
+  return ForwardingPort::end_writing();
+}
+
+void TapPort::peer_flushed(FlushQueue queue) {
+  note_flush(queue);
+  ForwardingPort::peer_flushed(queue);
+}
+
+void TapPort::note_gap(std::uint64_t bytes, std::string_view why) {
+  note([bytes, why = std::string(why)](TapeWriter& tape, TapeTime at) { tape.gap_event(at, bytes, why); });
+}
+
+void TapPort::on_data(ByteView data) {
+  const Instant at = now_();
+  ForwardingPort::on_data(data);
+  block(Direction::read, at, data);
+}
+
+// Each arrival is a block of its own.
+void TapPort::on_arrivals(ByteView data, std::span<const std::size_t> ends) {
+  const Instant at = now_();
+  ForwardingPort::on_arrivals(data, ends);
+  std::size_t begin = 0;
+  for (const std::size_t end : ends) {
+    block(Direction::read, at, data.subspan(begin, end - begin));
+    begin = end;
+  }
+}
+
+void TapPort::on_down(const LineDown& down) {
+  // A device that listens waits for its next peer, and the driver's line stays; one that ends when the driver
+  // has ended has not left it.
+  const bool left = !passive() && !(writing_ended_ && down.reason == LineDown::Reason::closed);
+  if (left) note_lost(down, true);
+  ForwardingPort::on_down(down);
+}
+
+PortListener::Answers TapPort::on_ended() {
+  note([](TapeWriter& tape, TapeTime at) { tape.half_close_event(at, Side::device); });
+  return ForwardingPort::on_ended();
+}
+
+void TapPort::on_interrupted(const LineDown& down) {
+  note_lost(down, false);
+  ForwardingPort::on_interrupted(down);
+}
+
+void TapPort::on_resumed() {
+  note([](TapeWriter& tape, TapeTime at) { tape.device_back_event(at); });
+  ForwardingPort::on_resumed();
+}
+
+void TapPort::on_dropped(std::uint64_t bytes, std::string_view why) {
+  note_gap(bytes, why);
+  ForwardingPort::on_dropped(bytes, why);
+}
+
+void TapPort::rotate() {
+  const Instant now = now_();
+  for (const auto& observer : observers_) observer->rotate(now);
+}
+
+void TapPort::finish() {
+  close();
+  ForwardingPort::finish();
+}
+
+void TapPort::on_complete(int exit_status) {
+  exit_status_ = exit_status;
+  const Instant now = now_();
+  finishing_ = observers_.size() + 1;
+  const auto finished = [this](bool complete) {
+    if (!complete && exit_status_ == 0) exit_status_ = exit_status::kRuntime;
+    if (--finishing_ == 0) ForwardingPort::on_complete(exit_status_);
+  };
+  for (const auto& observer : observers_) observer->finish(now, finished);
+  finished(true);
+}
+
+void TapPort::block(Direction direction, Instant at, ByteView data) {
+  for (const auto& observer : observers_) observer->block(direction, at, data);
+}
+
+void TapPort::note(const LineObserver::Event& event) {
+  const Instant now = now_();
+  for (const auto& observer : observers_) observer->note(now, event);
+}
+
+void TapPort::note_flush(FlushQueue queue) {
+  constexpr std::array<std::string_view, 3> names = {"in", "out", "both"};
+  const std::string_view name = names.at(static_cast<std::size_t>(queue));
+  note([name](TapeWriter& tape, TapeTime at) { tape.flush_event(at, name); });
+}
+
+void TapPort::note_lost(const LineDown& down, bool hung_up) {
+  note([why = down.error.message, hung_up](TapeWriter& tape, TapeTime at) {
+    tape.device_lost_event(at, why, hung_up);
+  });
+}
+
+}  // namespace porttape

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "libport/loop/loop.hpp"
+#include "libport/port/forwarding_port.hpp"
+#include "libport/taped/line_observer.hpp"
+
+namespace porttape {
+
+// A port around another that tells observers what passes: stamps bytes and events, and passes them on first.
+// Owns them. With a TapeKeeper among them it records.
+class TapPort final : public ForwardingPort, private WaitingCalls, private Recorder {
+ public:
+  TapPort(std::unique_ptr<Port> inner, Instant (*now)() = &Loop::now);
+
+  // Before anything else is called.
+  void add(std::unique_ptr<LineObserver> observer);
+  // For an observer that cannot do its work any more: the session ends with exit_status::kRuntime.
+  void must_end();
+
+  Result<void> prepare() override;
+  void open() override;
+  void close() override;
+  void write(ByteView data) override;
+  bool end_writing() override;
+  void peer_flushed(FlushQueue queue) override;
+  void finish() override;
+  [[nodiscard]] WaitingCalls* waiting() override { return inner().waiting() == nullptr ? nullptr : this; }
+  [[nodiscard]] Recorder* recorder() override { return this; }
+
+ private:
+  std::size_t write_some(ByteView data) override;
+  [[nodiscard]] std::size_t unsent() override { return inner().waiting()->unsent(); }
+  bool discard() override;
+  [[nodiscard]] std::string awaits() override { return inner().waiting()->awaits(); }
+  void rotate() override;
+  void note_gap(std::uint64_t bytes, std::string_view why) override;
+
+  void on_up() override;
+  void on_data(ByteView data) override;
+  void on_arrivals(ByteView data, std::span<const std::size_t> ends) override;
+  void on_down(const LineDown& down) override;
+  void on_complete(int exit_status) override;
+  Answers on_ended() override;
+  void on_interrupted(const LineDown& down) override;
+  void on_resumed() override;
+  void on_dropped(std::uint64_t bytes, std::string_view why) override;
+
+  void block(Direction direction, Instant at, ByteView data);
+  void note(const LineObserver::Event& event);
+  void note_flush(FlushQueue queue);
+  void note_lost(const LineDown& down, bool hung_up);
+
+  Instant (*now_)();
+  std::vector<std::unique_ptr<LineObserver>> observers_;
+  std::size_t finishing_ = 0;  // observers that have not finished yet
+  int exit_status_ = 0;
+  bool open_ = false;
+  bool writing_ended_ = false;  // in this session
+};
+
+}  // namespace porttape

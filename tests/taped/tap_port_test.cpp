@@ -1,0 +1,86 @@
+// Observers of a tap: what each is told, and how their ends make the port's.
+
+#include "libport/taped/tap_port.hpp"
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/memory_port.hpp"
+#include "tests/support/port_log.hpp"
+
+namespace porttape {
+namespace {
+
+class Notes final : public LineObserver {
+ public:
+  struct Book {
+    std::string text;
+    std::function<void(bool)> done;
+    Result<void> ready;
+  };
+  explicit Notes(Book& book) : book_(&book) {}
+  [[nodiscard]] Result<void> check() const override { return book_->ready; }
+  void opened(Instant) override { book_->text += "opened "; }
+  void came_up(Instant) override { book_->text += "up "; }
+  void closed(Instant) override { book_->text += "closed "; }
+  void block(Direction direction, Instant, ByteView data) override {
+    book_->text += (direction == Direction::read ? "r:" : "w:") + std::string(as_text(data)) + " ";
+  }
+  void note(Instant, Event) override { book_->text += "event "; }
+  void rotate(Instant) override { book_->text += "rotate "; }
+  void finish(Instant, std::function<void(bool)> done) override { book_->done = std::move(done); }
+
+ private:
+  Book* book_;
+};
+
+class TapPortTest : public testing::Test {
+ protected:
+  TapPortTest() : tap(std::make_unique<MemoryPort>(device)) {
+    tap.add(std::make_unique<Notes>(one));
+    tap.add(std::make_unique<Notes>(other));
+    tap.listen(log);
+  }
+  MemoryPort::Peer device;
+  Notes::Book one;
+  Notes::Book other;
+  PortLog log;
+  TapPort tap;
+};
+
+TEST_F(TapPortTest, EveryObserverIsToldAllThatPasses) {
+  ASSERT_TRUE(tap.prepare().has_value());
+  tap.open();
+  tap.write(as_bytes("ask"));
+  device.send("answer");
+  device.arrive("abc", {1, 3});
+  tap.peer_flushed(FlushQueue::in);
+  tap.recorder()->rotate();
+  tap.close();
+  EXPECT_EQ(one.text, "opened up w:ask r:answer r:a r:bc event rotate closed ");
+  EXPECT_EQ(other.text, one.text);
+  EXPECT_EQ(device.written, "ask");
+  EXPECT_EQ(log.data, "answerabc");
+}
+
+TEST_F(TapPortTest, OneThatIsNotReadyKeepsTheLineFromComing) {
+  other.ready = make_error(Errc::usage, "no place");
+  EXPECT_FALSE(tap.prepare().has_value());
+  EXPECT_EQ(device.calls, "");
+}
+
+TEST_F(TapPortTest, TheEndWaitsForAllAndFailsWithTheFirstThatLostSomething) {
+  tap.finish();
+  EXPECT_EQ(log.status, std::nullopt);
+  one.done(false);
+  EXPECT_EQ(log.status, std::nullopt);
+  other.done(true);
+  EXPECT_EQ(log.status, exit_status::kRuntime);
+}
+
+}  // namespace
+}  // namespace porttape
