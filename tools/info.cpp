@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <iomanip>
 
+#include "libport/base/json_object.hpp"
 #include "libport/base/json_text.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/tape/judgement.hpp"
 #include "tools/command_line.hpp"
-#include "tools/json_object.hpp"
 #include "tools/text.hpp"
 #include "tools/verbs.hpp"
 

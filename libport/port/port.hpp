@@ -29,6 +29,16 @@ struct LineDown {
 // Which bytes a flush drops, as the one who flushes sees them.
 enum class FlushQueue { in, out, both };
 
+// Calls `take` with each arrival, see PortListener::on_arrivals().
+template <class Take>
+void for_each_arrival(ByteView data, std::span<const std::size_t> ends, const Take& take) {
+  std::size_t begin = 0;
+  for (const std::size_t end : ends) {
+    take(data.subspan(begin, end - begin));
+    begin = end;
+  }
+}
+
 // What a port tells the one who drives it. All calls come on the loop's thread.
 class PortListener {
  public:

@@ -1,48 +1,16 @@
-// The report of contract section 6. Written by hand: the keys keep their order and numbers their form,
-// whatever the locale.
+// The report of contract section 6.
 
-#include <array>
-#include <charconv>
 #include <chrono>
-#include <cmath>
-#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "libport/base/json_text.hpp"
+#include "libport/base/json_object.hpp"
 #include "libport/replay/report.hpp"
 
 namespace porttape {
 namespace {
-
-// The shortest text that gives the same number; 0 for what JSON has no number for.
-std::string number(double value) {
-  if (!std::isfinite(value)) return "0";
-  std::array<char, 40> text{};
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
-  return {text.data(), end};
-}
-
-std::string number(std::uint64_t value) { return std::to_string(value); }
-std::string number(std::int64_t value) { return std::to_string(value); }
-std::string number(int value) { return std::to_string(value); }
-std::string number(const std::optional<std::uint64_t>& value) { return value ? number(*value) : "null"; }
-
-// Collects `"key":value` pairs.
-class Object {
- public:
-  Object& add(std::string_view key, const std::string& json) {
-    text_ += text_.empty() ? "{" : ",";
-    text_ += json_quote(key) + ':' + json;
-    return *this;
-  }
-  [[nodiscard]] std::string str() const { return text_.empty() ? "{}" : text_ + '}'; }
-
- private:
-  std::string text_;
-};
 
 std::string_view name_of(MismatchKind kind) {
   switch (kind) {
@@ -69,27 +37,27 @@ std::string_view name_of(Timing timing) {
 }
 
 std::string mismatch_json(const Mismatch& mismatch) {
-  return Object()
-      .add("kind", json_quote(name_of(mismatch.kind)))
-      .add("offset", number(mismatch.offset))
-      .add("tape_us", number(to_us(mismatch.tape)))
-      .add("real_us", number(std::int64_t{mismatch.real.count()}))
-      .add("expected_hex", json_quote(to_hex(mismatch.expected)))
-      .add("got_hex", json_quote(to_hex(mismatch.got)))
-      .add("error_us", number(std::int64_t{mismatch.error.count()}))
-      .add("hint", json_quote(mismatch.hint))
-      .add("before_hex", json_quote(to_hex(mismatch.before)))
-      .add("exchange", number(mismatch.exchange))
-      .add("tape_offset", number(mismatch.tape_offset))
-      .add("own_late_us", number(std::int64_t{mismatch.own_late.count()}))
+  return JsonObject()
+      .add("kind", name_of(mismatch.kind))
+      .add("offset", mismatch.offset)
+      .add("tape_us", to_us(mismatch.tape))
+      .add("real_us", mismatch.real.count())
+      .add("expected_hex", to_hex(mismatch.expected))
+      .add("got_hex", to_hex(mismatch.got))
+      .add("error_us", mismatch.error.count())
+      .add("hint", mismatch.hint)
+      .add("before_hex", to_hex(mismatch.before))
+      .add("exchange", mismatch.exchange)
+      .add("tape_offset", mismatch.tape_offset)
+      .add("own_late_us", mismatch.own_late.count())
       .str();
 }
 
 std::string next_expected_json(const RunReport& report) {
-  return Object()
-      .add("offset", number(report.next_expected_offset))
-      .add("tape_us", number(to_us(report.next_expected_tape)))
-      .add("hex", json_quote(to_hex(report.next_expected)))
+  return JsonObject()
+      .add("offset", report.next_expected_offset)
+      .add("tape_us", to_us(report.next_expected_tape))
+      .add("hex", to_hex(report.next_expected))
       .str();
 }
 
@@ -97,9 +65,9 @@ std::string doubts_json(const std::vector<Doubt>& doubts) {
   std::string list;
   for (const Doubt& doubt : doubts) {
     if (!list.empty()) list += ',';
-    list += Object()
-                .add("kind", json_quote(doubt.kind == Doubt::Kind::gap ? "gap" : "stall"))
-                .add("text", json_quote(doubt.text))
+    list += JsonObject()
+                .add("kind", doubt.kind == Doubt::Kind::gap ? "gap" : "stall")
+                .add("text", doubt.text)
                 .str();
   }
   return '[' + list + ']';
@@ -110,32 +78,29 @@ double seconds(Nanos time) { return static_cast<double>(std::chrono::floor<Micro
 }  // namespace
 
 std::string to_json(const RunReport& report) {
-  Object json;
-  json.add("verdict", json_quote(to_string(report.verdict)))
-      .add("exit", number(exit_status_of(report)))
-      .add("tape", json_quote(report.tape))
-      .add("strictness", number(report.strictness))
-      .add("timing", json_quote(name_of(report.timing)))
-      .add("rate", number(report.rate))
-      .add("duration_s", number(seconds(report.duration)))
-      .add("to_driver",
-           Object().add("bytes", number(report.to_driver_bytes)).add("of", number(report.to_driver_of)).str())
-      .add("from_driver", Object()
-                              .add("bytes", number(report.from_driver_bytes))
-                              .add("matched", number(report.from_driver_matched))
-                              .add("of", number(report.from_driver_of))
-                              .str())
-      .add("mismatch", report.mismatch ? mismatch_json(*report.mismatch) : "null")
-      .add("timer_late_us", Object()
-                                .add("p50", number(report.timer_late_p50_us))
-                                .add("p99", number(report.timer_late_p99_us))
-                                .add("max", number(report.timer_late_max_us))
-                                .str())
-      .add("command_exit", report.command_exit ? number(*report.command_exit) : "null")
-      .add("mismatches", number(report.mismatches))
-      .add("doubts", doubts_json(report.doubts))
-      .add("next_expected", report.next_expected.empty() ? "null" : next_expected_json(report));
-  if (report.trouble) json.add("trouble", json_quote(*report.trouble));
+  JsonObject json;
+  json.add("verdict", to_string(report.verdict))
+      .add("exit", exit_status_of(report))
+      .add("tape", report.tape)
+      .add("strictness", report.strictness)
+      .add("timing", name_of(report.timing))
+      .add("rate", report.rate)
+      .add("duration_s", seconds(report.duration))
+      .add("to_driver", JsonObject().add("bytes", report.to_driver_bytes).add_or_null("of", report.to_driver_of))
+      .add("from_driver", JsonObject()
+                              .add("bytes", report.from_driver_bytes)
+                              .add("matched", report.from_driver_matched)
+                              .add_or_null("of", report.from_driver_of))
+      .add_raw("mismatch", report.mismatch ? mismatch_json(*report.mismatch) : "null")
+      .add("timer_late_us", JsonObject()
+                                .add("p50", report.timer_late_p50_us)
+                                .add("p99", report.timer_late_p99_us)
+                                .add("max", report.timer_late_max_us))
+      .add_or_null("command_exit", report.command_exit)
+      .add("mismatches", report.mismatches)
+      .add_raw("doubts", doubts_json(report.doubts))
+      .add_raw("next_expected", report.next_expected.empty() ? "null" : next_expected_json(report));
+  if (report.trouble) json.add("trouble", *report.trouble);
   return json.str() + '\n';
 }
 

@@ -84,11 +84,7 @@ void TapPort::on_data(ByteView data) {
 void TapPort::on_arrivals(ByteView data, std::span<const std::size_t> ends) {
   const Instant at = now_();
   ForwardingPort::on_arrivals(data, ends);
-  std::size_t begin = 0;
-  for (const std::size_t end : ends) {
-    block(Direction::read, at, data.subspan(begin, end - begin));
-    begin = end;
-  }
+  for_each_arrival(data, ends, [&](ByteView arrival) { block(Direction::read, at, arrival); });
 }
 
 void TapPort::on_down(const LineDown& down) {

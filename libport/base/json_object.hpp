@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
+#include <charconv>
+#include <cmath>
 #include <concepts>
-#include <cstdio>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -10,7 +12,8 @@
 
 namespace porttape {
 
-// Puts a JSON object together, members in the order they are added.
+// Puts a JSON object together, members in the order they are added. Numbers have one form, whatever the
+// locale.
 class JsonObject {
  public:
   JsonObject& add(std::string_view key, std::string_view text) { return add_raw(key, json_quote(text)); }
@@ -18,6 +21,13 @@ class JsonObject {
   JsonObject& add(std::string_view key, Number number) {
     return add_raw(key, std::to_string(number));
   }
+  // The shortest text that gives the same number; 0 for what JSON has no number for.
+  JsonObject& add(std::string_view key, double number) {
+    std::array<char, 40> text{};
+    const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
+    return add_raw(key, std::isfinite(number) ? std::string_view(text.data(), end) : "0");
+  }
+  JsonObject& add(std::string_view key, const JsonObject& object) { return add_raw(key, object.str()); }
   // `json` is JSON already.
   JsonObject& add_raw(std::string_view key, std::string_view json) {
     text_ += text_.empty() ? '{' : ',';
