@@ -37,12 +37,12 @@ ReplayConfig effective(ReplayConfig config) {
 }  // namespace
 
 Engine::Impl::Impl(const ReplayConfig& replay_config, const TapeFacts& facts, RecordSource& schedule,
-                   RecordSource& write_source)
+                   RecordSource& write_source, const Parts& parts)
     : config(effective(replay_config)),
       hang_ups(facts.hang_ups),
       totals(facts.totals),
       gaps(facts.gaps),
-      matcher(write_source, budget, config.burst_gap),
+      matcher(write_source, budget, config.burst_gap, parts.expectation),
       player(config, facts, schedule, budget, matcher) {
   if (config.strictness > 0) matcher.set_gaps(gaps);
 }
@@ -225,8 +225,8 @@ void Engine::Impl::tell_mismatch(Mismatch mismatch) {
 }
 
 Engine::Engine(const ReplayConfig& config, const TapeFacts& facts, RecordSource& schedule,
-               RecordSource& writes)
-    : impl_(std::make_unique<Impl>(config, facts, schedule, writes)) {}
+               RecordSource& writes, const Parts& parts)
+    : impl_(std::make_unique<Impl>(config, facts, schedule, writes, parts)) {}
 
 Engine::~Engine() = default;
 

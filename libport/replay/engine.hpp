@@ -8,6 +8,7 @@
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
+#include "libport/replay/expectation.hpp"
 #include "libport/replay/replay_config.hpp"
 #include "libport/replay/report.hpp"
 #include "libport/tape/record.hpp"
@@ -64,7 +65,15 @@ class Engine {
     std::optional<TapeTotals> totals{};
   };
 
-  Engine(const ReplayConfig& config, const TapeFacts& facts, RecordSource& schedule, RecordSource& writes);
+  // What it is given from outside; all must outlive it.
+  struct Parts {
+    const Expectation* expectation = nullptr;  // what of a write may vary; null: nothing
+  };
+
+  Engine(const ReplayConfig& config, const TapeFacts& facts, RecordSource& schedule, RecordSource& writes)
+      : Engine(config, facts, schedule, writes, Parts{}) {}
+  Engine(const ReplayConfig& config, const TapeFacts& facts, RecordSource& schedule, RecordSource& writes,
+         const Parts& parts);
   ~Engine();
   Engine(const Engine&) = delete;
   Engine& operator=(const Engine&) = delete;

@@ -24,7 +24,7 @@ struct Engine::Impl {
   enum class Reopen : std::uint8_t { next_open, restart_session, resume };
 
   Impl(const ReplayConfig& replay_config, const TapeFacts& facts, RecordSource& schedule,
-       RecordSource& write_source);
+       RecordSource& write_source, const Parts& parts);
 
   struct Input {
     enum class Kind : std::uint8_t { open, write, writing_ended, flush, close, finish };
