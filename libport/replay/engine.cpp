@@ -29,7 +29,8 @@ std::string text_of(const TapeGap& gap) {
          (gap.why.empty() ? "" : " (" + gap.why + ")") + ": what the driver wrote there was not compared";
 }
 
-ReplayConfig effective(ReplayConfig config) {
+ReplayConfig effective(ReplayConfig config, const Engine::Parts& parts) {
+  if (parts.clock != nullptr) config.rate = parts.clock->rate();
   if (config.timing == Timing::none) config.strictness = std::min(config.strictness, 1);
   return config;
 }
@@ -38,12 +39,14 @@ ReplayConfig effective(ReplayConfig config) {
 
 Engine::Impl::Impl(const ReplayConfig& replay_config, const TapeFacts& facts, RecordSource& schedule,
                    RecordSource& write_source, const Parts& parts)
-    : config(effective(replay_config)),
+    : config(effective(replay_config, parts)),
       hang_ups(facts.hang_ups),
       totals(facts.totals),
       gaps(facts.gaps),
+      own_clock(config.rate, ReplayClock::Sessions::set_it),
       matcher(write_source, budget, config.burst_gap, parts.expectation),
-      player(config, facts, schedule, budget, matcher) {
+      player(config, facts, {parts.clock != nullptr ? *parts.clock : own_clock, parts.tape_begin}, schedule,
+             budget, matcher) {
   if (config.strictness > 0) matcher.set_gaps(gaps);
 }
 

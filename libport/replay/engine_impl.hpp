@@ -80,6 +80,7 @@ struct Engine::Impl {
   std::optional<TapeTotals> totals;
   std::vector<TapeGap> gaps;
   Budget budget;
+  ReplayClock own_clock;
   Matcher matcher;
   Player player;
 

@@ -11,8 +11,8 @@ constexpr Micros kLongestBurst{100'000};
 
 }  // namespace
 
-Player::Player(const ReplayConfig& config, const Engine::TapeFacts& facts, RecordSource& schedule,
-               Budget& budget, Matcher& matcher)
+Player::Player(const ReplayConfig& config, const Engine::TapeFacts& facts, const ClockPlace& place,
+               RecordSource& schedule, Budget& budget, Matcher& matcher)
     : config_(config),
       facts_(facts),
       burst_(config.chunks == Chunks::burst ||
@@ -20,6 +20,7 @@ Player::Player(const ReplayConfig& config, const Engine::TapeFacts& facts, Recor
       budget_(budget),
       matcher_(matcher),
       schedule_(schedule, budget),
+      place_(place),
       timeline_(config.rate) {}
 
 void Player::begin(Instant now) {
@@ -36,7 +37,7 @@ void Player::begin(Instant now) {
 }
 
 void Player::start_at(TapeTime tape, Instant now) {
-  timeline_.anchor(tape, now);
+  timeline_ = place_.begin_session(tape, now);
   gaps_reached_ = schedule_.gaps_passed();
   session_start_ = tape;
   last_event_ = {tape, now};

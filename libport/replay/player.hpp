@@ -7,6 +7,7 @@
 #include "libport/base/time.hpp"
 #include "libport/replay/engine.hpp"
 #include "libport/replay/matcher.hpp"
+#include "libport/replay/replay_clock.hpp"
 #include "libport/replay/schedule.hpp"
 #include "libport/replay/timeline.hpp"
 
@@ -16,8 +17,8 @@ namespace porttape {
 // driver's writes against the time they were recorded at. Knows nothing of verdicts.
 //
 // A *gate* is what holds a read back until the driver has written what precedes it on the tape (timing
-// reactive and none): the run of write records before the read, taken as one question. Refers to its matcher,
-// which must outlive it.
+// reactive and none): the run of write records before the read, taken as one question. Refers to its matcher
+// and its clock, which must outlive it.
 //
 // Drive it: begin() at the driver's first open, then play() whenever something happened or wake() has come;
 // at the driver's later opens one of continue_at_next_open(), restart_session() and resume(), with settle()
@@ -34,15 +35,14 @@ class Player {
     Micros error{};
   };
 
-  Player(const ReplayConfig& config, const Engine::TapeFacts& facts, RecordSource& schedule, Budget& budget,
-         Matcher& matcher);
+  Player(const ReplayConfig& config, const Engine::TapeFacts& facts, const ClockPlace& place,
+         RecordSource& schedule, Budget& budget, Matcher& matcher);
 
   // At the driver's first open; seek() follows.
   void begin(Instant now);
   // Passes everything up to the tape's next open and goes on from there; seek() follows.
   void continue_at_next_open(Instant now);
-  // The driver closed and opened again with nothing exchanged: the session's clock starts anew, nothing is
-  // lost.
+  // The driver closed and opened again with nothing exchanged: the session begins anew, nothing is lost.
   void restart_session(Instant now);
   // Goes on where it was, on the same clock, or at a recorded reopen if it stands there; seek() follows.
   void resume(Instant now);
@@ -175,6 +175,7 @@ class Player {
   Budget& budget_;
   Matcher& matcher_;
   Schedule schedule_;
+  ClockPlace place_;
   Timeline timeline_;
 
   Gate gate_;
