@@ -136,7 +136,7 @@ void Engine::Impl::play(std::size_t max_bytes, ReplayActions& out) {
   if (!blocked && (!player.wake() || *player.wake() > now)) was_blocked = false;
   stop_if_damaged();
   if (run && writing_ended && !blocked) {
-    const std::optional<bool> played = player.session_played();
+    const std::optional<bool> played = player.sessions().session_played();
     if (!played) {
       player.wake_at(now);
     } else if (*played || !player.wake()) {

@@ -130,16 +130,16 @@ bool Engine::Impl::close(Input& input) {
 
 Engine::Impl::Close Engine::Impl::meaning_of_close() {
   if (config.on_reopen == OnReopen::continue_) {
-    const std::optional<bool> over = player.nothing_left();
+    const std::optional<bool> over = player.sessions().nothing_left();
     if (!over) return {};
     return {.known = true, .next = *over ? std::nullopt : std::optional(Reopen::resume)};
   }
   if (config.on_reopen != OnReopen::automatic) return {.known = true, .judge = true};
-  const bool ahead = player.open_ahead();
-  const std::optional<bool> at_reopen = ahead ? player.at_recorded_reopen() : false;
+  const bool ahead = player.sessions().open_ahead();
+  const std::optional<bool> at_reopen = ahead ? player.sessions().at_recorded_reopen() : false;
   if (!at_reopen) return {};
   if (*at_reopen) return {.known = true, .next = Reopen::next_open};
-  const std::optional<bool> late = player.just_passed_open(now);
+  const std::optional<bool> late = player.sessions().just_passed_open(now);
   if (!late) return {};
   if ((ahead && !exchanged) || *late) return {.known = true, .next = Reopen::restart_session};
   return {.known = true, .judge = true, .next = ahead ? std::optional(Reopen::next_open) : std::nullopt};
