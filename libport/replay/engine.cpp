@@ -1,94 +1,237 @@
 #include "libport/replay/engine.hpp"
 
 #include <algorithm>
-#include <array>
-#include <chrono>
-#include <cstdio>
-#include <string>
+#include <cstdint>
+#include <deque>
 #include <utility>
 
-#include "libport/replay/engine_impl.hpp"
+#include "libport/replay/budget.hpp"
+#include "libport/replay/replay_run.hpp"
 
 namespace porttape {
-namespace {
 
-constexpr std::size_t kMostMismatchesHeld = 16;  // between two calls of advance(); the rest is only counted
+// What the engine is told, in turn, and what the driver's opens and closes mean: begins and ends runs, and
+// says where on the tape each session plays from. Driven as Engine is.
+//
+// What it is told becomes an input, which is worked on at once as far as the budget goes and else waits, with
+// all that follow it, for the next advance().
+struct Engine::Impl {
+  // What the driver's next open means while a run goes on.
+  enum class Reopen : std::uint8_t { next_open, restart_session, resume };
 
-constexpr std::size_t kMostGapsTold = 8;
-
-std::string text_of(const TapeGap& gap) {
-  const auto seconds = [](TapeTime at) {
-    std::array<char, 48> text{};
-    const std::int64_t us = to_us(at);
-    std::snprintf(text.data(), text.size(), "%lld.%06lld s", static_cast<long long>(us / 1'000'000),
-                  static_cast<long long>(us % 1'000'000));
-    return std::string(text.data());
+  struct Input {
+    enum class Kind : std::uint8_t { open, write, writing_ended, flush, close, finish };
+    Kind kind = Kind::write;
+    Instant at{};
+    Bytes data{};          // write
+    std::size_t used = 0;  // of data
+    // open, close: what it means is settled, and the walk is on its way; write: the run's books have it
+    bool begun = false;
   };
-  const std::string what = gap.bytes > 0 ? std::to_string(gap.bytes) + " bytes are" : "something is";
-  return what + " missing on the tape from " + seconds(gap.from) + " to " + seconds(gap.to) +
-         (gap.why.empty() ? "" : " (" + gap.why + ")") + ": what the driver wrote there was not compared";
+
+  // What the driver's close means.
+  struct Close {
+    bool known = false;            // else to be asked again
+    bool judge = false;            // the writes made ahead of the walk are to be judged
+    std::optional<Reopen> next{};  // what its next open is; nothing when the run is over
+  };
+
+  Impl(const ReplayConfig& config, const TapeFacts& facts, const Parts& parts, RecordSource& schedule,
+       RecordSource& writes)
+      : run(config, facts, parts, schedule, writes, budget) {}
+
+  void tell(Input input);
+  void tell_write(Instant at, ByteView data);
+  ReplayActions advance(Instant at, std::size_t max_bytes);
+  void give_up(Instant at);
+
+  void work();
+  bool work_on(Input& input);
+  bool work_on_write(Input& input);
+  bool open(Input& input);
+  void begin_open();
+  bool reopen();
+  bool close(Input& input);
+  Close meaning_of_close();
+  bool finish();
+  // Whether the line is on its way to another state: nothing is played meanwhile.
+  [[nodiscard]] bool switching() const;
+
+  Budget budget;
+  ReplayRun run;
+  std::deque<Input> inputs;
+  std::size_t backlog = 0;  // bytes of theirs
+  Instant now{};
+  bool dirty = false;  // something happened that advance() has not seen
+
+  bool any_run = false;
+  bool driver_open = false;
+  bool resuming = false;  // the open that is worked on goes on where the walk was
+  Close closing;          // the last close's
+  Reopen on_open = Reopen::resume;
+  bool finished = false;
+};
+
+void Engine::Impl::tell(Input input) {
+  now = input.at;
+  dirty = true;
+  budget.refill();
+  inputs.push_back(std::move(input));
+  work();
 }
 
-ReplayConfig effective(ReplayConfig config) {
-  if (config.timing == Timing::none) config.strictness = std::min(config.strictness, 1);
-  return config;
+// As tell(), without a copy of what can be looked at now.
+void Engine::Impl::tell_write(Instant at, ByteView data) {
+  now = at;
+  dirty = true;
+  if (data.empty()) return;
+  budget.refill();
+  const bool begun = inputs.empty();
+  const std::size_t used = begun ? run.write(now, data, false) : 0;
+  if (used == data.size()) return;
+  const ByteView rest = data.subspan(used);
+  inputs.push_back(
+      {.kind = Input::Kind::write, .at = at, .data = Bytes(rest.begin(), rest.end()), .begun = begun});
+  backlog += rest.size();
 }
 
-}  // namespace
-
-Engine::Impl::Impl(const ReplayConfig& replay_config, const TapeFacts& facts, RecordSource& schedule,
-                   RecordSource& write_source)
-    : config(effective(replay_config)),
-      hang_ups(facts.hang_ups),
-      totals(facts.totals),
-      gaps(facts.gaps),
-      matcher(write_source, budget, config.burst_gap),
-      player(config, facts, schedule, budget, matcher) {
-  if (config.strictness > 0) matcher.set_gaps(gaps);
-}
-
-void Engine::Impl::begin_run() {
-  any_run = true;
-  tape_end_told = false;
-  run.emplace(now);
-  matcher.rewind();
-  player.begin(now);
-  stop_if_damaged();
-}
-
-// Gives how much of it is done with.
-std::size_t Engine::Impl::write(ByteView data, bool counted) {
-  if (!run) return data.size();
-  if (!counted) run->written(data.size());
-  exchanged = true;
-  const bool recorded = config.timing == Timing::recorded;
-  if (recorded && !matcher.comparing() && now - matcher.last_write() >= config.quiet) {
-    matcher.realign_to_time(player.timeline().tape(now - config.jitter));
+// On the inputs, in turn, as far as the budget goes. The end of a run is told before the next begins.
+void Engine::Impl::work() {
+  const Instant latest = now;
+  while (!inputs.empty() && !run.pending().run_ended) {
+    now = inputs.front().at;
+    if (!work_on(inputs.front())) break;
+    inputs.pop_front();
   }
-  ByteView rest = data;
-  while (run && !rest.empty() && !device_gone) {
-    const Matcher::Step step = matcher.write(now, rest, next_hang_up());
-    rest = rest.subspan(step.used);
-    if (step.outcome == Matcher::Outcome::block) {
-      if (const auto fault = player.check_recorded(step, now)) tell_fault(*fault);
-    } else if (matcher.error() || step.outcome == Matcher::Outcome::gone) {
+  now = latest;
+}
+
+// True when it is done with.
+bool Engine::Impl::work_on(Input& input) {
+  switch (input.kind) {
+    case Input::Kind::open:
+      return open(input);
+    case Input::Kind::write:
+      return work_on_write(input);
+    case Input::Kind::writing_ended:
+      run.end_writing();
+      return true;
+    case Input::Kind::flush:
+      return !driver_open || run.flush(now);
+    case Input::Kind::close:
+      return close(input);
+    case Input::Kind::finish:
       break;
-    } else if (step.outcome == Matcher::Outcome::later) {
-      return data.size() - rest.size();
-    } else if (step.outcome != Matcher::Outcome::taken) {
-      tell_difference(rest);
-      matcher.diverge();
-    }
   }
-  stop_if_damaged();
-  return data.size();
+  return finish();
 }
 
-// The recorded hang-up that is next, while the bytes are compared.
-std::optional<TapeTime> Engine::Impl::next_hang_up() {
-  const std::size_t next = player.schedule().hang_ups_passed();
-  if (!matcher.comparing() || next >= hang_ups.size()) return std::nullopt;
-  return hang_ups[next];
+bool Engine::Impl::work_on_write(Input& input) {
+  const std::size_t used =
+      run.write(now, ByteView(input.data).subspan(input.used), std::exchange(input.begun, true));
+  input.used += used;
+  backlog -= used;
+  return input.used == input.data.size();
+}
+
+bool Engine::Impl::switching() const {
+  return std::any_of(inputs.begin(), inputs.end(), [](const Input& input) {
+    return input.kind == Input::Kind::open || input.kind == Input::Kind::close ||
+           input.kind == Input::Kind::finish;
+  });
+}
+
+bool Engine::Impl::open(Input& input) {
+  if (!input.begun) {
+    if (driver_open && run.goes_on()) return true;
+    input.begun = driver_open = true;
+    run.begin_session();
+    if (!run.goes_on() && any_run && run.config().on_reopen == OnReopen::continue_) {
+      ReplayActions& pending = run.pending();
+      pending.hang_up = pending.hang_up || run.config().at_end == AtEnd::hangup;
+      return true;
+    }
+    begin_open();
+  }
+  if (run.goes_on() && !reopen()) return false;
+  run.stop_if_damaged(now);
+  return true;
+}
+
+void Engine::Impl::begin_open() {
+  if (!run.goes_on()) {
+    on_open = Reopen::resume;
+    any_run = true;
+    run.begin(now);
+  } else if (on_open == Reopen::restart_session) {
+    run.player().restart_session(now);
+  } else if (on_open == Reopen::next_open) {
+    run.player().continue_at_next_open(now);
+  } else {
+    resuming = true;
+  }
+}
+
+// Goes to where the new session plays from. True once it is there.
+bool Engine::Impl::reopen() {
+  if (resuming) {
+    if (!run.settle(now)) return false;
+    resuming = false;
+    if (!run.goes_on()) return true;
+    run.player().resume(now);
+  }
+  if (!run.player().seek()) return false;
+  if (on_open == Reopen::next_open) run.realign_to_walk();
+  return true;
+}
+
+bool Engine::Impl::close(Input& input) {
+  driver_open = false;
+  if (!run.goes_on()) return true;
+  if (!input.begun) {
+    closing = meaning_of_close();
+    if (!closing.known) return false;
+    input.begun = true;
+  }
+  if (closing.judge && !run.judge(now)) return false;
+  if (run.goes_on() && !closing.next) run.end(now);
+  on_open = closing.next.value_or(Reopen::resume);
+  return true;
+}
+
+Engine::Impl::Close Engine::Impl::meaning_of_close() {
+  const OnReopen on_reopen = run.config().on_reopen;
+  TapeSessions& sessions = run.player().sessions();
+  if (on_reopen == OnReopen::continue_) {
+    const std::optional<bool> over = sessions.nothing_left();
+    if (!over) return {};
+    return {.known = true, .next = *over ? std::nullopt : std::optional(Reopen::resume)};
+  }
+  if (on_reopen != OnReopen::automatic) return {.known = true, .judge = true};
+  const bool ahead = sessions.open_ahead();
+  const std::optional<bool> at_reopen = ahead ? sessions.at_recorded_reopen() : false;
+  if (!at_reopen) return {};
+  if (*at_reopen) return {.known = true, .next = Reopen::next_open};
+  const std::optional<bool> late = sessions.just_passed_open(now);
+  if (!late) return {};
+  if ((ahead && !run.exchanged()) || *late) return {.known = true, .next = Reopen::restart_session};
+  return {.known = true, .judge = true, .next = ahead ? std::optional(Reopen::next_open) : std::nullopt};
+}
+
+bool Engine::Impl::finish() {
+  if (driver_open && run.goes_on() && !run.judge(now)) return false;
+  if (run.goes_on()) run.end(now);
+  return finished = true;
+}
+
+void Engine::Impl::give_up(Instant at) {
+  now = std::max(now, at);
+  dirty = true;
+  budget.refill();
+  inputs.clear();
+  backlog = 0;
+  if (run.goes_on()) run.end(now);
+  finished = true;
 }
 
 ReplayActions Engine::Impl::advance(Instant at, std::size_t max_bytes) {
@@ -96,15 +239,16 @@ ReplayActions Engine::Impl::advance(Instant at, std::size_t max_bytes) {
   work();
   now = std::max(now, at);
   dirty = false;
-  if (!run && driver_open && std::exchange(writing_ended, false)) pending.hang_up = true;
+  ReplayActions& pending = run.pending();
+  if (!run.goes_on() && driver_open && run.take_writing_ended()) pending.hang_up = true;
   // The end of a run is told alone, so that nothing of the next run is mixed in.
-  if (pending.run_ended || !run) {
-    dirty = run.has_value() || !inputs.empty();
+  if (pending.run_ended || !run.goes_on()) {
+    dirty = run.goes_on() || !inputs.empty();
     return std::exchange(pending, {});
   }
   ReplayActions out;
-  player.set_behind(!inputs.empty());
-  if (driver_open && !switching()) play(max_bytes, out);
+  run.player().set_behind(!inputs.empty());
+  if (driver_open && !switching()) run.play(now, max_bytes, out);
   dirty = dirty || !inputs.empty();
   out.mismatches = std::move(pending.mismatches);
   out.hang_up = out.hang_up || pending.hang_up;
@@ -114,119 +258,9 @@ ReplayActions Engine::Impl::advance(Instant at, std::size_t max_bytes) {
   return out;
 }
 
-void Engine::Impl::play(std::size_t max_bytes, ReplayActions& out) {
-  while (run) {
-    const std::size_t before = out.deliver.size();
-    const auto fault = player.play(now, max_bytes, blocked, out);
-    const std::size_t fresh = out.deliver.size() - before;
-    device_gone = device_gone || out.hang_up;
-    run->delivered(fresh);
-    exchanged = exchanged || fresh > 0;
-    if (fresh > 0 && before == 0 && !was_blocked) run->lateness(now - *player.delivered_due());
-    if (!fault) break;
-    tell_fault(*fault);
-    if (run && budget.spent()) {
-      player.wake_at(now);
-      break;
-    }
-  }
-  if (!blocked && (!player.wake() || *player.wake() > now)) was_blocked = false;
-  stop_if_damaged();
-  if (run && writing_ended && !blocked) {
-    const std::optional<bool> played = player.session_played();
-    if (!played) {
-      player.wake_at(now);
-    } else if (*played || !player.wake()) {
-      writing_ended = false;
-      out.hang_up = true;
-    }
-  }
-  if (run && player.used_up() && !tape_end_told) at_tape_end();
-}
-
-void Engine::Impl::at_tape_end() {
-  tape_end_told = true;
-  if (config.at_end == AtEnd::idle) return;
-  (config.at_end == AtEnd::hangup ? pending.hang_up : pending.exit) = true;
-  end_run();
-}
-
-void Engine::Impl::end_run() {
-  const std::optional<bool> any_unsent = matcher.any_unsent();
-  RunReport report = run->report(config, now, any_unsent.value_or(false));
-  report.from_driver_matched = matcher.matched();
-  if (!any_unsent && run->report(config, now, true).verdict != report.verdict) {
-    report.undecided_from = matcher.position();
-  }
-  if (const auto unsent = matcher.first_unsent()) {
-    report.next_expected = unsent->bytes;
-    report.next_expected_offset = unsent->offset;
-    report.next_expected_tape = unsent->at;
-  }
-  if (totals) add_totals(report, *totals);
-  add_gaps(report);
-  pending.run_ended = std::move(report);
-  run.reset();
-}
-
-// The gaps that the run came to.
-void Engine::Impl::add_gaps(RunReport& report) {
-  const std::size_t reached = std::max(matcher.gaps_reached(), player.gaps_reached());
-  for (std::size_t i = 0; i < std::min(reached, gaps.size()); ++i) {
-    if (i == kMostGapsTold) {
-      report.doubts.push_back({Doubt::Kind::gap, "and " + std::to_string(reached - i) + " more gaps"});
-      return;
-    }
-    report.doubts.push_back({Doubt::Kind::gap, text_of(gaps[i])});
-  }
-}
-
-void Engine::Impl::stop_if_damaged() {
-  if (!run) return;
-  const auto& error = matcher.error() ? matcher.error() : player.schedule().error();
-  if (!error) return;
-  const std::string trouble = error->message;
-  end_run();
-  pending.run_ended->trouble = trouble;
-  if (pending.run_ended->verdict == Verdict::pass) pending.run_ended->verdict = Verdict::incomplete;
-}
-
-void Engine::Impl::tell_difference(ByteView got) {
-  if (config.strictness == 0) return;
-  Mismatch mismatch = matcher.describe(got);
-  mismatch.real = run->since_begin(now);
-  tell_mismatch(std::move(mismatch));
-}
-
-void Engine::Impl::tell_fault(const Player::TimingFault& fault) {
-  Mismatch mismatch;
-  mismatch.kind = MismatchKind::timing;
-  mismatch.offset = fault.driver_offset;
-  mismatch.tape_offset = fault.tape_offset;
-  mismatch.tape = fault.at;
-  mismatch.real = run->since_begin(fault.real);
-  mismatch.error = fault.error;
-  mismatch.own_late = std::chrono::ceil<Micros>(run->last_lateness());
-  tell_mismatch(std::move(mismatch));
-}
-
-void Engine::Impl::tell_mismatch(Mismatch mismatch) {
-  // A run that ends here has no more use for the walk, so it may go ahead to where the driver is.
-  if (fails()) player.schedule().pass_write(mismatch.tape_offset);
-  mismatch.exchange = player.schedule().exchange_of(mismatch.tape_offset);
-  run->mismatch(mismatch);
-  if (pending.mismatches.size() < kMostMismatchesHeld) pending.mismatches.push_back(mismatch);
-  if (fails()) {
-    pending.hang_up = true;
-    end_run();
-  } else if (mismatch.kind != MismatchKind::timing) {
-    player.become_lenient(now);
-  }
-}
-
 Engine::Engine(const ReplayConfig& config, const TapeFacts& facts, RecordSource& schedule,
-               RecordSource& writes)
-    : impl_(std::make_unique<Impl>(config, facts, schedule, writes)) {}
+               RecordSource& writes, const Parts& parts)
+    : impl_(std::make_unique<Impl>(config, facts, parts, schedule, writes)) {}
 
 Engine::~Engine() = default;
 
@@ -241,26 +275,25 @@ void Engine::finish(Instant now) { impl_->tell({.kind = Impl::Input::Kind::finis
 
 bool Engine::finished() const { return impl_->finished; }
 void Engine::give_up(Instant now) { impl_->give_up(now); }
-void Engine::set_totals(const TapeTotals& totals) { impl_->totals = totals; }
+void Engine::set_totals(const TapeTotals& totals) { impl_->run.set_totals(totals); }
 std::size_t Engine::backlog() const { return impl_->backlog; }
 
 std::optional<Instant> Engine::next_deadline() const {
   if (impl_->dirty) return impl_->now;
-  if (!impl_->run || !impl_->driver_open) return std::nullopt;
-  return impl_->player.wake();
+  if (!impl_->run.goes_on() || !impl_->driver_open) return std::nullopt;
+  return impl_->run.player().wake();
 }
 
 ReplayActions Engine::advance(Instant now, std::size_t max_bytes) { return impl_->advance(now, max_bytes); }
 
 std::optional<Engine::Unsent> Engine::first_unsent() const {
-  const auto unsent = impl_->run ? impl_->matcher.first_unsent() : std::nullopt;
+  const auto unsent = impl_->run.first_unsent();
   if (!unsent) return std::nullopt;
   return Unsent{unsent->offset, unsent->at, unsent->bytes};
 }
 
 void Engine::set_blocked(bool blocked) {
-  impl_->blocked = blocked;
-  impl_->was_blocked = impl_->was_blocked || blocked;
+  impl_->run.set_blocked(blocked);
   impl_->dirty = true;
 }
 

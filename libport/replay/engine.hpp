@@ -8,6 +8,8 @@
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
+#include "libport/replay/expectation.hpp"
+#include "libport/replay/replay_clock.hpp"
 #include "libport/replay/replay_config.hpp"
 #include "libport/replay/report.hpp"
 #include "libport/tape/record.hpp"
@@ -64,7 +66,19 @@ class Engine {
     std::optional<TapeTotals> totals{};
   };
 
-  Engine(const ReplayConfig& config, const TapeFacts& facts, RecordSource& schedule, RecordSource& writes);
+  // What it is given from outside; all must outlive it.
+  struct Parts {
+    const Expectation* expectation = nullptr;  // what of a write may vary; null: nothing
+    // Played by, with its rate, together with the other engines that have it; null: a clock of its own, that
+    // each session sets anew.
+    ReplayClock* clock = nullptr;
+    Micros tape_begin{};  // of this tape, by the clock's tape time
+  };
+
+  Engine(const ReplayConfig& config, const TapeFacts& facts, RecordSource& schedule, RecordSource& writes)
+      : Engine(config, facts, schedule, writes, Parts{}) {}
+  Engine(const ReplayConfig& config, const TapeFacts& facts, RecordSource& schedule, RecordSource& writes,
+         const Parts& parts);
   ~Engine();
   Engine(const Engine&) = delete;
   Engine& operator=(const Engine&) = delete;

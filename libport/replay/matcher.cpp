@@ -72,18 +72,15 @@ Matcher::Step Matcher::compare(Instant now, ByteView data, std::optional<TapeTim
       step.outcome = Outcome::extra;
       return step;
     }
-    const ByteView expected = stream_.front();
-    const ByteView shorter = expected.first(std::min(expected.size(), rest.size()));
-    const auto differing = std::mismatch(shorter.begin(), shorter.end(), rest.begin()).first;
-    const auto same = static_cast<std::size_t>(differing - shorter.begin());
-    const bool piece_done = same == expected.size();
+    const Expectation::Held held = hold(rest);
+    const bool piece_done = held.recorded == stream_.front().size();
     const bool block_done = piece_done && stream_.front_ends_block();
     step.at = stream_.front_at();
-    remember(rest.first(same));
-    stream_.consume(same);
-    step.used += same;
-    matched_ += same;
-    if (same < shorter.size()) {
+    remember(rest.first(held.came));
+    stream_.consume(held.recorded);
+    step.used += held.came;
+    matched_ += held.recorded;
+    if (held.differs) {
       step.outcome = Outcome::differs;
       return step;
     }
@@ -94,6 +91,11 @@ Matcher::Step Matcher::compare(Instant now, ByteView data, std::optional<TapeTim
     if (piece_done) complete({stream_.position(), written_ + step.used, now});
   }
   return step;
+}
+
+Expectation::Held Matcher::hold(ByteView came) const {
+  if (expectation_ == nullptr) return Expectation::exactly(stream_.front(), came);
+  return expectation_->hold(stream_.stretch(), came);
 }
 
 // The gaps that end before the next recorded byte.

@@ -9,6 +9,7 @@
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
 #include "libport/replay/budget.hpp"
+#include "libport/replay/expectation.hpp"
 #include "libport/replay/gap_search.hpp"
 #include "libport/replay/report.hpp"
 #include "libport/replay/write_stream.hpp"
@@ -16,7 +17,8 @@
 namespace porttape {
 
 // Compares what the driver writes with what the tape expects, as one stream; how either side cuts it never
-// matters. Decides nothing about verdicts and gates: it tells how far the driver is, when it got there, and
+// matters. What of it may vary is an Expectation's to say: the bytes that go together are "as recorded".
+// Decides nothing about verdicts and gates: it tells how far the driver is, when it got there, and
 // where it differs.
 //
 // It is in one of two states. *Comparing*: every byte is held against the tape; the position is the number of
@@ -56,8 +58,9 @@ class Matcher {
     Bytes bytes;
   };
 
-  Matcher(RecordSource& writes, Budget& budget, Micros arrival_gap)
-      : stream_(writes, budget), arrival_gap_(arrival_gap) {}
+  // `expectation` must outlive it; null: nothing may vary.
+  Matcher(RecordSource& writes, Budget& budget, Micros arrival_gap, const Expectation* expectation = nullptr)
+      : stream_(writes, budget), expectation_(expectation), arrival_gap_(arrival_gap) {}
 
   // The tape's gaps, in order; what they swallowed of the driver's bytes is no difference. Must outlive it.
   void set_gaps(const std::vector<TapeGap>& gaps) { gaps_ = &gaps; }
@@ -116,6 +119,7 @@ class Matcher {
   };
 
   Step compare(Instant now, ByteView data, std::optional<TapeTime> until);
+  [[nodiscard]] Expectation::Held hold(ByteView came) const;
   bool search(Instant now, ByteView rest, bool ended, Step& step);
   void reach_gaps(bool ended);
   void count(Instant now, std::size_t bytes);
@@ -126,6 +130,7 @@ class Matcher {
   [[nodiscard]] bool same_arrival(Instant now) const;
 
   WriteStream stream_;
+  const Expectation* expectation_;
   Nanos arrival_gap_;
   bool comparing_ = true;
   bool arrival_open_ = false;  // nothing was delivered since the last write

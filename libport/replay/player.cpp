@@ -1,46 +1,39 @@
 #include "libport/replay/player.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <utility>
 
 namespace porttape {
-namespace {
 
-// A burst is cut here, so that a stream of single bytes without a pause still plays in time.
-constexpr Micros kLongestBurst{100'000};
-
-}  // namespace
-
-Player::Player(const ReplayConfig& config, const Engine::TapeFacts& facts, RecordSource& schedule,
-               Budget& budget, Matcher& matcher)
+Player::Player(const ReplayConfig& config, const Engine::TapeFacts& facts, const ClockPlace& place,
+               RecordSource& schedule, Budget& budget, Matcher& matcher)
     : config_(config),
-      facts_(facts),
-      burst_(config.chunks == Chunks::burst ||
-             (config.chunks == Chunks::automatic && !facts.stamped_at_arrival)),
       budget_(budget),
       matcher_(matcher),
       schedule_(schedule, budget),
-      timeline_(config.rate) {}
+      arrivals_(
+          config.chunks == Chunks::burst || (config.chunks == Chunks::automatic && !facts.stamped_at_arrival),
+          config.burst_gap),
+      pace_(place, config.timing),
+      gate_(config, matcher, pace_),
+      sessions_(schedule_, gate_, matcher, budget, facts.opens, config.patience) {}
 
 void Player::begin(Instant now) {
   schedule_.rewind();
-  gate_ = {};
+  arrivals_.rewind();
+  gate_.begin_run();
+  sessions_.forget_passed_open();
   untimed_ = false;
   gaps_reached_ = 0;
-  passed_open_.reset();
-  arrival_known_ = false;
-  arrival_started_ = false;
-  lenient_ = config_.strictness == 0;
   used_up_ = false;
   seek_ = {Seek::To::start, now};
 }
 
 void Player::start_at(TapeTime tape, Instant now) {
-  timeline_.anchor(tape, now);
+  pace_.begin_session(tape, now);
   gaps_reached_ = schedule_.gaps_passed();
   session_start_ = tape;
-  last_event_ = {tape, now};
-  floor_ = now;
   wake_ = now;
   matcher_.answered();
 }
@@ -48,11 +41,33 @@ void Player::start_at(TapeTime tape, Instant now) {
 void Player::continue_at_next_open(Instant now) { seek_ = {Seek::To::next_open, now}; }
 
 void Player::restart_session(Instant now) {
-  passed_open_.reset();
+  sessions_.forget_passed_open();
   start_at(session_start_, now);
 }
 
 void Player::resume(Instant now) { seek_ = {Seek::To::reopen_if_near, now}; }
+
+bool Player::seek() {
+  if (seek_.to == Seek::To::reopen_if_near) {
+    const std::optional<bool> near = sessions_.at_recorded_reopen();
+    if (!near) return false;
+    seek_.to = *near ? Seek::To::next_open : Seek::To::there;
+    if (!*near) {
+      matcher_.answered();
+      wake_ = seek_.since;
+    }
+  }
+  if (seek_.to != Seek::To::there) {
+    const std::optional<TapeTime> begin =
+        seek_.to == Seek::To::start ? sessions_.pass_to_first() : sessions_.pass_to_next(session_start_);
+    if (!begin) return false;
+    gate_.begin_session(schedule_.passed().writes);
+    sessions_.forget_passed_open();
+    start_at(*begin, seek_.since);
+  }
+  seek_ = {};
+  return true;
+}
 
 std::optional<Player::TimingFault> Player::play(Instant now, std::size_t max_bytes, bool blocked,
                                                 ReplayActions& out) {
@@ -89,22 +104,8 @@ Player::Progress Player::step(Turn& turn) {
     case RecordKind::event:
       break;
   }
-  pass();
-  return Progress::passed;
-}
-
-// Leaves the head behind. A write, open or close ends an arrival.
-void Player::pass() {
-  const Record* head = schedule_.head();
-  if (head != nullptr && head->kind != RecordKind::read && !is_note(head->kind) && !head->data.empty()) {
-    arrival_started_ = false;
-  }
-  if (head != nullptr && (head->kind == RecordKind::open || head->kind == RecordKind::close ||
-                          head->kind == RecordKind::hang_up)) {
-    arrival_started_ = false;
-  }
   schedule_.pop();
-  arrival_known_ = false;
+  return Progress::passed;
 }
 
 Player::Progress Player::wait(std::optional<Instant> until) {
@@ -112,36 +113,24 @@ Player::Progress Player::wait(std::optional<Instant> until) {
   return Progress::waits;
 }
 
-// Works out which arrival the read at the head belongs to.
-void Player::begin_arrival() {
-  if (arrival_known_) return;
-  arrival_known_ = true;
-  const Record& head = *schedule_.head();
-  const bool joins = burst_ && arrival_started_ && head.at - arrival_last_ < config_.burst_gap &&
-                     head.at - arrival_first_ < kLongestBurst;
-  arrival_continues_ = joins || (arrival_started_ && head.piece_offset > 0);
-  if (!arrival_continues_) arrival_first_ = head.at;
-  arrival_last_ = head.at;
-  arrival_started_ = true;
-}
-
-Instant Player::due(TapeTime at) const {
-  return config_.timing == Timing::none ? floor_ : std::max(floor_, timeline_.real(at));
+bool Player::gate_opens(Instant now, TapeTime next_at) {
+  const Gate::Answer answer = gate_.open(now, next_at);
+  if (!answer.open) wake_ = answer.until;
+  return answer.open;
 }
 
 Player::Progress Player::at_read(Turn& turn) {
   const Record& head = *schedule_.head();
   if (head.data.empty() || schedule_.line_closed()) {
-    pass();
+    schedule_.pop();
     return Progress::passed;
   }
   if (!gate_opens(turn.now, head.at)) return Progress::waits;
-  begin_arrival();
-  const Instant when = due(arrival_first_);
+  arrivals_.look(head, schedule_);
+  const Instant when = pace_.due(arrivals_.first());
   if (turn.mode == Mode::drop_all || (turn.mode != Mode::deliver && when <= turn.now)) {
-    floor_ = when;
-    last_event_ = {head.at, when};
-    pass();
+    pace_.played(head.at, when, when);
+    schedule_.pop();
     return Progress::passed;
   }
   if (turn.now < when && !turn.blocked) return wait(when);
@@ -158,20 +147,22 @@ void Player::deliver(Turn& turn, Instant when) {
   const ByteView rest = schedule_.rest();
   const ByteView part = rest.first(std::min(rest.size(), turn.room));
   out.deliver.insert(out.deliver.end(), part.begin(), part.end());
-  if (arrival_continues_ && !out.block_ends.empty()) {
+  if (arrivals_.continues() && !out.block_ends.empty()) {
     out.block_ends.back() = out.deliver.size();
   } else {
     out.block_ends.push_back(out.deliver.size());
   }
   if (!delivered_due_) delivered_due_ = when;
-  floor_ = when;
-  last_event_ = {schedule_.head()->at, turn.now};
+  pace_.played(schedule_.head()->at, when, turn.now);
   untimed_ = false;
   matcher_.answered();
   gaps_reached_ = schedule_.gaps_passed();
-  arrival_continues_ = true;
   schedule_.take(part.size());
-  if (part.size() == rest.size()) pass();
+  if (part.size() == rest.size()) {
+    schedule_.pop();
+  } else {
+    arrivals_.delivered_part();
+  }
 }
 
 // Due as a read would be.
@@ -179,17 +170,16 @@ Player::Progress Player::at_hang_up(Turn& turn) {
   const TapeTime at = schedule_.head()->at;
   if (!schedule_.line_closed()) {
     if (!gate_opens(turn.now, at)) return Progress::waits;
-    const Instant when = due(at);
+    const Instant when = pace_.due(at);
     const bool dropped = turn.mode == Mode::drop_all || (turn.mode == Mode::drop_due && when <= turn.now);
     if (!dropped) {
       if (turn.blocked) return wait(std::nullopt);
       if (turn.mode != Mode::deliver || turn.now < when) return wait(when);
       turn.out->hang_up = true;
     }
-    floor_ = when;
-    last_event_ = {at, dropped ? when : turn.now};
+    pace_.played(at, when, dropped ? when : turn.now);
   }
-  pass();
+  schedule_.pop();
   return Progress::passed;
 }
 
@@ -197,15 +187,13 @@ Player::Progress Player::at_write(const Turn& turn) {
   const Record& head = *schedule_.head();
   const std::uint64_t end = schedule_.passed().writes + head.data.size();
   if (gated() && !head.data.empty()) {
-    if (checks_time() && matcher_.comparing() && !gate_.pending) return at_timed_write(turn);
-    gate_.pending = true;
-    gate_.end = end;
-    gate_.at = head.at;
+    if (checks_time() && matcher_.comparing() && !gate_.pending()) return at_timed_write(turn);
+    gate_.add_write(end, head.at);
   }
   // By the recorded clock a write holds nothing up; the walk only keeps to its time.
-  const Instant when = timeline_.real(head.at);
+  const Instant when = timeline().real(head.at);
   if (!gated() && turn.mode == Mode::deliver && turn.now < when) return wait(when);
-  pass();
+  schedule_.pop();
   return Progress::passed;
 }
 
@@ -215,72 +203,71 @@ Player::Progress Player::at_timed_write(const Turn& turn) {
   const std::uint64_t end = schedule_.passed().writes + head.data.size();
   const auto done = matcher_.completion(end);
   if (!done) {
-    if (!silence_counts() || turn.mode != Mode::deliver) return wait(std::nullopt);
-    const Silence silence = next_silence(head.at);
+    if (!gate_.silence_counts() || turn.mode != Mode::deliver) return wait(std::nullopt);
+    const Gate::Silence silence = gate_.next_silence(head.at);
     if (turn.now < silence.end) return wait(silence.end);
     matcher_.diverge();
     return Progress::passed;
   }
   if (!head.last_piece()) {
-    pass();
+    schedule_.pop();
     return Progress::passed;
   }
   if (!std::exchange(untimed_, false)) {
-    fault_ = compare_time(*done, head.at, timeline_.after(last_event_.real, head.at - last_event_.tape));
+    fault_ = compare_time(*done, head.at, pace_.after_last(head.at));
   }
-  gate_.end = end;
-  open_gate(head.at, done->real, done->real);
-  pass();
+  gate_.pass(end, head.at, done->real);
+  schedule_.pop();
   return fault_ ? Progress::fault : Progress::passed;
 }
 
 Player::Progress Player::at_gap() {
   if (schedule_.head()->gap_bytes > 0 && gated() && !schedule_.line_closed()) {
-    gate_.gap = schedule_.passed().writes > 0;  // a device that is never asked goes on by itself
-    if (!gate_.pending) gate_.at = schedule_.head()->at;
+    // A device that is never asked goes on by itself.
+    gate_.add_gap(schedule_.head()->at, schedule_.passed().writes > 0);
     untimed_ = true;
   }
-  pass();
+  schedule_.pop();
   return Progress::passed;
 }
 
 Player::Progress Player::at_close(const Turn& turn) {
   if (turn.mode != Mode::deliver) return wait(std::nullopt);
-  const Instant when = timeline_.real(schedule_.head()->at);
+  const Instant when = timeline().real(schedule_.head()->at);
   if (!gated() && turn.now < when) return wait(when);
-  pass();
+  schedule_.pop();
   return Progress::passed;
 }
 
 Player::Progress Player::at_open(const Turn& turn) {
   if (turn.mode != Mode::deliver) return wait(std::nullopt);
   const TapeTime at = schedule_.head()->at;
-  const Instant when = timeline_.real(at);
+  const Instant when = timeline().real(at);
   if (!gated()) {
     if (turn.now < when) return wait(when);
-    passed_open_ = {turn.now, schedule_.passed().writes};
+    sessions_.passed_open(turn.now);
     session_start_ = at;
-    pass();
+    schedule_.pop();
     return Progress::passed;
   }
   if (!gate_opens(turn.now, at)) return Progress::waits;
   // A driver that writes what the tape has after the reopen has gone on without one. Bytes that the tape has
   // not (a trailing one, written just before the close) do not tell.
   const bool went_on = matcher_.comparing() && matcher_.touched(schedule_.passed().writes);
-  const bool gave_up = silence_counts() && turn.now >= patience_end(at);
-  if (!went_on && !gave_up) return wait(silence_counts() ? std::optional(patience_end(at)) : std::nullopt);
-  const Instant since = went_on ? matcher_.last_write() : patience_end(at);
-  timeline_.anchor(at, since);
-  floor_ = std::max(floor_, since);
+  const bool gave_up = gate_.silence_counts() && turn.now >= gate_.patience_end(at);
+  if (!went_on && !gave_up)
+    return wait(gate_.silence_counts() ? std::optional(gate_.patience_end(at)) : std::nullopt);
+  const Instant since = went_on ? matcher_.last_write() : gate_.patience_end(at);
+  pace_.go_on_past_open(at, since);
   session_start_ = at;
-  pass();
+  schedule_.pop();
   return Progress::passed;
 }
 
 Player::Progress Player::at_end(const Turn& turn) {
   if (schedule_.error()) return wait(std::nullopt);
-  if (!gate_opens(turn.now, gate_.at)) return Progress::waits;
-  if (!lenient_) {
+  if (!gate_opens(turn.now, gate_.at())) return Progress::waits;
+  if (!gate_.lenient()) {
     const std::optional<bool> all_came = matcher_.at_end();
     if (!all_came) return wait(turn.now);
     if (!*all_came) return wait(std::nullopt);
@@ -288,6 +275,52 @@ Player::Progress Player::at_end(const Turn& turn) {
   used_up_ = true;
   gaps_reached_ = schedule_.gaps_passed();
   return wait(std::nullopt);
+}
+
+Player::Settled Player::settle(Instant now) {
+  Turn turn{now, Mode::drop_due, false, 0, nullptr};
+  return pass_on(turn, std::nullopt);
+}
+
+Player::Settled Player::flush(Instant now) {
+  Turn turn{now, Mode::flush, false, 0, nullptr};
+  return pass_on(turn, std::nullopt);
+}
+
+Player::Settled Player::judge(Instant now) {
+  if (!gated() || !checks_time()) return {.done = true};
+  Turn turn{now, Mode::drop_all, false, 0, nullptr};
+  return pass_on(turn, matcher_.position());
+}
+
+// Until something is to be waited for, or so many bytes of writes are passed.
+Player::Settled Player::pass_on(Turn& turn, std::optional<std::uint64_t> writes) {
+  while (!writes || schedule_.passed().writes < *writes) {
+    if (budget_.spent()) return {.done = false};
+    const Progress progress = step(turn);
+    if (progress == Progress::waits) break;
+    if (progress == Progress::fault) return {.done = false, .fault = std::exchange(fault_, std::nullopt)};
+  }
+  return {.done = true};
+}
+
+std::optional<Player::TimingFault> Player::check_recorded(const Matcher::Step& step, Instant now) const {
+  if (gated() || !checks_time()) return std::nullopt;
+  return compare_time({matcher_.position(), matcher_.written(), now}, step.at, timeline().real(step.at));
+}
+
+std::optional<Player::TimingFault> Player::compare_time(const Matcher::Completion& done, TapeTime at,
+                                                        Instant expected) const {
+  const Nanos error = done.real - expected;
+  const Nanos margin = config_.jitter;
+  if ((error <= margin || config_.late_allowed) && error >= -margin) return std::nullopt;
+  TimingFault fault;
+  fault.driver_offset = done.driver_end - std::min<std::uint64_t>(done.driver_end, 1);
+  fault.tape_offset = done.tape_end - std::min<std::uint64_t>(done.tape_end, 1);
+  fault.at = at;
+  fault.real = done.real;
+  fault.error = std::chrono::round<Micros>(error);
+  return fault;
 }
 
 }  // namespace porttape

@@ -5,24 +5,26 @@
 #include <optional>
 
 #include "libport/base/time.hpp"
+#include "libport/replay/arrivals.hpp"
 #include "libport/replay/engine.hpp"
+#include "libport/replay/gate.hpp"
 #include "libport/replay/matcher.hpp"
+#include "libport/replay/pace.hpp"
+#include "libport/replay/replay_clock.hpp"
 #include "libport/replay/schedule.hpp"
+#include "libport/replay/tape_sessions.hpp"
 #include "libport/replay/timeline.hpp"
 
 namespace porttape {
 
-// Plays the tape in one run: walks the schedule, decides what is due and when a gate opens, and measures the
-// driver's writes against the time they were recorded at. Knows nothing of verdicts.
-//
-// A *gate* is what holds a read back until the driver has written what precedes it on the tape (timing
-// reactive and none): the run of write records before the read, taken as one question. Refers to its matcher,
-// which must outlive it.
+// Plays the tape in one run: walks the schedule, delivers what is due and no gate holds back, and measures
+// the driver's writes against the time they were recorded at. Knows nothing of verdicts.
 //
 // Drive it: begin() at the driver's first open, then play() whenever something happened or wake() has come;
 // at the driver's later opens one of continue_at_next_open(), restart_session() and resume(), with settle()
 // before it where reads are to be lost. Nothing reads more of the tape than the budget allows; what is then
-// not done or not known is asked for again when it is refilled. Not thread-safe.
+// not done or not known is asked for again when it is refilled. Refers to its matcher, budget and clock,
+// which must outlive it. Not thread-safe.
 class Player {
  public:
   // A write that came earlier or later than the margin allows.
@@ -34,15 +36,16 @@ class Player {
     Micros error{};
   };
 
-  Player(const ReplayConfig& config, const Engine::TapeFacts& facts, RecordSource& schedule, Budget& budget,
-         Matcher& matcher);
+  Player(const ReplayConfig& config, const Engine::TapeFacts& facts, const ClockPlace& place,
+         RecordSource& schedule, Budget& budget, Matcher& matcher);
+  Player(const Player&) = delete;
+  Player& operator=(const Player&) = delete;
 
   // At the driver's first open; seek() follows.
   void begin(Instant now);
   // Passes everything up to the tape's next open and goes on from there; seek() follows.
   void continue_at_next_open(Instant now);
-  // The driver closed and opened again with nothing exchanged: the session's clock starts anew, nothing is
-  // lost.
+  // The driver closed and opened again with nothing exchanged: the session begins anew, nothing is lost.
   void restart_session(Instant now);
   // Goes on where it was, on the same clock, or at a recorded reopen if it stands there; seek() follows.
   void resume(Instant now);
@@ -71,25 +74,17 @@ class Player {
   std::optional<TimingFault> check_recorded(const Matcher::Step& step, Instant now) const;
 
   // From the run's first divergence on (and always at strictness 0) gates also open by quiet and patience.
-  void become_lenient(Instant now);
+  void become_lenient(Instant now) { gate_.become_lenient(now); }
 
   [[nodiscard]] std::optional<Instant> wake() const { return wake_; }
   // All reads are delivered and all writes came.
   [[nodiscard]] bool used_up() const { return used_up_; }
-  [[nodiscard]] bool open_ahead();
-  // These give nothing where that is not known before the budget is refilled.
-  // Nothing but events and closes is left.
-  [[nodiscard]] std::optional<bool> nothing_left();
-  // Whether the walk stands at a recorded close or open with all writes before it complete.
-  [[nodiscard]] std::optional<bool> at_recorded_reopen();
-  // Nothing of the session is left to play: all of it came and went.
-  [[nodiscard]] std::optional<bool> session_played();
-  // Whether an open was passed by time so recently (`patience`), with nothing written since and something of
-  // the tape left, that a close now is taken for the one before it, late.
-  [[nodiscard]] std::optional<bool> just_passed_open(Instant now);
+
+  // Where the walk stands among the tape's sessions.
+  [[nodiscard]] TapeSessions& sessions() { return sessions_; }
 
   // Writes have come that the matcher has not been given yet: no silence opens a gate meanwhile.
-  void set_behind(bool behind) { behind_ = behind; }
+  void set_behind(bool behind) { gate_.set_behind(behind); }
   // Asks for play() at once.
   void wake_at(Instant now) { wake_ = now; }
 
@@ -97,7 +92,7 @@ class Player {
   [[nodiscard]] std::size_t gaps_reached() const { return gaps_reached_; }
   // When the first of what the last play() delivered had been due.
   [[nodiscard]] std::optional<Instant> delivered_due() const { return delivered_due_; }
-  [[nodiscard]] const Timeline& timeline() const { return timeline_; }
+  [[nodiscard]] const Timeline& timeline() const { return pace_.timeline(); }
   [[nodiscard]] Schedule& schedule() { return schedule_; }
 
  private:
@@ -110,36 +105,14 @@ class Player {
     std::size_t room = 0;
     ReplayActions* out = nullptr;
   };
-  struct Gate {
-    bool pending = false;
-    std::uint64_t begin = 0;  // recorded bytes before the question
-    std::uint64_t end = 0;
-    TapeTime at{};     // of its last write
-    bool gap = false;  // a question may be missing before what comes next
-  };
-  struct Silence {
-    Instant end{};
-    bool after_writing = false;
-  };
-  struct Event {
-    TapeTime tape{};
-    Instant real{};
-  };
   // What seek() is on the way to, for a driver that opened at `since`.
   struct Seek {
     enum class To : std::uint8_t { there, start, next_open, reopen_if_near } to = To::there;
     Instant since{};
   };
-  struct PassedOpen {
-    Instant when{};
-    std::uint64_t writes_end = 0;
-  };
 
   [[nodiscard]] bool gated() const { return config_.timing != Timing::recorded; }
   [[nodiscard]] bool checks_time() const { return config_.strictness == 2; }
-  [[nodiscard]] bool silence_counts() const { return lenient_ && !behind_; }
-  // Behind a gap a driver whose bytes the tape does not have would wait for its answer for ever.
-  [[nodiscard]] bool in_gap() const { return !behind_ && (gate_.gap || matcher_.astray()); }
 
   Progress step(Turn& turn);
   Progress at_read(Turn& turn);
@@ -153,52 +126,29 @@ class Player {
   Progress wait(std::optional<Instant> until);
 
   bool gate_opens(Instant now, TapeTime next_at);
-  bool wait_for_driver();
-  [[nodiscard]] Silence next_silence(TapeTime next_at) const;
-  void open_gate(TapeTime tape, Instant real, Instant not_before);
-  [[nodiscard]] Instant patience_end(TapeTime next_at) const;
-
   void deliver(Turn& turn, Instant due);
-  void begin_arrival();
-  void pass();
-  [[nodiscard]] bool seek_start();
-  [[nodiscard]] bool seek_next_open();
   [[nodiscard]] Settled pass_on(Turn& turn, std::optional<std::uint64_t> writes);
   void start_at(TapeTime tape, Instant now);
-  [[nodiscard]] Instant due(TapeTime at) const;
   [[nodiscard]] std::optional<TimingFault> compare_time(const Matcher::Completion& done, TapeTime at,
                                                         Instant expected) const;
 
   ReplayConfig config_;
-  Engine::TapeFacts facts_;
-  bool burst_;
   Budget& budget_;
   Matcher& matcher_;
   Schedule schedule_;
-  Timeline timeline_;
-
+  Arrivals arrivals_;
+  Pace pace_;
   Gate gate_;
-  Instant floor_{};   // nothing is due before it: the last due time, or what opened the last gate
-  Event last_event_;  // what the next write's time is measured from
+  TapeSessions sessions_;
+
   TapeTime session_start_{};
-  std::optional<PassedOpen> passed_open_;
   Seek seek_;
   std::size_t gaps_reached_ = 0;
-  bool behind_ = false;
   bool untimed_ = false;  // a gap is between the last event and the next
-  bool lenient_ = false;
-  Instant lenient_since_{};
   bool used_up_ = false;
   std::optional<Instant> wake_;
   std::optional<TimingFault> fault_;
   std::optional<Instant> delivered_due_;
-
-  // The arrival that the read at the head belongs to.
-  bool arrival_known_ = false;      // worked out for this head
-  bool arrival_started_ = false;    // an arrival is going on that the next read may join
-  bool arrival_continues_ = false;  // the head goes on with what was delivered before it
-  TapeTime arrival_first_{};
-  TapeTime arrival_last_{};
 };
 
 }  // namespace porttape

@@ -9,6 +9,8 @@ void Schedule::rewind() {
   loaded_ = false;
   taken_ = 0;
   passed_ = {};
+  records_passed_ = 0;
+  breaks_passed_ = 0;
   opens_passed_ = 0;
   hang_ups_passed_ = 0;
   gaps_passed_ = 0;
@@ -37,6 +39,7 @@ void Schedule::pop() {
   const Record* record = head();
   if (record == nullptr) return;
   budget_.spend(record->data.size());
+  ++records_passed_;
   switch (record->kind) {
     case RecordKind::read:
       passed_.reads += record->data.size();
@@ -44,17 +47,22 @@ void Schedule::pop() {
       break;
     case RecordKind::write:
       passed_.writes += record->data.size();
-      if (!record->data.empty() && answered_) ++exchange_;
-      if (!record->data.empty()) answered_ = false;
+      if (record->data.empty()) break;
+      ++breaks_passed_;
+      if (answered_) ++exchange_;
+      answered_ = false;
       break;
     case RecordKind::open:
+      ++breaks_passed_;
       ++opens_passed_;
       line_closed_ = false;
       break;
     case RecordKind::close:
+      ++breaks_passed_;
       line_closed_ = true;
       break;
     case RecordKind::hang_up:
+      ++breaks_passed_;
       ++hang_ups_passed_;
       break;
     case RecordKind::gap:

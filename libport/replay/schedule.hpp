@@ -44,6 +44,9 @@ class Schedule {
   [[nodiscard]] bool at_end() { return head() == nullptr; }
   // Bytes of either direction in the records passed.
   [[nodiscard]] const Totals& passed() const { return passed_; }
+  [[nodiscard]] std::uint64_t records_passed() const { return records_passed_; }
+  // Writes, opens, closes and hang-ups: what ends an arrival.
+  [[nodiscard]] std::uint64_t breaks_passed() const { return breaks_passed_; }
   [[nodiscard]] std::uint64_t opens_passed() const { return opens_passed_; }
   [[nodiscard]] std::size_t hang_ups_passed() const { return hang_ups_passed_; }
   [[nodiscard]] std::size_t gaps_passed() const { return gaps_passed_; }
@@ -61,6 +64,8 @@ class Schedule {
   bool loaded_ = false;
   std::size_t taken_ = 0;
   Totals passed_;
+  std::uint64_t records_passed_ = 0;
+  std::uint64_t breaks_passed_ = 0;
   std::uint64_t opens_passed_ = 0;
   std::size_t hang_ups_passed_ = 0;
   std::size_t gaps_passed_ = 0;

@@ -29,7 +29,8 @@ WriteStream::State WriteStream::load(Budget& budget) {
       const Record& piece = **record;
       budget.spend(piece.data.size());
       if (piece.kind != RecordKind::write || piece.data.empty()) continue;
-      pieces_.push_back({Bytes(piece.data.begin(), piece.data.end()), piece.at, piece.last_piece()});
+      pieces_.push_back(
+          {Bytes(piece.data.begin(), piece.data.end()), piece.at, piece.piece_offset, piece.last_piece()});
       return State::bytes;
     }
   }

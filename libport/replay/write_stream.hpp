@@ -9,6 +9,7 @@
 #include "libport/base/error.hpp"
 #include "libport/base/time.hpp"
 #include "libport/replay/budget.hpp"
+#include "libport/replay/expectation.hpp"
 #include "libport/tape/record.hpp"
 
 namespace porttape {
@@ -44,6 +45,11 @@ class WriteStream {
   // Whether front() reaches the end of its block.
   [[nodiscard]] bool front_ends_block() const { return !front().empty() && pieces_.front().ends_block; }
 
+  // After `bytes`: front() with its place.
+  [[nodiscard]] Expectation::Stretch stretch() const {
+    return {front(), position_, front_in_block(), front_ends_block(), front_at()};
+  }
+
   // Moves over `count` bytes of front().
   void consume(std::size_t count);
 
@@ -62,11 +68,15 @@ class WriteStream {
   struct Piece {
     Bytes data;
     TapeTime at{};
+    std::uint32_t in_block = 0;  // where it begins
     bool ends_block = false;
   };
 
   State load(Budget& budget);
   void drop(std::size_t count);
+  [[nodiscard]] std::uint32_t front_in_block() const {
+    return pieces_.front().in_block + static_cast<std::uint32_t>(used_);
+  }
   [[nodiscard]] bool skips() const { return to_skip_ > 0 || skip_before_.has_value(); }
 
   RecordSource& source_;

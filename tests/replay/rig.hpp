@@ -33,7 +33,7 @@ class Rig {
   };
 
   explicit Rig(MemoryTape tape, const ReplayConfig& config = {}, bool stamped_at_arrival = true,
-               std::size_t piece = std::numeric_limits<std::size_t>::max())
+               std::size_t piece = std::numeric_limits<std::size_t>::max(), const Engine::Parts& parts = {})
       : tape_(std::move(tape)),
         schedule(tape_, MemorySource::Select::merged, piece),
         writes(tape_, MemorySource::Select::writes_only, piece),
@@ -44,7 +44,7 @@ class Rig {
              .hang_ups = tape_.hang_ups(),
              .gaps = tape_.gaps(),
              .totals = TapeTotals{tape_.all(RecordKind::read).size(), tape_.all(RecordKind::write).size()}},
-            schedule, writes) {}
+            schedule, writes, parts) {}
 
   Rig& open() {
     engine.on_open(now());

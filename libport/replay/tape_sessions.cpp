@@ -1,0 +1,73 @@
+#include "libport/replay/tape_sessions.hpp"
+
+#include "libport/replay/timeline.hpp"
+
+namespace porttape {
+
+std::optional<TapeTime> TapeSessions::pass_to_first() {
+  while (!schedule_.at_end() && is_note(schedule_.head()->kind)) {
+    if (budget_.spent()) return std::nullopt;
+    schedule_.pop();
+  }
+  if (schedule_.at_end() || schedule_.head()->kind != RecordKind::open) return TapeTime{};
+  const TapeTime opened = schedule_.head()->at;
+  schedule_.pop();
+  return opened;
+}
+
+std::optional<TapeTime> TapeSessions::pass_to_next(TapeTime otherwise) {
+  TapeTime opened = otherwise;
+  for (bool found = false; !found && !schedule_.at_end();) {
+    if (budget_.spent()) return std::nullopt;
+    found = schedule_.head()->kind == RecordKind::open;
+    if (found) opened = schedule_.head()->at;
+    schedule_.pop();
+  }
+  return opened;
+}
+
+bool TapeSessions::open_ahead() {
+  if (schedule_.at_end()) return false;
+  return schedule_.opens_passed() < opens_ || schedule_.head()->kind == RecordKind::open;
+}
+
+std::optional<bool> TapeSessions::nothing_left() {
+  while (!schedule_.at_end()) {
+    const RecordKind kind = schedule_.head()->kind;
+    if (!is_note(kind) && kind != RecordKind::close && kind != RecordKind::hang_up) return false;
+    if (budget_.spent()) return std::nullopt;
+    schedule_.pop();
+  }
+  if (schedule_.error()) return false;
+  const bool asked = gate_.asked();
+  if (!asked || gate_.lenient()) return asked;
+  return matcher_.at_end();
+}
+
+std::optional<bool> TapeSessions::at_recorded_reopen() {
+  while (!schedule_.at_end() &&
+         (is_note(schedule_.head()->kind) || schedule_.head()->kind == RecordKind::hang_up)) {
+    if (budget_.spent()) return std::nullopt;
+    schedule_.pop();
+  }
+  if (schedule_.at_end()) return false;
+  const RecordKind kind = schedule_.head()->kind;
+  if (kind != RecordKind::open && kind != RecordKind::close) return false;
+  return gate_.asked();
+}
+
+std::optional<bool> TapeSessions::session_played() {
+  const std::optional<bool> nothing = nothing_left();
+  if (!nothing || *nothing) return nothing;
+  return at_recorded_reopen();
+}
+
+std::optional<bool> TapeSessions::just_passed_open(Instant now) {
+  if (!passed_open_ || now > saturating_add(passed_open_->when, patience_)) return false;
+  if (matcher_.touched(passed_open_->writes_end)) return false;
+  const std::optional<bool> nothing = nothing_left();
+  if (!nothing) return nothing;
+  return !*nothing;
+}
+
+}  // namespace porttape

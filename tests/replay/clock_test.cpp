@@ -1,0 +1,87 @@
+// The clock of a replay: a player's own, and one that several players share.
+
+#include <gtest/gtest.h>
+
+#include "libport/replay/replay_clock.hpp"
+#include "tests/replay/rig.hpp"
+
+namespace porttape::test {
+namespace {
+
+constexpr Instant at_us(std::int64_t us) { return Instant{Nanos{us * 1000}}; }
+
+ReplayConfig recorded() {
+  ReplayConfig config;
+  config.timing = Timing::recorded;
+  return config;
+}
+
+TEST(ReplayClockTest, TheFirstSessionSetsASharedClockAndTheOthersJoin) {
+  ReplayClock clock(2);
+  EXPECT_FALSE(clock.runs());
+  EXPECT_EQ(clock.begin_session(tape_time_us(100), at_us(1'000)).real(tape_time_us(300)), at_us(1'100));
+  EXPECT_EQ(clock.begin_session(tape_time_us(700), at_us(9'000)).real(tape_time_us(300)), at_us(1'100));
+  clock.stop();
+  EXPECT_EQ(clock.begin_session(tape_time_us(100), at_us(9'000)).real(tape_time_us(300)), at_us(9'100));
+}
+
+TEST(ReplayClockTest, EachSessionSetsAClockOfItsOwn) {
+  ReplayClock clock(1, ReplayClock::Sessions::set_it);
+  (void)clock.begin_session(tape_time_us(0), at_us(1'000));
+  EXPECT_EQ(clock.begin_session(tape_time_us(50), at_us(9'000)).real(tape_time_us(60)), at_us(9'010));
+}
+
+TEST(ReplayClockTest, ATapeThatBeganLaterHasItsPlaceOnTheClock) {
+  ReplayClock clock(1);
+  const ClockPlace first{clock, Micros{0}};
+  const ClockPlace later{clock, Micros{500}};
+  (void)first.begin_session(tape_time_us(0), at_us(1'000));
+  EXPECT_EQ(later.begin_session(tape_time_us(0), at_us(9'000)).real(tape_time_us(20)), at_us(1'520));
+  EXPECT_EQ(clock.timeline().anchor_tape(), tape_time_us(0));
+  EXPECT_EQ(clock.timeline().anchor_real(), at_us(1'000));
+}
+
+TEST(SharedClock, TwoEnginesKeepOneAnchor) {
+  ReplayClock clock(2);
+  const Engine::Parts parts{.clock = &clock};
+  const auto tape = MemoryTape().read(0, "a").read(20'000, "b").read(40'000, "c");
+  Rig first(tape, recorded(), true, 64, parts);
+  Rig second(tape, recorded(), true, 64, parts);
+  first.open();
+  const Instant anchor = clock.timeline().anchor_real();
+  second.wait(7'000).open().until(30'000);  // what is due before its open comes with it
+  first.until(30'000);
+  EXPECT_EQ(clock.timeline().anchor_real(), anchor);
+  EXPECT_EQ(first.deliveries,
+            (std::vector<Rig::Delivery>{{0, "a", {1}}, {10'000, "b", {1}}, {20'000, "c", {1}}}));
+  EXPECT_EQ(second.deliveries,
+            (std::vector<Rig::Delivery>{{7'000, "a", {1}}, {10'000, "b", {1}}, {20'000, "c", {1}}}));
+  first.finish();
+  EXPECT_EQ(first.report->rate, 2);
+}
+
+TEST(SharedClock, AReopenDoesNotSetIt) {
+  ReplayClock clock(1);
+  const auto tape =
+      MemoryTape().open(0).read(1'000, "a").close(2'000).open(50'000).read(51'000, "b").read(52'000, "c");
+  Rig rig(tape, recorded(), true, 64, {.clock = &clock});
+  rig.open().until(2'500).close().wait(1'000).open().until(60'000);
+  EXPECT_EQ(rig.deliveries,
+            (std::vector<Rig::Delivery>{{1'000, "a", {1}}, {51'000, "b", {1}}, {52'000, "c", {1}}}));
+}
+
+TEST(SharedClock, AGateOfOnePlayerMovesNoOther) {
+  ReplayClock clock(1);
+  const Engine::Parts parts{.clock = &clock};
+  Rig asked(MemoryTape().write(1'000, "?").read(2'000, "!"), {}, true, 64, parts);
+  Rig streams(MemoryTape().read(2'000, "a").read(9'000, "b"), {}, true, 64, parts);
+  asked.open();
+  streams.open();
+  asked.wait(5'000).write("?").until(20'000);
+  streams.until(20'000);
+  EXPECT_EQ(asked.deliveries, (std::vector<Rig::Delivery>{{6'000, "!", {1}}}));
+  EXPECT_EQ(streams.deliveries, (std::vector<Rig::Delivery>{{2'000, "a", {1}}, {9'000, "b", {1}}}));
+}
+
+}  // namespace
+}  // namespace porttape::test

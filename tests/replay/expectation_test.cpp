@@ -1,0 +1,132 @@
+// What of a write may vary: rules made here, given to the matcher and to the engine.
+
+#include "libport/replay/expectation.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <string>
+#include <string_view>
+
+#include <gtest/gtest.h>
+
+#include "libport/replay/matcher.hpp"
+#include "tests/replay/rig.hpp"
+
+namespace porttape::test {
+namespace {
+
+// Bytes `from` up to `to` of each block may be anything.
+class AnyBytes final : public Expectation {
+ public:
+  AnyBytes(std::uint32_t from, std::uint32_t to) : from_(from), to_(to) {}
+
+  [[nodiscard]] Held hold(const Stretch& recorded, ByteView came) const override {
+    const std::uint32_t at = recorded.in_block;
+    const bool free = at >= from_ && at < to_;
+    const std::uint32_t turn = free ? to_ : at < from_ ? from_ : ~std::uint32_t{0};
+    const ByteView part = recorded.bytes.first(std::min<std::size_t>(recorded.bytes.size(), turn - at));
+    const std::size_t size = std::min(part.size(), came.size());
+    return free ? Held{size, size, false} : exactly(part, came);
+  }
+
+ private:
+  std::uint32_t from_;
+  std::uint32_t to_;
+};
+
+// A run of digits stands for any other one, however long.
+class AnyNumber final : public Expectation {
+ public:
+  [[nodiscard]] Held hold(const Stretch& recorded, ByteView came) const override {
+    const bool digit = is_digit(recorded.bytes.front());
+    if (digit && is_digit(came.front())) return {0, 1, false};
+    if (digit) return {1, 0, false};
+    return exactly(recorded.bytes.first(1), came);
+  }
+
+ private:
+  static bool is_digit(Byte byte) { return std::isdigit(byte) != 0; }
+};
+
+struct Written {
+  std::uint64_t position = 0;
+  std::size_t used = 0;
+  bool differs = false;
+  friend bool operator==(const Written&, const Written&) = default;
+};
+
+// Writes `text` in parts of `cut` bytes against a tape in pieces of `piece` bytes.
+Written write(const MemoryTape& tape, const Expectation& rule, std::string_view text, std::size_t piece,
+              std::size_t cut) {
+  MemorySource source(tape, MemorySource::Select::writes_only, piece);
+  Budget budget;
+  Matcher matcher(source, budget, Micros{500}, &rule);
+  matcher.rewind();
+  Written written;
+  while (written.used < text.size()) {
+    const auto step = matcher.write(Instant{}, as_bytes(text.substr(written.used, cut)));
+    written.used += step.used;
+    written.differs = step.outcome == Matcher::Outcome::differs;
+    if (written.differs) break;
+  }
+  written.position = matcher.position();
+  return written;
+}
+
+TEST(ExpectationTest, BytesOfABlockMayBeAnythingHoweverBothSidesAreCut) {
+  const auto tape = MemoryTape().write(1, "GET 1234 now").write(2, "SET 9999 end");
+  const AnyBytes rule(4, 8);
+  for (std::size_t piece = 1; piece < 13; ++piece) {
+    for (std::size_t cut = 1; cut < 25; ++cut) {
+      EXPECT_EQ(write(tape, rule, "GET abcd nowSET 1234 end", piece, cut), (Written{24, 24, false}));
+      EXPECT_EQ(write(tape, rule, "GET abcd nowSET 1234 and", piece, cut), (Written{21, 21, true}));
+    }
+  }
+}
+
+TEST(ExpectationTest, AFieldMayBeLongerOrShorterHoweverBothSidesAreCut) {
+  const auto tape = MemoryTape().write(1, "T=123;Q").write(2, "T=4;Q");
+  const AnyNumber rule;
+  for (std::size_t piece = 1; piece < 8; ++piece) {
+    for (std::size_t cut = 1; cut < 17; ++cut) {
+      EXPECT_EQ(write(tape, rule, "T=9;QT=1700000;Q", piece, cut), (Written{12, 16, false}));
+      EXPECT_EQ(write(tape, rule, "T=9;QT=17;R", piece, cut), (Written{11, 10, true}));
+    }
+  }
+}
+
+TEST(ExpectationTest, TheEngineAnswersAWriteThatVariesAsItMay) {
+  const auto tape =
+      MemoryTape().write(0, "T=123;").read(1'000, "ok").write(2'000, "T=124;").read(3'000, "on");
+  const AnyNumber rule;
+  Rig rig(tape, {}, true, 2, {.expectation = &rule});
+  rig.open().write("T=5;").wait(1'000);
+  EXPECT_EQ(rig.read(), "ok");
+  rig.write_bytewise("T=77777;").wait(1'000);
+  EXPECT_EQ(rig.read(), "on");
+  EXPECT_EQ(rig.finish(), Verdict::pass);
+  EXPECT_EQ(rig.report->from_driver_bytes, 12U);
+  EXPECT_EQ(rig.report->from_driver_matched, 12U);  // of the tape's
+}
+
+TEST(ExpectationTest, WhatMayNotVaryIsAMismatchAtItsPlace) {
+  const auto tape = MemoryTape().write(0, "T=123;Q").read(1'000, "ok");
+  const AnyNumber rule;
+  Rig rig(tape, {}, true, 3, {.expectation = &rule});
+  rig.open().write("T=5;R");
+  ASSERT_EQ(rig.mismatches.size(), 1U);
+  EXPECT_EQ(rig.mismatches.front().offset, 4U);
+  EXPECT_EQ(rig.mismatches.front().tape_offset, 6U);
+  EXPECT_EQ(as_text(rig.mismatches.front().expected), "Q");
+  EXPECT_EQ(as_text(rig.mismatches.front().got), "R");
+}
+
+TEST(ExpectationTest, WithoutOneNothingMayVary) {
+  Rig rig(MemoryTape().write(0, "T=123;").read(1'000, "ok"));
+  rig.open().write("T=124;");
+  ASSERT_EQ(rig.mismatches.size(), 1U);
+  EXPECT_EQ(rig.mismatches.front().offset, 4U);
+}
+
+}  // namespace
+}  // namespace porttape::test
