@@ -163,11 +163,7 @@ void BlockingPort::on_data(ByteView data) {
 
 void BlockingPort::on_arrivals(ByteView data, std::span<const std::size_t> ends) {
   if (!port_->keeps_datagrams()) return on_data(data);
-  std::size_t begin = 0;
-  for (const std::size_t end : ends) {
-    on_data(data.subspan(begin, end - begin));
-    begin = end;
-  }
+  for_each_arrival(data, ends, [this](ByteView arrival) { on_data(arrival); });
 }
 
 void BlockingPort::on_down(const LineDown& down) {

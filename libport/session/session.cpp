@@ -40,7 +40,9 @@ struct Session::DriverSide final : PortListener {
   void on_complete(int) override { session.driver_complete(); }
   void on_flush(FlushQueue queue) override { session.driver_flushed(queue); }
   Answers on_ended() override { return session.driver_ended(); }
-  bool wants_rest() override { return session.device_open_ && session.taking_in_; }
+  bool wants_rest() override {
+    return session.device_state_ != DeviceState::closed && session.end_.takes_in();
+  }
   void on_interrupted(const LineDown& down) override { session.driver_interrupted(down); }
   void on_resumed() override { session.read_device(); }
   void on_dropped(std::uint64_t bytes, std::string_view why) override {
@@ -86,7 +88,7 @@ Session::Session(const PortContext& context, std::unique_ptr<Port> driver, std::
                          device_->name(), std::chrono::duration_cast<seconds>(kDrainLimit).count());
                      close_device();
                    }),
-      limits_(limits) {
+      end_(limits) {
   driver_->listen(*driver_side_);
   device_->listen(*device_side_);
 }
@@ -105,24 +107,29 @@ void Session::driver_up() {
   context_.log->info("{}: a driver has opened it", driver_->name());
   driver_up_ = true;
   ++counters_.opens;
-  if (closing_device_) {
+  if (device_state_ == DeviceState::draining) {
     let_driver(false);  // until the last driver's bytes have gone
-  } else {
+  } else if (end_.running()) {
     open_device();
   }
 }
 
 void Session::open_device() {
   let_driver(false);
-  device_open_ = true;
+  device_state_ = DeviceState::opening;
   device_->open();
 }
 
 void Session::device_up() {
-  device_up_ = true;
+  device_state_ = DeviceState::up;
   context_.log->debug("{}: up", device_->name());
-  interrupted_ = false;
   read_driver();
+}
+
+// Whether what was written to it may still go out.
+bool Session::device_has_line() const {
+  return device_state_ == DeviceState::up || device_state_ == DeviceState::interrupted ||
+         device_state_ == DeviceState::draining;
 }
 
 void Session::let_driver(bool read) {
@@ -139,7 +146,7 @@ void Session::let_device(bool read) {
 // No port passes on data while it is told not to read: the other side may not be there to take it. One that
 // does is wrong, but costs no byte.
 bool Session::keep_early(Gate& gate, const Port& port, ByteView data) {
-  if (gate.open || !taking_in_) return false;
+  if (gate.open || !end_.takes_in()) return false;
   context_.log->error("{} passed on {} bytes while it was not to read (an error of this program)",
                       port.name(), data.size());
   assert(gate.open && "no on_data while set_reading(false)");
@@ -148,14 +155,14 @@ bool Session::keep_early(Gate& gate, const Port& port, ByteView data) {
 }
 
 void Session::read_driver() {
-  if (taking_in_) let_driver(true);
+  if (end_.takes_in()) let_driver(true);
 }
 void Session::read_device() {
-  if (taking_in_) let_device(true);
+  if (end_.takes_in()) let_device(true);
 }
 
 PortListener::Answers Session::driver_ended() {
-  if (!device_up_ || interrupted_) return PortListener::Answers::none;
+  if (device_state_ != DeviceState::up) return PortListener::Answers::none;
   context_.log->debug("{}: the driver sends no more", driver_->name());
   return device_->end_writing() ? PortListener::Answers::until_hang_up
                                 : PortListener::Answers::until_it_is_quiet;
@@ -163,28 +170,23 @@ PortListener::Answers Session::driver_ended() {
 
 void Session::dropped_by_driver(std::uint64_t bytes, std::string_view why) {
   dropped(bytes, why);
-  driver_dropped_ += bytes;
-  driver_dropped_why_ = why;
-}
-
-// One gap a session, since drops come by the piece.
-void Session::note_gap() {
-  if (driver_dropped_why_.empty()) return;
-  const std::string why = std::exchange(driver_dropped_why_, {});
-  const std::uint64_t bytes = std::exchange(driver_dropped_, 0);
-  if (Recorder* recorder = device_->recorder()) recorder->note_gap(bytes, why);
+  unnoted_.add(bytes, why);
 }
 
 void Session::dropped(std::uint64_t bytes, std::string_view why) {
   counters_.dropped_bytes += bytes;
-  dropped_ += bytes;
-  dropped_why_ = why;
+  untold_.add(bytes, why);
+}
+
+// One gap a session.
+void Session::note_gap() {
+  Recorder* const recorder = device_->recorder();
+  if (const auto sum = unnoted_.take(); sum && recorder != nullptr) recorder->note_gap(sum->bytes, sum->why);
 }
 
 void Session::tell_dropped() {
-  if (dropped_ == 0) return;
-  context_.log->warn("{} bytes reached nobody (the last because {})", std::exchange(dropped_, 0),
-                     dropped_why_);
+  if (const auto sum = untold_.take())
+    context_.log->warn("{} bytes reached nobody (the last because {})", sum->bytes, sum->why);
 }
 
 void Session::driver_interrupted(const LineDown& down) {
@@ -194,10 +196,10 @@ void Session::driver_interrupted(const LineDown& down) {
 
 void Session::device_interrupted(const LineDown& down) {
   context_.log->warn("{}; waiting for it", down.error.message);
-  interrupted_ = true;
-  if (closing_device_) {
+  if (device_state_ == DeviceState::draining) {
     close_device();
-  } else if (driver_up_ && device_open_) {
+  } else if (device_state_ == DeviceState::up) {
+    device_state_ = DeviceState::interrupted;
     let_driver(false);
   }
   continue_end();
@@ -205,23 +207,20 @@ void Session::device_interrupted(const LineDown& down) {
 
 void Session::device_resumed() {
   context_.log->info("{}: is back", device_->name());
-  interrupted_ = false;
-  if (driver_up_ && device_up_ && !device_->congested()) read_driver();
+  if (device_state_ != DeviceState::interrupted) return;
+  device_state_ = DeviceState::up;
+  if (!device_->congested()) read_driver();
 }
 
 void Session::device_arrivals(ByteView data, std::span<const std::size_t> ends) {
   if (!driver_->keeps_datagrams()) return device_data(data);
-  std::size_t begin = 0;
-  for (const std::size_t end : ends) {
-    device_data(data.subspan(begin, end - begin));
-    begin = end;
-  }
+  for_each_arrival(data, ends, [this](ByteView arrival) { device_data(arrival); });
 }
 
 void Session::driver_data(ByteView data) {
-  if (!taking_in_) {  // still read, since that is how its close is seen
-    dropped_by_driver(data.size(),
-                      device_up_ ? "they came after the end" : "the device was not there to take them");
+  if (!end_.takes_in()) {  // still read, since that is how its close is seen
+    dropped_by_driver(
+        data.size(), device_has_line() ? "they came after the end" : "the device was not there to take them");
     return;
   }
   counters_.from_driver_bytes += data.size();
@@ -243,15 +242,15 @@ void Session::driver_down(const LineDown& down) {
   context_.log->info("{}: {}", driver_->name(),
                      down.reason == LineDown::Reason::hung_up ? "hung up" : "the driver has closed it");
   driver_up_ = false;
-  if (ending_ == Ending::leaving) {
+  if (end_.step() == SessionEnd::Step::leaving) {
     end();
   } else if (!driver_->passive()) {
     driver_gone(down);
-  } else if (device_open_ && device_up_ && device_->congested()) {
-    closing_device_ = true;
+  } else if (device_has_line() && device_->congested()) {
+    device_state_ = DeviceState::draining;
     drain_timer_.set_after(kDrainLimit);
     read_device();
-  } else if (device_open_) {
+  } else if (device_state_ != DeviceState::closed) {
     close_device();
   }
   continue_end();
@@ -265,34 +264,28 @@ void Session::driver_gone(const LineDown& down) {
 }
 
 void Session::close_device() {
-  closing_device_ = false;
   drain_timer_.cancel();
-  device_open_ = false;
-  device_up_ = false;
+  device_state_ = DeviceState::closed;
   note_gap();
   device_->close();
   read_device();  // only now: a tape that was held back would pour the rest into the closed line
   tell_dropped();
-  if (driver_up_ && ending_ == Ending::no) open_device();
+  if (driver_up_ && end_.running()) open_device();
   continue_end();
 }
 
 void Session::device_drained() {
-  if (closing_device_) {
+  if (device_state_ == DeviceState::draining) {
     close_device();
-  } else if (device_up_ && !interrupted_) {
+  } else if (device_state_ == DeviceState::up) {
     read_driver();
   }
   continue_end();
 }
 
 void Session::device_down(const LineDown& down) {
-  device_up_ = false;
-  if (closing_device_) {
-    close_device();
-    return;
-  }
-  let_driver(false);
+  if (device_state_ == DeviceState::draining) return close_device();
+  device_state_ = DeviceState::down;
   switch (down.reason) {
     case LineDown::Reason::failed:
     case LineDown::Reason::lost:
@@ -301,58 +294,67 @@ void Session::device_down(const LineDown& down) {
       break;
     case LineDown::Reason::closed:
       context_.log->info("{}: closed by the device", device_->name());
-      if (device_->passive()) return continue_end();  // the driver waits for the next peer
+      if (device_->passive()) return device_waits();
       break;
     case LineDown::Reason::hung_up:
       context_.log->info("{}: hangs up", device_->name());
       break;
   }
   let_driver(true);
-  if (ending_ == Ending::no) {
+  if (end_.running()) {
     driver_->hang_up(down.after_reading);
   } else {
     continue_end();  // which hangs up
   }
 }
 
+// For its next peer, and the driver with it.
+void Session::device_waits() {
+  device_state_ = DeviceState::opening;
+  let_driver(false);
+  continue_end();
+}
+
 void Session::finished(int exit_status) {
-  if (ending_ != Ending::no) return;
+  if (!end_.running()) return;
   exit_status_ = exit_status;
-  failed_ = exit_status == exit_status::kRuntime;
+  if (exit_status == exit_status::kRuntime) end_.fail();
   context_.loop->post([this] { begin_end(); });
 }
 
 void Session::stop() {
-  const bool again = std::exchange(stopped_, true);
-  if (ending_ == Ending::no) return begin_end();
-  if (!again) return;
-  end();
-  if (ending_ == Ending::completing) end_timer_.set_after(limits_.at_once);
+  switch (end_.stop()) {
+    case SessionEnd::Stop::begin:
+      return begin_end();
+    case SessionEnd::Stop::wait:
+      return;
+    case SessionEnd::Stop::give_up:
+      end();
+      if (end_.step() == SessionEnd::Step::completing) end_timer_.set_after(end_.completing_limit());
+  }
 }
 
 void Session::begin_end() {
-  if (ending_ != Ending::no) return;
-  ending_ = Ending::sending;
-  if (driver_up_ && device_up_) {
+  if (!end_.begin()) return;
+  if (driver_up_ && device_has_line()) {
     driver_->read_pending();
     device_->read_pending();
   }
-  taking_in_ = false;
+  end_.send(Loop::now());
   // What the driver wrote for a device that is not there reaches nobody: read, and told.
-  if (driver_up_ && !device_up_) {
+  if (driver_up_ && !device_has_line()) {
     let_driver(true);
     driver_->read_pending();
   }
   let_device(false);
-  end_wait_.emplace(Loop::now(), failed_ ? limits_.failed_step : limits_.without_progress);
   end_timer_.set_after(kEndLook);
   continue_end();
 }
 
 void Session::continue_end() {
-  if (ending_ != Ending::sending) return;
-  if ((device_up_ && device_->congested()) || (driver_up_ && driver_->congested())) return;
-  ending_ = Ending::leaving;
+  if (end_.step() != SessionEnd::Step::sending) return;
+  if ((device_has_line() && device_->congested()) || (driver_up_ && driver_->congested())) return;
+  end_.leave();
   if (driver_up_) {
     driver_->hang_up(true);
   } else {
@@ -361,16 +363,14 @@ void Session::continue_end() {
 }
 
 void Session::on_end_timer() {
-  if (ending_ == Ending::completing) {
+  if (end_.step() == SessionEnd::Step::completing) {
     context_.log->error(
         "{} and {}: what is to be completed at the end takes too long and is given up; "
         "is the disk there?",
         device_->name(), driver_->name());
     exit_status_ = exit_status::kRuntime;
-    return complete();
-  }
-  // A failed end has its limit in all, whatever is read meanwhile.
-  if (end_wait_->goes_on(Loop::now(), failed_ ? std::nullopt : left())) {
+    complete();
+  } else if (end_.waits_on(Loop::now(), left())) {
     end_timer_.set_after(kEndLook);
   } else {
     end();
@@ -380,29 +380,27 @@ void Session::on_end_timer() {
 // Bytes that the peers have yet to take, where that is known of one of them.
 std::optional<std::size_t> Session::left() const {
   const std::optional<std::size_t> driver = driver_up_ ? driver_->unread_by_peer() : std::nullopt;
-  const bool to_device = device_up_ && device_->congested();
+  const bool to_device = device_has_line() && device_->congested();
   const std::optional<std::size_t> device = to_device ? device_->unread_by_peer() : std::nullopt;
   if (!driver && !device) return std::nullopt;
   return driver.value_or(0) + device.value_or(0);
 }
 
 void Session::end() {
-  if (ending_ >= Ending::completing) return;
-  ending_ = Ending::completing;
+  if (!end_.complete()) return;
   drain_timer_.cancel();
-  end_timer_.set_after(failed_ ? limits_.failed_step : limits_.completing);
+  end_timer_.set_after(end_.completing_limit());
   give_up_left();
   for (const Gate* gate : {&driver_side_->gate, &device_side_->gate}) {
     if (!gate->kept.empty()) dropped_by_driver(gate->kept.size(), "the end came before them");
   }
   note_gap();
-  if (device_open_) device_->close();
+  if (std::exchange(device_state_, DeviceState::closed) != DeviceState::closed) device_->close();
   device_->finish();
 }
 
 // Closes the driver's line; what it has written and nobody took, and what it has not read, is counted.
 void Session::give_up_left() {
-  taking_in_ = false;
   if (driver_up_) {
     let_driver(true);
     driver_->read_pending();
@@ -415,24 +413,24 @@ void Session::give_up_left() {
 }
 
 void Session::device_complete(int exit_status) {
-  if (ending_ != Ending::completing) return;
+  if (end_.step() != SessionEnd::Step::completing) return;
   if (exit_status_ == 0) exit_status_ = exit_status;
   driver_->finish();
 }
 
 void Session::driver_complete() {
-  if (ending_ == Ending::completing) complete();
+  if (end_.step() == SessionEnd::Step::completing) complete();
 }
 
 void Session::complete() {
-  ending_ = Ending::ended;
+  end_.end();
   end_timer_.cancel();
   tell_dropped();
   context_.loop->post([this] { on_end_(exit_status_); });
 }
 
 void Session::driver_flushed(FlushQueue queue) {
-  if (device_open_) device_->peer_flushed(queue);
+  if (device_state_ != DeviceState::closed) device_->peer_flushed(queue);
 }
 
 }  // namespace porttape

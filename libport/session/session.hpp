@@ -1,19 +1,18 @@
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <span>
-#include <string>
 #include <string_view>
 #include <utility>
 
 #include "libport/loop/timer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
-#include "libport/session/end_wait.hpp"
+#include "libport/session/drop_tally.hpp"
+#include "libport/session/session_end.hpp"
 
 namespace porttape {
 
@@ -24,11 +23,32 @@ namespace porttape {
 // once, from the loop. It must not be destroyed from within a callback of its ports; from `on_end` it may.
 // Loop thread only.
 //
-// The end, in this order, each step bounded by EndLimits:
-//   sending     nothing more is taken in; what was taken in goes out
-//   leaving     the driver's line is hung up once the driver has read everything
-//   completing  both ports are closed; tape and report are completed
-// What a step gave up is counted and told.
+// Its state is the device's, with whether a driver is there, and SessionEnd's step:
+//
+// | device      | what it means                       | driver is read     | leads out                    |
+// |-------------|-------------------------------------|--------------------|------------------------------|
+// | closed      | no driver, or the end               | none is there      | a driver comes: opening      |
+// | opening     | open() was called; a passive one    | no                 | on_up: up                    |
+// |             | waits for its peer, maybe the next  |                    | on_down: down                |
+// |             |                                     |                    | the driver goes: closed      |
+// | up          | bytes go both ways                  | unless the device  | on_interrupted: interrupted  |
+// |             |                                     | is congested       | on_down: down; opening where |
+// |             |                                     |                    | a passive one's peer closed  |
+// |             |                                     |                    | the driver goes: closed, or  |
+// |             |                                     |                    | draining if congested        |
+// | interrupted | brings its line up again by itself  | no                 | on_resumed: up               |
+// |             |                                     |                    | the rest as from up          |
+// | down        | its line has ended, the driver's is | yes: what it sends | the driver goes: closed      |
+// |             | hung up                             | reaches nobody     |                              |
+// | draining    | the driver has gone, its last bytes | the next one: no   | drained, on_interrupted,     |
+// |             | are on their way to the device      |                    | on_down, 30 s: closed, then  |
+// |             |                                     |                    | opening if a driver is there |
+//
+// A driver whose port is not passive will not come back: its going begins the end, whatever the device's
+// state. The device is read in every state, except while the driver is congested or interrupted; what it
+// sends to no driver is counted and told. Once the end has begun no device is opened any more; from `sending`
+// on the device is not read, and the driver only where the device has no line (closed, opening, down), and at
+// its close.
 class Session {
  public:
   struct Counters {
@@ -38,12 +58,7 @@ class Session {
     std::uint64_t opens = 0;
   };
 
-  struct EndLimits {
-    Nanos without_progress = std::chrono::seconds(5);      // sending and leaving together, see EndWait
-    Nanos completing = std::chrono::milliseconds(10'500);  // a port gives a disk 10 s, and tells its loss
-    Nanos failed_step = std::chrono::milliseconds(900);    // in all, where a port asked for a failed end
-    Nanos at_once = std::chrono::milliseconds(500);        // completing, after a second stop()
-  };
+  using EndLimits = porttape::EndLimits;
 
   Session(const PortContext& context, std::unique_ptr<Port> driver, std::unique_ptr<Port> device,
           std::function<void(int exit_status)> on_end, EndLimits limits);
@@ -70,8 +85,7 @@ class Session {
   [[nodiscard]] Port& device() { return *device_; }
 
  private:
-  // Where the session stands on its way to the end.
-  enum class Ending { no, sending, leaving, completing, ended };
+  enum class DeviceState { closed, opening, up, interrupted, down, draining };
 
   struct Gate;
   struct DriverSide;
@@ -95,6 +109,7 @@ class Session {
   void device_resumed();
   void device_drained();
   void device_down(const LineDown& down);
+  void device_waits();
   void dropped(std::uint64_t bytes, std::string_view why);
   void dropped_by_driver(std::uint64_t bytes, std::string_view why);
   void note_gap();
@@ -109,6 +124,7 @@ class Session {
   void begin_end();
   void continue_end();
   void on_end_timer();
+  [[nodiscard]] bool device_has_line() const;
   [[nodiscard]] std::optional<std::size_t> left() const;
   void end();
   void give_up_left();
@@ -123,22 +139,12 @@ class Session {
   Timer end_timer_;
   Timer drain_timer_;
   Counters counters_;
-  bool taking_in_ = true;      // until the end: then what is there goes out, and no more comes in
-  std::uint64_t dropped_ = 0;  // not told in the log yet
-  std::string dropped_why_;
-  std::uint64_t driver_dropped_ = 0;  // on the driver's side, not noted on the tape yet
-  std::string driver_dropped_why_;
+  DropTally untold_;   // in the log
+  DropTally unnoted_;  // on the tape: the driver's side
   int exit_status_ = 0;
-  EndLimits limits_;
-  Ending ending_ = Ending::no;
-  std::optional<EndWait> end_wait_;
-  bool failed_ = false;   // a port asked for the end with exit_status::kRuntime
-  bool stopped_ = false;  // by stop()
   bool driver_up_ = false;
-  bool device_open_ = false;  // between device_->open() and device_->close()
-  bool device_up_ = false;
-  bool interrupted_ = false;     // the device brings its line up again by itself
-  bool closing_device_ = false;  // the driver has gone, its last bytes are still on their way to the device
+  DeviceState device_state_ = DeviceState::closed;
+  SessionEnd end_;
 };
 
 }  // namespace porttape

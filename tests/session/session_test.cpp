@@ -268,6 +268,33 @@ TEST_F(SessionTest, ADriverThatLeavesWhileTheEndWaitsForItsQueueEndsIt) {
   EXPECT_EQ(end_status, exit_status::kIncomplete);
 }
 
+TEST_F(SessionTest, WhatHasComeInByTheEndIsPassedOn) {
+  start();
+  driver.up();
+  driver.pending = [this] { driver.send("last"); };
+  device.pending = [this] { device.send("answer"); };
+  session->stop();
+  EXPECT_EQ(device.written, "last");
+  EXPECT_EQ(driver.written, "answer");
+  EXPECT_EQ(session->counters().dropped_bytes, 0U);
+}
+
+TEST_F(SessionTest, ADriverThatGoesWhileTheEndCollectsItsBytesEndsIt) {
+  device.completes = false;
+  start();
+  driver.up();
+  driver.pending = [this] {
+    driver.send("last");
+    driver.down(Reason::closed);
+  };
+  session->stop();
+  EXPECT_EQ(device.written, "last");
+  EXPECT_EQ(device.calls, "prepare open close finish ");
+  device.complete();
+  run_ready();
+  EXPECT_EQ(end_status, 0);
+}
+
 TEST_F(SessionTest, AtTheEndNothingMoreIsTakenIn) {
   start();
   driver.up();

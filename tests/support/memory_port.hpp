@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -31,6 +32,7 @@ class MemoryPort final : public Port, private Recorder {
     bool up_at_once = true;             // open() brings the line up
     std::optional<std::size_t> unread;  // what unread_by_peer() gives
     bool completes = true;              // finish() is answered at once
+    std::function<void()> pending;      // what read_pending() does
     Result<void> prepared;
     int status = 0;
 
@@ -74,7 +76,6 @@ class MemoryPort final : public Port, private Recorder {
     peer_->calls += "end_writing ";
     return peer_->half_closes;
   }
-  void read_pending() override {}
   [[nodiscard]] Recorder* recorder() override { return this; }
   [[nodiscard]] bool keeps_datagrams() const override { return peer_->datagrams; }
   [[nodiscard]] bool congested() const override { return peer_->congested; }
@@ -82,6 +83,9 @@ class MemoryPort final : public Port, private Recorder {
   void set_reading(bool on) override { peer_->reading = on; }
   void hang_up(bool after_reading) override {
     peer_->calls += after_reading ? "hang_up_after_reading " : "hang_up ";
+  }
+  void read_pending() override {
+    if (peer_->pending) peer_->pending();
   }
   void peer_flushed(FlushQueue) override { peer_->calls += "peer_flushed "; }
   void finish() override {
