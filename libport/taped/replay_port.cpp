@@ -100,7 +100,7 @@ Result<void> ReplayPort::prepare() {
   reports_ = std::make_unique<ReplayReports>(
       context_, ReplayReports::Options{options_.tape, options_.report_file, facts->totals},
       [this](const RunReport& report) { publish(report); });
-  engine_ = std::make_unique<Engine>(options_.config, *facts, *schedule_, *writes_);
+  engine_ = std::make_unique<Engine>(options_.config, *facts, *schedule_, *writes_, options_.parts);
   return {};
 }
 

@@ -24,6 +24,7 @@ class ReplayPort final : public Port, private WaitingCalls {
     ReplayConfig config;
     bool once = false;
     std::string report_file = {};
+    Engine::Parts parts = {};  // a clock that others have too, what of a write may vary; outlive the port
     std::function<void(const RunReport&)> on_report = {};  // each run's, or empty
     bool report_unopened = false;  // a run that no driver began gets its report at the end, as with `once`
     // The program ends soon, and has no other ports: where the tape has no reopen, opens are looked for in
