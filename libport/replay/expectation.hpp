@@ -29,8 +29,8 @@ class Expectation {
     TapeTime at{};
   };
 
-  // How many bytes of each side are accepted and done with. `differs`: the next ones do not go together;
-  // without it one of the sides is used up, or at least one byte of either.
+  // How many bytes of each side are accepted and done with. `differs`: the next ones do not go together.
+  // Where nothing is used they do not either.
   struct Held {
     std::size_t recorded = 0;
     std::size_t came = 0;

@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <cstdio>
 #include <optional>
+
+#include "libport/replay/seconds_text.hpp"
 
 namespace porttape {
 namespace {
@@ -72,13 +73,9 @@ bool look_through(const Record& piece, std::uint64_t offset, Needle& needle,
 }
 
 void append(std::string& text, const char* words, const Place& place) {
-  std::array<char, 96> line{};
-  const std::int64_t us = to_us(place.at);
-  std::snprintf(line.data(), line.size(), "%s at offset %llu (tape %lld.%06lld s)", words,
-                static_cast<unsigned long long>(place.offset), static_cast<long long>(us / 1'000'000),
-                static_cast<long long>(us % 1'000'000));
   if (!text.empty()) text += "; ";
-  text += line.data();
+  text += words;
+  text += " at offset " + std::to_string(place.offset) + " (tape " + seconds_text(to_us(place.at)) + ")";
 }
 
 }  // namespace

@@ -95,7 +95,9 @@ Matcher::Step Matcher::compare(Instant now, ByteView data, std::optional<TapeTim
 
 Expectation::Held Matcher::hold(ByteView came) const {
   if (expectation_ == nullptr) return Expectation::exactly(stream_.front(), came);
-  return expectation_->hold(stream_.stretch(), came);
+  Expectation::Held held = expectation_->hold(stream_.stretch(), came);
+  held.differs = held.differs || (held.recorded == 0 && held.came == 0);
+  return held;
 }
 
 // The gaps that end before the next recorded byte.

@@ -1,11 +1,11 @@
 #include "libport/replay/replay_run.hpp"
 
 #include <algorithm>
-#include <array>
 #include <chrono>
-#include <cstdio>
 #include <string>
 #include <utility>
+
+#include "libport/replay/seconds_text.hpp"
 
 namespace porttape {
 namespace {
@@ -15,16 +15,10 @@ constexpr std::size_t kMostMismatchesHeld = 16;  // between two calls of advance
 constexpr std::size_t kMostGapsTold = 8;
 
 std::string text_of(const TapeGap& gap) {
-  const auto seconds = [](TapeTime at) {
-    std::array<char, 48> text{};
-    const std::int64_t us = to_us(at);
-    std::snprintf(text.data(), text.size(), "%lld.%06lld s", static_cast<long long>(us / 1'000'000),
-                  static_cast<long long>(us % 1'000'000));
-    return std::string(text.data());
-  };
   const std::string what = gap.bytes > 0 ? std::to_string(gap.bytes) + " bytes are" : "something is";
-  return what + " missing on the tape from " + seconds(gap.from) + " to " + seconds(gap.to) +
-         (gap.why.empty() ? "" : " (" + gap.why + ")") + ": what the driver wrote there was not compared";
+  return what + " missing on the tape from " + seconds_text(to_us(gap.from)) + " to " +
+         seconds_text(to_us(gap.to)) + (gap.why.empty() ? "" : " (" + gap.why + ")") +
+         ": what the driver wrote there was not compared";
 }
 
 ReplayConfig effective(ReplayConfig config, const Engine::Parts& parts) {

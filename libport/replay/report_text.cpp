@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "libport/replay/report.hpp"
+#include "libport/replay/seconds_text.hpp"
 
 namespace porttape {
 namespace {
@@ -31,18 +32,6 @@ class Paint {
   }
   bool on_;
 };
-
-// "1.234567 s"
-std::string seconds(std::int64_t us) {
-  const bool negative = us < 0;
-  const std::uint64_t size =
-      negative ? std::uint64_t{0} - static_cast<std::uint64_t>(us) : static_cast<std::uint64_t>(us);
-  std::array<char, 48> text{};
-  std::snprintf(text.data(), text.size(), "%s%llu.%06llu s", negative ? "-" : "",
-                static_cast<unsigned long long>(size / 1'000'000),
-                static_cast<unsigned long long>(size % 1'000'000));
-  return text.data();
-}
 
 // "12.345 ms"
 std::string millis(Micros time) {
@@ -105,10 +94,10 @@ std::string comparison(const Mismatch& mismatch, const Paint& paint) {
 
 // Where: on the driver's side of things, and on the tape.
 std::string place(const Mismatch& mismatch) {
-  return "byte " + std::to_string(mismatch.offset) + " from the driver, " + seconds(mismatch.real.count()) +
-         " after its open\n  on the tape: exchange " + std::to_string(mismatch.exchange) + ", byte " +
-         std::to_string(mismatch.tape_offset) + " of the writes, recorded at " +
-         seconds(to_us(mismatch.tape)) + '\n';
+  return "byte " + std::to_string(mismatch.offset) + " from the driver, " +
+         seconds_text(mismatch.real.count()) + " after its open\n  on the tape: exchange " +
+         std::to_string(mismatch.exchange) + ", byte " + std::to_string(mismatch.tape_offset) +
+         " of the writes, recorded at " + seconds_text(to_us(mismatch.tape)) + '\n';
 }
 
 std::string timing_lines(const Mismatch& mismatch, const Paint& paint) {
@@ -137,7 +126,7 @@ std::string unsent_lines(const RunReport& report) {
   out += " never came from the driver";
   if (report.next_expected.empty()) return out + '\n';
   return out + "; the first, byte " + std::to_string(report.next_expected_offset) +
-         " of the tape's writes, recorded at " + seconds(to_us(report.next_expected_tape)) +
+         " of the tape's writes, recorded at " + seconds_text(to_us(report.next_expected_tape)) +
          ":\n  expected  " + next.hex + "  " + next.text + '\n';
 }
 
@@ -151,7 +140,7 @@ std::string head_line(const RunReport& report, const Paint& paint) {
          std::to_string(report.from_driver_matched) + (from ? " of " + counted(*from, "byte") : " bytes") +
          " as recorded, to the driver " + std::to_string(report.to_driver_bytes) +
          (to ? " of " + std::to_string(*to) : " (the tape was not counted)") + ", " +
-         seconds(std::chrono::floor<Micros>(report.duration).count()) + '\n';
+         seconds_text(std::chrono::floor<Micros>(report.duration).count()) + '\n';
 }
 
 }  // namespace

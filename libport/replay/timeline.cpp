@@ -31,6 +31,9 @@ Instant saturating_add(Instant start, Nanos gap) {
 }
 
 Instant Timeline::after(Instant start, Micros tape_gap) const {
+  // At the rate of the tape nothing is to be rounded, which is the slow part.
+  const bool far = tape_gap.count() > kFarNanos / 1000 || tape_gap.count() < -kFarNanos / 1000;
+  if (rate_ == 1.0 && !far) return saturating_add(start, tape_gap);
   const long double nanos =
       static_cast<long double>(tape_gap.count()) * 1000.0L / static_cast<long double>(rate_);
   return saturating_add(start, Nanos{clamp_to_int64(std::ceil(nanos - kRoundingSlack), kFarNanos)});

@@ -121,6 +121,14 @@ TEST(ExpectationTest, WhatMayNotVaryIsAMismatchAtItsPlace) {
   EXPECT_EQ(as_text(rig.mismatches.front().got), "R");
 }
 
+TEST(ExpectationTest, ARuleThatUsesNothingUpIsADifference) {
+  class Nothing final : public Expectation {
+    [[nodiscard]] Held hold(const Stretch&, ByteView) const override { return {}; }
+  };
+  const auto tape = MemoryTape().write(1, "ab");
+  EXPECT_EQ(write(tape, Nothing(), "ab", 2, 2), (Written{0, 0, true}));
+}
+
 TEST(ExpectationTest, WithoutOneNothingMayVary) {
   Rig rig(MemoryTape().write(0, "T=123;").read(1'000, "ok"));
   rig.open().write("T=124;");
