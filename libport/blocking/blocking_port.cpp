@@ -18,7 +18,6 @@ namespace {
 
 constexpr Nanos kFirstRetry = std::chrono::milliseconds(50);
 constexpr Nanos kLongestRetry = std::chrono::seconds(2);
-constexpr Nanos kLongestPulse = std::chrono::milliseconds(5);
 
 // Goes on at the next open() where it was: a tape that is written or played.
 bool has_tape(const PortSpec& spec) {
@@ -53,12 +52,6 @@ Result<std::unique_ptr<BlockingPort>> BlockingPort::create(std::map<std::string,
 BlockingPort::BlockingPort(PortSpec spec, std::shared_ptr<spdlog::logger> log)
     : log_(log ? std::move(log) : std::make_shared<spdlog::logger>("porttape")),
       spec_(std::move(spec)),
-      limit_(loop_, [this] { timed_out_ = true; }),
-      pulse_(loop_,
-             [this] {
-               pulse_every_ = std::min(pulse_every_ * 2, kLongestPulse);
-               pulse_.set_after(pulse_every_);
-             }),
       retry_(loop_,
              [this] {
                if (port_) port_->open();
@@ -95,7 +88,7 @@ Result<void> BlockingPort::open() {
   if (Result<void> made = make(); !made) return made;
   port_->set_reading(true);
   port_->open();
-  if (wait([this] { return came_up_ || down_; }, kForever) == Wake::stalled) {
+  if (wait_.until([this] { return came_up_ || down_; }, kForever) == LoopWait::End::stalled) {
     Error error = make_error(Errc::io, port_->name() + " does not come up");
     release();
     return error;
@@ -124,7 +117,7 @@ void BlockingPort::release() {
   if (!has_tape(spec_)) {
     (void)complete();
   }
-  poll();
+  wait_.poll();
 }
 
 // Finishes the port and lets it go.
@@ -132,7 +125,7 @@ int BlockingPort::complete() {
   if (!port_) return 0;
   complete_.reset();
   port_->finish();
-  (void)wait([this] { return complete_.has_value(); }, kForever);
+  (void)wait_.until([this] { return complete_.has_value(); }, kForever);
   port_.reset();
   return complete_.value_or(exit_status::kRuntime);
 }
@@ -140,7 +133,7 @@ int BlockingPort::complete() {
 int BlockingPort::finish() {
   close();
   const int status = complete();
-  poll();
+  wait_.poll();
   return status;
 }
 
@@ -154,7 +147,7 @@ void BlockingPort::on_up() {
 void BlockingPort::on_data(ByteView data) {
   if (!can_read_) return;
   input_.append(data, port_->keeps_datagrams());
-  if (quiet_limit_ > Nanos{0}) limit_.set_after(quiet_limit_);
+  wait_.progress();
   if (reading_ && input_.size() >= input_limit_) {
     reading_ = false;
     port_->set_reading(false);
@@ -205,31 +198,6 @@ void BlockingPort::reopen() {
   input_.clear();
   retry_after_ = kFirstRetry;
   retry_.set_after(Nanos{0});
-}
-
-void BlockingPort::poll() {
-  loop_.restart();
-  while (loop_.poll_one()) {
-  }
-}
-
-BlockingPort::Wake BlockingPort::wait(const Condition& ready, Micros timeout) {
-  poll();
-  if (ready()) return Wake::ready;
-  if (timeout == Micros{0}) return Wake::timed_out;
-  timed_out_ = false;
-  if (timeout > Micros{0}) limit_.set_after(timeout);
-  Wake wake = Wake::ready;
-  loop_.restart();
-  while (wake == Wake::ready && !ready()) {
-    if (timed_out_) {
-      wake = Wake::timed_out;
-    } else if (!loop_.run_one()) {
-      wake = Wake::stalled;
-    }
-  }
-  limit_.cancel();
-  return wake;
 }
 
 Result<void> BlockingPort::set_baud(unsigned baud) {

@@ -10,7 +10,6 @@ namespace porttape {
 namespace {
 
 constexpr std::size_t kWriteChunk = std::size_t{64} * 1024;
-constexpr Nanos kFirstPulse = std::chrono::microseconds(100);
 
 Error usage(const char* what) { return make_error(Errc::usage, what); }
 
@@ -48,9 +47,8 @@ Result<Transfer> BlockingPort::wait_for_input(const Condition& enough, std::size
   reopen();
   input_limit_ = std::max(kInputLimit, room);
   consumed();
-  quiet_limit_ = timeout;
-  const Wake wake = wait([&] { return enough() || down_ || ended_ || !open_; }, timeout);
-  quiet_limit_ = {};
+  const LoopWait::End end =
+      wait_.until_or_quiet([&] { return enough() || down_ || ended_ || !open_; }, timeout);
   input_limit_ = kInputLimit;
   if (enough()) return Transfer{};
   if (down_ && down_->error.code == Errc::damaged_tape) {
@@ -60,7 +58,7 @@ Result<Transfer> BlockingPort::wait_for_input(const Condition& enough, std::size
   }
   if (down_ || ended_) return line_ended();
   if (!open_) return Transfer{0, Transfer::End::closed};
-  if (wake == Wake::timed_out) return Transfer{0, Transfer::End::timed_out};
+  if (end == LoopWait::End::timed_out) return Transfer{0, Transfer::End::timed_out};
   const std::string awaited = port_->awaits();
   if (awaited.empty()) return line_ended();  // a tape at its end
   return make_error(Errc::io, "reading would wait for ever: " + awaited);
@@ -97,7 +95,7 @@ void BlockingPort::consumed() {
 }
 
 Result<Transfer> BlockingPort::read(std::span<Byte> into) {
-  if (input_.size() < into.size() && open_) poll();
+  if (input_.size() < into.size() && open_) wait_.poll();
   const Result<Transfer> waited =
       wait_for_input([&] { return !input_.empty() || into.empty(); }, into.size(), timeout_);
   if (!waited || !waited->done()) return waited;
@@ -105,7 +103,7 @@ Result<Transfer> BlockingPort::read(std::span<Byte> into) {
 }
 
 Result<Transfer> BlockingPort::read_string(std::string& into) {
-  if (open_) poll();
+  if (open_) wait_.poll();
   const Result<Transfer> waited = wait_for_input([&] { return !input_.empty(); }, 1, timeout_);
   if (!waited || !waited->done()) return waited;
   into.assign(as_text(input_.view().first(input_.front_size())));
@@ -179,12 +177,12 @@ Result<Transfer> BlockingPort::skip_until(Byte end, unsigned times) {
 
 Result<std::size_t> BlockingPort::bytes_available() {
   if (Result<void> may = check_read(); !may) return may.error();
-  poll();
+  wait_.poll();
   return input_.front_size();
 }
 
 Result<Transfer> BlockingPort::bytes_available_wait() {
-  if (open_) poll();
+  if (open_) wait_.poll();
   const Result<Transfer> waited = wait_for_input([&] { return !input_.empty(); }, 1, timeout_);
   if (!waited || !waited->done()) return waited;
   return Transfer{input_.front_size()};
@@ -203,7 +201,7 @@ Result<Transfer> BlockingPort::write(ByteView data) {
   }
   reopen();
   const Remaining left(timeout_);
-  poll();
+  wait_.poll();
   std::size_t sent = 0;
   while (!down_ && !data.empty()) {
     if (up_ && !port_->congested()) {
@@ -216,9 +214,9 @@ Result<Transfer> BlockingPort::write(ByteView data) {
       if (taken == piece.size()) continue;
     }
     const auto can_go_on = [&] { return down_ || (up_ && drained_ && !port_->congested()); };
-    if (wait(can_go_on, left()) != Wake::ready) break;
+    if (wait_.until(can_go_on, left()) != LoopWait::End::ready) break;
   }
-  poll();  // a line that broke while it took the bytes
+  wait_.poll();  // a line that broke while it took the bytes
   written_bytes_ += sent;
   if (!down_) return sent > 0 || data.empty() ? Transfer{sent} : Transfer{0, Transfer::End::timed_out};
   if (sent == data.size() && down_->after_reading)
@@ -246,7 +244,7 @@ Result<Transfer> BlockingPort::write_full(ByteView data) {
 
 Result<void> BlockingPort::flush() {
   if (!open_) return usage("the port is not open");
-  poll();
+  wait_.poll();
   if (!port_ || !port_->discard()) return {};
   input_.clear();
   consumed();
@@ -255,11 +253,9 @@ Result<void> BlockingPort::flush() {
 
 Result<Transfer> BlockingPort::drain() {
   if (!open_) return usage("the port is not open");
-  pulse_every_ = kFirstPulse;  // the kernel does not tell when its queue is empty
-  pulse_.set_after(pulse_every_);
-  const Wake wake = wait([this] { return down_ || (!port_->congested() && port_->unsent() == 0); }, timeout_);
-  pulse_.cancel();
-  if (wake != Wake::ready) return Transfer{0, Transfer::End::timed_out};
+  // The kernel does not tell when its queue is empty.
+  const auto empty = [this] { return down_ || (!port_->congested() && port_->unsent() == 0); };
+  if (wait_.until_seen(empty, timeout_) != LoopWait::End::ready) return Transfer{0, Transfer::End::timed_out};
   if (!down_) return Transfer{};
   return Transfer{0, Transfer::End::closed};
 }
