@@ -2,7 +2,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -14,6 +13,7 @@
 
 #include "libport/base/result.hpp"
 #include "libport/blocking/input_buffer.hpp"
+#include "libport/blocking/loop_wait.hpp"
 #include "libport/loop/loop.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/port/port.hpp"
@@ -129,8 +129,7 @@ class BlockingPort final : private PortListener {
   [[nodiscard]] std::string status() const;
 
  private:
-  enum class Wake : std::uint8_t { ready, timed_out, stalled };
-  using Condition = std::function<bool()>;
+  using Condition = LoopWait::Condition;
 
   void on_up() override;
   void on_data(ByteView data) override;
@@ -150,8 +149,6 @@ class BlockingPort final : private PortListener {
   std::size_t write_some(ByteView data);
   [[nodiscard]] std::size_t unsent();
 
-  Wake wait(const Condition& ready, Micros timeout);
-  void poll();
   // Waits for the condition, or for an end of the line with too little left to fulfil it.
   Result<Transfer> wait_for_input(const Condition& enough, std::size_t room, Micros timeout);
   Transfer take(std::size_t count, std::span<Byte> into);
@@ -161,6 +158,7 @@ class BlockingPort final : private PortListener {
   void reopen();
 
   Loop loop_;
+  LoopWait wait_{loop_};
   std::shared_ptr<spdlog::logger> log_;
   PortSpec spec_;
   std::unique_ptr<Port> port_;
@@ -168,10 +166,7 @@ class BlockingPort final : private PortListener {
   std::size_t input_limit_ = kInputLimit;
   std::optional<LineDown> down_;
   std::optional<int> complete_;  // the port's exit status, once finish() is done
-  Timer limit_;
-  Timer pulse_;
   Timer retry_;
-  Nanos pulse_every_{};
   Nanos retry_after_{};
   Micros timeout_ = kForever;
   bool can_read_ = true;
@@ -182,10 +177,8 @@ class BlockingPort final : private PortListener {
   bool came_up_ = false;  // since open()
   bool drained_ = false;
   bool reading_ = true;
-  bool timed_out_ = false;
   bool reopen_owed_ = false;  // alwaysopen: once what the old line left is read or passed over
   bool ended_ = false;        // the peer sends no more
-  Nanos quiet_limit_{};       // of the wait under way: input starts it again
   std::uint64_t read_bytes_ = 0;
   std::uint64_t written_bytes_ = 0;
 };

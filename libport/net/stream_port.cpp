@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <fmt/format.h>
-#include <linux/sockios.h>
-#include <sys/ioctl.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <utility>
 
@@ -28,20 +26,6 @@ Nanos connect_limit(const CommonOptions& common) {
 
 }  // namespace
 
-StreamPort::Line::Line(StreamPort& port, UniqueFd connected)
-    : fd(std::move(connected)),
-      watch(
-          *port.context_.loop, fd.get(), [&port] { port.on_readable(); }, [this] { outbox.flush(); }),
-      outbox(
-          fd.get(), Outbox::Kind::socket, watch, [&port] { port.on_drained(); },
-          [&port, this](int error_number, std::size_t lost) {
-            port.drop(lost, "they could not be sent");
-            // From within a write of the caller's, who must not see the line vanish under it.
-            port.context_.loop->post([&port, this, error_number, alive = std::weak_ptr<int>(port.alive_)] {
-              if (!alive.expired() && port.line_.get() == this) port.line_broken(error_number);
-            });
-          }) {}
-
 StreamPort::StreamPort(const PortContext& context, const CommonOptions& common, StreamOptions options)
     : context_(context),
       common_(common),
@@ -54,7 +38,6 @@ StreamPort::StreamPort(const PortContext& context, const CommonOptions& common, 
                        connect();
                      }
                    }),
-      line_timer_(*context.loop, [this] { on_line_timer(); }),
       retry_delay_(kFirstRetry) {}
 
 StreamPort::~StreamPort() = default;
@@ -93,8 +76,7 @@ void StreamPort::close() {
     retry_delay_ = kFirstRetry;
     drop_line(true);
   } else if (line_) {
-    drop(line_->outbox.pending(), "they were not sent");
-    line_->outbox.discard();
+    dropped(line_->drop_unsent(), "they were not sent");
   }
 }
 
@@ -147,90 +129,122 @@ void StreamPort::on_acceptable() {
 void StreamPort::begin_line(UniqueFd fd) {
   set_up(fd.get());
   context_.log->debug("{}: connected", name());
-  line_ = std::make_unique<Line>(*this, std::move(fd));
-  watch_reading();
+  const auto side = passive() ? StreamLine::Side::accepted : StreamLine::Side::connected;
+  StreamLine::Owner& owner = *this;
+  line_ = std::make_unique<StreamLine>(*context_.loop, owner, side, name(), std::move(fd));
+  line_->set_reading(reading_);
 }
 
 void StreamPort::write(ByteView data) {
-  if (!line_ || line_->phase >= Phase::sending || line_->end_wanted) {
-    drop(data.size(), "the line is not up");
-    return;
+  if (!line_ || !line_->takes()) {
+    dropped(data.size(), "the line is not up");
+  } else if (!common_.writes) {
+    dropped(data.size(), "the port is for reading only");
+  } else {
+    line_->write(data);
   }
-  if (!common_.writes) {
-    drop(data.size(), "the port is for reading only");
-    return;
-  }
-  if (line_->phase == Phase::half_closed) line_->since = Loop::now();
-  line_->outbox.write(data);
 }
 
 std::size_t StreamPort::write_some(ByteView data) {
   if (!common_.writes) return data.size();
-  if (!line_ || line_->phase >= Phase::sending || line_->end_wanted) return 0;
-  if (line_->phase == Phase::half_closed) line_->since = Loop::now();
-  return line_->outbox.write_some(data);
+  return line_ && line_->takes() ? line_->write_some(data) : 0;
 }
 
-std::optional<std::size_t> StreamPort::unread_by_peer() const {
-  if (!line_) return 0;
-  int queued = 0;
-  const bool known = ::ioctl(line_->fd.get(), SIOCOUTQ, &queued) == 0 && queued > 0;
-  return line_->outbox.pending() + (known ? static_cast<std::size_t>(queued) : 0);
-}
+std::optional<std::size_t> StreamPort::unread_by_peer() const { return line_ ? line_->unsent() : 0; }
 
-// What has come so far; what the kernel has taken is on its way.
 bool StreamPort::discard() {
   if (!line_) return true;
-  line_->outbox.discard();
-  (void)read_away(line_->fd.get());
+  (void)line_->drop_unsent();
+  (void)line_->read_away();
   return true;
 }
 
 bool StreamPort::end_writing() {
   if (!line_ || always_open()) return false;  // the next session writes on this connection
-  if (std::exchange(line_->end_wanted, true)) return true;
-  if (!congested()) (void)::shutdown(line_->fd.get(), SHUT_WR);
+  line_->end_writing();
   return true;
 }
 
 void StreamPort::set_reading(bool on) {
   if (reading_ == on) return;
   reading_ = on;
-  if (line_ && line_->phase == Phase::up) watch_reading();
-}
-
-// One read a turn of the loop, so that a fast peer keeps nobody else waiting.
-void StreamPort::on_readable() {
-  const std::span<Byte> buffer = context_.loop->read_buffer();
-  const ssize_t size = ::recv(line_->fd.get(), buffer.data(), buffer.size(), 0);
-  if (size < 0) {
-    if (errno != EAGAIN && errno != EINTR) line_broken(errno);
-  } else if (size == 0) {
-    peer_ended();
-  } else {
-    received(ByteView(buffer).first(static_cast<std::size_t>(size)));
-  }
-}
-
-void StreamPort::received(ByteView data) {
-  if (line_->phase != Phase::up) {
-    drop(data.size(), "they came after the line was hung up");
-  } else if (!common_.reads) {
-    drop(data.size(), "the port is for writing only");
-  } else {
-    listener().on_data(data);
-  }
+  if (line_) line_->set_reading(on);
 }
 
 void StreamPort::read_pending() {
-  std::size_t left = line_ ? unread(line_->fd.get()) : 0;
-  while (line_ && line_->phase == Phase::up && reading_ && left > 0) {
-    const std::span<Byte> buffer = context_.loop->read_buffer();
-    const ssize_t size = ::recv(line_->fd.get(), buffer.data(), std::min(left, buffer.size()), 0);
-    if (size <= 0) return;
-    left -= static_cast<std::size_t>(size);
-    received(ByteView(buffer).first(static_cast<std::size_t>(size)));
+  if (line_) line_->read_pending();
+}
+
+void StreamPort::line_data(ByteView data) {
+  if (common_.reads) {
+    listener().on_data(data);
+  } else {
+    dropped(data.size(), "the port is for writing only");
   }
+}
+
+void StreamPort::line_drained() {
+  if (line_->hangs_up_when_sent()) {
+    hang_up(true);
+  } else if (up_) {
+    listener().on_drained();
+  }
+}
+
+PortListener::Answers StreamPort::line_ended() {
+  const PortListener::Answers answers = listener().on_ended();
+  if (answers != PortListener::Answers::none) context_.log->debug("{}: the peer sends no more", name());
+  return answers;
+}
+
+PeerState StreamPort::look_at_peer(int fd) {
+  const PeerState state = peer_state(fd);
+  if (state == PeerState::unknown && !std::exchange(told_unknown_, true)) {
+    context_.log->warn(
+        "{}: the kernel does not tell whether a peer has closed or only ended its sending; it is waited for "
+        "(does a sandbox forbid AF_NETLINK?)",
+        name());
+  }
+  return state;
+}
+
+bool StreamPort::next_waits() {
+  pollfd poll{listener_fd_.get(), POLLIN, 0};
+  return ::poll(&poll, 1, 0) > 0;
+}
+
+void StreamPort::hang_up(bool after_reading) {
+  if (!line_ || line_->hang_up(after_reading)) return;
+  drop_line(after_reading);
+  context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
+    if (!alive.expired()) line_over({.reason = LineDown::Reason::hung_up, .error = {}});
+  });
+}
+
+// Tells it, and sees to the next line.
+void StreamPort::line_over(const LineDown& down) {
+  drop_line(true);
+  context_.log->debug("{}: disconnected", name());
+  if (always_open() && down.reason != LineDown::Reason::hung_up) {
+    interrupted_ = true;
+    retry_later();
+    listener().on_interrupted(down);
+    return;
+  }
+  if (passive()) listener_watch_->watch_readable(opened_);
+  if (std::exchange(up_, false)) listener().on_down(down);
+}
+
+void StreamPort::drop_line(bool orderly) {
+  if (!line_) return;
+  // The rest goes on the next turn of the loop, since one of its callbacks may be running.
+  const std::shared_ptr<StreamLine> line(std::move(line_));
+  line->close(orderly);
+  context_.loop->post([line] {});
+}
+
+void StreamPort::dropped(std::uint64_t bytes, const char* why) {
+  if (bytes > 0) listener().on_dropped(bytes, why);
 }
 
 }  // namespace porttape

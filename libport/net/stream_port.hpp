@@ -6,9 +6,9 @@
 
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/fd_watch.hpp"
-#include "libport/loop/outbox.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/net/connector.hpp"
+#include "libport/net/stream_line.hpp"
 #include "libport/net/tcp_peer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
@@ -22,8 +22,8 @@ struct StreamOptions {
   bool wait = false;  // for a peer that is missing, instead of failing
 };
 
-// A stream socket, TCP or Unix: what both do alike. Either connects at each open(), or (`listen`) waits for
-// peers and is passive.
+// A stream socket, TCP or Unix: where both have their connections from; one of them is a StreamLine. Either
+// connects at each open(), or (`listen`) waits for peers and is passive.
 //
 // Listening: one peer at a time; the next ones wait in the backlog. A peer that has only ended its sending
 // direction is kept while the listener wants that (on_ended), at most until it is seen to be gone. Where
@@ -41,7 +41,7 @@ struct StreamOptions {
 //
 // Closing is orderly (FIN after the bytes); hang_up(false) resets. What was not sent or not read is told by
 // on_dropped.
-class StreamPort : public Port, private WaitingCalls {
+class StreamPort : public Port, private WaitingCalls, private StreamLine::Owner {
  public:
   ~StreamPort() override;
 
@@ -49,7 +49,7 @@ class StreamPort : public Port, private WaitingCalls {
   void open() override;
   void close() override;
   void write(ByteView data) override;
-  [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
+  [[nodiscard]] bool congested() const override { return line_ && line_->congested(); }
   // Once a TCP peer's machine has them all it counts as read.
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
   [[nodiscard]] WaitingCalls* waiting() override { return this; }
@@ -78,45 +78,20 @@ class StreamPort : public Port, private WaitingCalls {
   bool discard() override;
   [[nodiscard]] std::string awaits() override { return {}; }
 
-  enum class Phase {
-    up,
-    half_closed,  // the peer sends no more; it may still read
-    sending,      // hung up: what is queued goes out first
-    leaving       // hung up: waits for the peer's close
-  };
-
-  // What belongs to one connection and goes with it.
-  struct Line {
-    Line(StreamPort& port, UniqueFd connected);
-    UniqueFd fd;
-    FdWatch watch;
-    Outbox outbox;
-    Phase phase = Phase::up;
-    bool end_wanted = false;  // end_writing() was called
-    bool quiet_ends = false;  // half_closed: the peer counts as gone when nothing was written for a while
-    Instant since{};          // half_closed: the last write
-    std::optional<Instant> gone_since;  // not read, and seen to be gone
-  };
+  void line_data(ByteView data) override;
+  void line_drained() override;
+  PortListener::Answers line_ended() override;
+  void line_over(const LineDown& down) override;
+  void dropped(std::uint64_t bytes, const char* why) override;
+  bool wants_rest() override { return listener().wants_rest(); }
+  PeerState look_at_peer(int fd) override;
+  bool next_waits() override;
 
   void connect();
   void connected(Result<UniqueFd> result);
   void on_acceptable();
   void begin_line(UniqueFd fd);
-  void on_readable();
-  void received(ByteView data);
-  void peer_ended();
-  PeerState look_at_peer(int fd);
-  void on_drained();
-  void on_line_timer();
-  void watch_half_closed();
-  void watch_unread();
-  void watch_reading();
-  void line_broken(int error_number);
-  void finish_line(const LineDown& down);
   void drop_line(bool orderly);
-  static std::size_t unread(int fd);
-  std::uint64_t read_away(int fd);
-  void drop(std::uint64_t bytes, const char* why);
   void retry_later();
   [[nodiscard]] bool keeps_trying() const { return stream_.wait || always_open(); }
   [[nodiscard]] bool always_open() const { return common_.always_open && !passive(); }
@@ -126,15 +101,14 @@ class StreamPort : public Port, private WaitingCalls {
   UniqueFd listener_fd_;
   std::optional<FdWatch> listener_watch_;
   std::unique_ptr<Connector> connector_;
-  std::unique_ptr<Line> line_;
+  std::unique_ptr<StreamLine> line_;
   Timer retry_timer_;  // the next connection attempt, or the next accept after a failure
-  Timer line_timer_;
   Nanos retry_delay_;
   bool opened_ = false;
   bool up_ = false;           // on_up was told, on_down not yet
   bool interrupted_ = false;  // on_interrupted was told, on_resumed not yet
   bool reading_ = true;
-  bool told_unknown_ = false;
+  bool told_unknown_ = false;                             // that the kernel does not tell about peers
   std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
 };
 
