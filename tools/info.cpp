@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <iomanip>
 
+#include "libport/base/json_object.hpp"
 #include "libport/base/json_text.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/tape/judgement.hpp"
 #include "tools/command_line.hpp"
-#include "tools/json_object.hpp"
 #include "tools/text.hpp"
 #include "tools/verbs.hpp"
 
@@ -205,8 +205,8 @@ void print_events(const EventsSummary& events, std::ostream& out) {
     separator = ", ";
   }
   out << (events.kinds.empty() ? "none\n" : "\n");
-  if (events.count("gap") > 0) {
-    label(out, "gaps") << events.count("gap") << ", " << events.gap_bytes << " bytes missing\n";
+  if (events.count<event::Gap>() > 0) {
+    label(out, "gaps") << events.count<event::Gap>() << ", " << events.gap_bytes << " bytes missing\n";
   }
   label(out, "ended") << (events.ended ? "yes\n" : "no\n");
 }

@@ -235,7 +235,8 @@ Player::Progress Player::at_timed_write(const Turn& turn) {
 }
 
 Player::Progress Player::at_gap() {
-  if (schedule_.head()->gap_bytes > 0 && gated() && !schedule_.line_closed()) {
+  const auto* gap = std::get_if<event::Gap>(schedule_.head()->event);
+  if (gap != nullptr && gap->bytes > 0 && gated() && !schedule_.line_closed()) {
     gate_.gap = schedule_.passed().writes > 0;  // a device that is never asked goes on by itself
     if (!gate_.pending) gate_.at = schedule_.head()->at;
     untimed_ = true;

@@ -68,20 +68,18 @@ std::size_t RecordingPort::write_some(ByteView data) {
 
 bool RecordingPort::end_writing() {
   writing_ended_ = true;
-  keeper_.note(now_(), [](TapeWriter& tape, TapeTime at) { tape.half_close_event(at, Side::driver); });
+  keeper_.note(now_(), event::HalfClose{Side::driver});
   return inner_->end_writing();
 }
 
 void RecordingPort::note_gap(std::uint64_t bytes, std::string_view why) {
-  keeper_.note(now_(), [bytes, why = std::string(why)](TapeWriter& tape, TapeTime at) {
-    tape.gap_event(at, bytes, why);
-  });
+  keeper_.note(now_(), event::Gap{bytes, std::nullopt, std::string(why)});
 }
 
 void RecordingPort::note_flush(FlushQueue queue) {
-  constexpr std::array<std::string_view, 3> names = {"in", "out", "both"};
-  const std::string_view name = names.at(static_cast<std::size_t>(queue));
-  keeper_.note(now_(), [name](TapeWriter& tape, TapeTime at) { tape.flush_event(at, name); });
+  using Queue = event::Flush::Queue;
+  constexpr std::array<Queue, 3> queues = {Queue::in, Queue::out, Queue::both};
+  keeper_.note(now_(), event::Flush{queues.at(static_cast<std::size_t>(queue))});
 }
 
 void RecordingPort::peer_flushed(FlushQueue queue) {
@@ -102,9 +100,7 @@ void RecordingPort::on_data(ByteView data) {
 }
 
 void RecordingPort::note_lost(const LineDown& down, bool hung_up) {
-  keeper_.note(now_(), [why = down.error.message, hung_up](TapeWriter& tape, TapeTime at) {
-    tape.device_lost_event(at, why, hung_up);
-  });
+  keeper_.note(now_(), event::DeviceLost{down.error.message, hung_up});
 }
 
 void RecordingPort::on_down(const LineDown& down) {
@@ -116,7 +112,7 @@ void RecordingPort::on_down(const LineDown& down) {
 }
 
 PortListener::Answers RecordingPort::on_ended() {
-  keeper_.note(now_(), [](TapeWriter& tape, TapeTime at) { tape.half_close_event(at, Side::device); });
+  keeper_.note(now_(), event::HalfClose{Side::device});
   return listener().on_ended();
 }
 
@@ -126,7 +122,7 @@ void RecordingPort::on_interrupted(const LineDown& down) {
 }
 
 void RecordingPort::on_resumed() {
-  keeper_.note(now_(), [](TapeWriter& tape, TapeTime at) { tape.device_back_event(at); });
+  keeper_.note(now_(), event::DeviceBack{});
   listener().on_resumed();
 }
 

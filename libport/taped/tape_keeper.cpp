@@ -79,7 +79,7 @@ void TapeKeeper::start() {
   tape_ = std::make_unique<LiveTape>(context_.loop->workers(), context_.disks, std::move(live));
   watch_timer_.set_after(kWatchEvery);
   if (open_since_) {
-    tape_->note([at = tape_time(*open_since_)](TapeWriter& writer) { writer.open_event(at); });
+    tape_->note([at = tape_time(*open_since_)](TapeWriter& writer) { writer.event(at, event::Open{}); });
   }
   if (missed_bytes_ > 0) {
     tape_->note([at = tape_time(*missed_since_), bytes = missed_bytes_,
@@ -104,17 +104,18 @@ void TapeKeeper::block(Direction direction, Instant at, ByteView data) {
 
 void TapeKeeper::note(Instant at, Event event) {
   if (!tape_) return;
-  tape_->note([event = std::move(event), time = tape_time(at)](TapeWriter& writer) { event(writer, time); });
+  tape_->note(
+      [event = std::move(event), time = tape_time(at)](TapeWriter& writer) { writer.event(time, event); });
 }
 
 void TapeKeeper::opened(Instant at) {
   open_since_ = at;
-  note(at, [](TapeWriter& writer, TapeTime time) { writer.open_event(time); });
+  note(at, event::Open{});
 }
 
 void TapeKeeper::closed(Instant at) {
   if (!std::exchange(open_since_, std::nullopt)) return;
-  note(at, [](TapeWriter& writer, TapeTime time) { writer.close_event(time); });
+  note(at, event::Close{});
 }
 
 void TapeKeeper::on_news() {

@@ -46,7 +46,6 @@ class TapeKeeper {
 
   void block(Direction direction, Instant at, ByteView data);
   // An event, in its place among the blocks.
-  using Event = std::function<void(TapeWriter&, TapeTime)>;
   void note(Instant at, Event event);
   // The driver opened or closed the line: events, and what a tape begins with that could not be made before.
   void opened(Instant at);
