@@ -25,7 +25,7 @@ std::ostream& print_time(std::ostream& out, TapeTime at) {
 // of the usual form.
 std::string_view details(const Record& record) {
   const std::string usual =
-      "{\"t_us\":" + std::to_string(to_us(record.at)) + ",\"event\":" + json_quote(record.event);
+      "{\"t_us\":" + std::to_string(to_us(record.at)) + ",\"event\":" + json_quote(name_of(*record.event));
   std::string_view line = record.event_line;
   if (!line.starts_with(usual) || !line.ends_with('}')) return line;
   line = line.substr(usual.size(), line.size() - usual.size() - 1);
@@ -59,7 +59,7 @@ void TextCatPrinter::event(const Record& record) {
   print_time(out_, record.at);
   if (color_) out_ << kYellow;
   const std::string more = printable_line(details(record));
-  out_ << "-  " << printable_line(record.event) << (more.empty() ? "" : "  ") << more;
+  out_ << "-  " << printable_line(name_of(*record.event)) << (more.empty() ? "" : "  ") << more;
   if (color_) out_ << kPlain;
   out_ << '\n';
 }

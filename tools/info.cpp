@@ -205,8 +205,8 @@ void print_events(const EventsSummary& events, std::ostream& out) {
     separator = ", ";
   }
   out << (events.kinds.empty() ? "none\n" : "\n");
-  if (events.count("gap") > 0) {
-    label(out, "gaps") << events.count("gap") << ", " << events.gap_bytes << " bytes missing\n";
+  if (events.count<event::Gap>() > 0) {
+    label(out, "gaps") << events.count<event::Gap>() << ", " << events.gap_bytes << " bytes missing\n";
   }
   label(out, "ended") << (events.ended ? "yes\n" : "no\n");
 }

@@ -222,7 +222,8 @@ Player::Progress Player::at_timed_write(const Turn& turn) {
 }
 
 Player::Progress Player::at_gap() {
-  if (schedule_.head()->gap_bytes > 0 && gated() && !schedule_.line_closed()) {
+  const auto* gap = std::get_if<event::Gap>(schedule_.head()->event);
+  if (gap != nullptr && gap->bytes > 0 && gated() && !schedule_.line_closed()) {
     // A device that is never asked goes on by itself.
     gate_.add_gap(schedule_.head()->at, schedule_.passed().writes > 0);
     untimed_ = true;

@@ -26,9 +26,7 @@ std::string seconds(TapeTime time) {
 std::string text_of(const PayloadTotals& totals, bool with_digest) {
   std::string text = plural(totals.blocks, "block") + ", " + plural(totals.bytes, "byte");
   if (!with_digest || !totals.xxh3) return text;
-  std::array<char, 17> hex{};
-  std::snprintf(hex.data(), hex.size(), "%016" PRIx64, *totals.xxh3);
-  return text + ", xxh3 " + hex.data();
+  return text + ", xxh3 " + digest_text(*totals.xxh3);
 }
 
 // A digest that is not told fits any.
@@ -105,7 +103,7 @@ std::vector<std::string> flaws_of(const TapeSummary& tape) {
     }
   }
   for (const GapSummary& gap : events.gaps) flaws.push_back(text_of(gap, events.path));
-  if (const std::uint64_t count = events.count("gap"); count > events.gaps.size()) {
+  if (const std::uint64_t count = events.count<event::Gap>(); count > events.gaps.size()) {
     flaws.push_back(events.path + ": " + plural(count - events.gaps.size(), "more gap"));
   }
   return flaws;

@@ -1,5 +1,9 @@
 #include "libport/tape/payload_totals.hpp"
 
+#include <array>
+#include <cinttypes>
+#include <cstdio>
+
 // Compiled in: no library is needed to run.
 #define XXH_INLINE_ALL
 #include <xxhash.h>
@@ -7,6 +11,12 @@
 namespace porttape {
 
 static_assert(XXH_VERSION_NUMBER >= 800, "XXH3 is stable from xxHash 0.8.0 on");
+
+std::string digest_text(std::uint64_t xxh3) {
+  std::array<char, 17> hex{};
+  std::snprintf(hex.data(), hex.size(), "%016" PRIx64, xxh3);
+  return hex.data();
+}
 
 struct PayloadCounter::Digest {
   XXH3_state_t state;

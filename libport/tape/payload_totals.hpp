@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "libport/base/bytes.hpp"
 
@@ -16,6 +17,9 @@ struct PayloadTotals {
 
   friend bool operator==(const PayloadTotals&, const PayloadTotals&) = default;
 };
+
+// A digest as the tape has it: 16 hexadecimal digits.
+std::string digest_text(std::uint64_t xxh3);
 
 // Adds up the blocks of one file as they pass: begin_block(), then its data in any pieces. About 10 ns for a
 // small block.

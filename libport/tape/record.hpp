@@ -7,6 +7,7 @@
 #include "libport/base/bytes.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
+#include "libport/tape/event.hpp"
 
 namespace porttape {
 
@@ -30,15 +31,10 @@ struct Record {
   std::uint64_t file_offset = 0;    // read and write: where the block's header starts in its file
   std::uint32_t block_length = 0;
   std::uint32_t piece_offset = 0;
-  // All kinds but read and write: the event's kind ("mark", "gap", …) and the whole JSON object; valid until
-  // the source's next call.
-  std::string_view event;
+  // All kinds but read and write: the event and the whole JSON object; both valid until the source's next
+  // call.
+  const Event* event = nullptr;
   std::string_view event_line{};
-  // gap: how many bytes of both directions together (0: unknown), from when on, and why (valid as above). The
-  // record's own time is where the tape goes on.
-  std::uint64_t gap_bytes = 0;
-  TapeTime gap_from{};
-  std::string_view gap_why{};
 
   [[nodiscard]] bool last_piece() const { return piece_offset + data.size() == block_length; }
 };

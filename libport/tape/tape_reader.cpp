@@ -5,8 +5,9 @@
 #include <utility>
 
 #include "libport/tape/block_file.hpp"
-#include "libport/tape/events.hpp"
+#include "libport/tape/event_file.hpp"
 #include "libport/tape/layout.hpp"
+#include "libport/tape/merge_order.hpp"
 
 namespace porttape {
 namespace {
@@ -68,20 +69,20 @@ Record record_of(const BlockPiece& piece, RecordKind kind) {
   return record;
 }
 
-Record record_of(const TapeEvent& event) {
+RecordKind kind_of(const Event& event) {
+  if (std::holds_alternative<event::Open>(event)) return RecordKind::open;
+  if (std::holds_alternative<event::Close>(event)) return RecordKind::close;
+  if (std::holds_alternative<event::Gap>(event)) return RecordKind::gap;
+  const auto* lost = std::get_if<event::DeviceLost>(&event);
+  return lost != nullptr && lost->hung_up ? RecordKind::hang_up : RecordKind::event;
+}
+
+Record record_of(const TapeEvent& event, std::string_view line) {
   Record record;
-  record.kind = event.kind == "open"                           ? RecordKind::open
-                : event.kind == "close"                        ? RecordKind::close
-                : event.kind == "device-lost" && event.hung_up ? RecordKind::hang_up
-                : event.kind == "gap"                          ? RecordKind::gap
-                                                               : RecordKind::event;
+  record.kind = kind_of(event.what);
   record.at = event.at;
-  record.event = event.kind;
-  record.event_line = event.line;
-  if (record.kind != RecordKind::gap) return record;
-  record.gap_bytes = event.bytes;
-  record.gap_from = event.from;
-  record.gap_why = event.why;
+  record.event = &event.what;
+  record.event_line = line;
   return record;
 }
 
@@ -159,20 +160,24 @@ Result<std::optional<Record>> TapeReader::Impl::next() {
   if (w == BlockState::failed) return write.file().error();
   if (r == BlockState::failed) return read.file().error();
 
-  const bool has_write = w == BlockState::item;
-  const bool has_read = r == BlockState::item;
-  if (e == EventState::item) {
-    const TapeTime at = events.file().event().at;
-    if ((!has_write || at <= write.file().piece().at) && (!has_read || at <= read.file().piece().at)) {
+  std::optional<TapeTime> next_event;
+  std::optional<TapeTime> next_write;
+  std::optional<TapeTime> next_read;
+  if (e == EventState::item) next_event = events.file().event().at;
+  if (w == BlockState::item) next_write = write.file().piece().at;
+  if (r == BlockState::item) next_read = read.file().piece().at;
+  const std::optional<TapeFile> next = next_in_order(next_event, next_write, next_read);
+  if (!next) return std::optional<Record>{};
+  switch (*next) {
+    case TapeFile::events:
       events.take();
-      return std::optional(record_of(events.file().event()));
-    }
+      return std::optional(record_of(events.file().event(), events.file().line()));
+    case TapeFile::write:
+      write.take();
+      return std::optional(record_of(write.file().piece(), RecordKind::write));
+    case TapeFile::read:
+      break;
   }
-  if (has_write && (!has_read || write.file().piece().at <= read.file().piece().at)) {
-    write.take();
-    return std::optional(record_of(write.file().piece(), RecordKind::write));
-  }
-  if (!has_read) return std::optional<Record>{};
   read.take();
   return std::optional(record_of(read.file().piece(), RecordKind::read));
 }

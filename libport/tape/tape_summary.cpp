@@ -4,8 +4,9 @@
 #include <utility>
 
 #include "libport/tape/block_file.hpp"
-#include "libport/tape/events.hpp"
+#include "libport/tape/event_file.hpp"
 #include "libport/tape/layout.hpp"
+#include "libport/tape/merge_order.hpp"
 #include "libport/tape/quantiles.hpp"
 #include "libport/tape/tape_lock.hpp"
 
@@ -61,9 +62,11 @@ class BlockStream {
     advance();
   }
 
-  [[nodiscard]] bool has_block() const { return has_block_; }
+  // When the block in view is; nothing after the last one.
+  [[nodiscard]] std::optional<TapeTime> at() const {
+    return has_block_ ? std::optional(file_->piece().at) : std::nullopt;
+  }
   [[nodiscard]] bool failed() const { return summary_.damage.has_value(); }
-  [[nodiscard]] TapeTime at() const { return file_->piece().at; }
 
   // Counts the block in view and goes on to the next one.
   void advance() {
@@ -122,9 +125,12 @@ class EventStream {
     return {};
   }
 
-  [[nodiscard]] bool has_event() const { return has_event_; }
+  // When the event in view is; nothing after the last one.
+  [[nodiscard]] std::optional<TapeTime> at() const {
+    return has_event_ ? std::optional(file_->event().at) : std::nullopt;
+  }
   [[nodiscard]] bool failed() const { return summary_.damage.has_value(); }
-  [[nodiscard]] const TapeEvent& event() const { return file_->event(); }
+  [[nodiscard]] const Event& event() const { return file_->event().what; }
 
   void advance() {
     const EventFile::Step step = file_->next();
@@ -135,22 +141,23 @@ class EventStream {
       summary_.header = file_->header();  // with the zero that an event has told
       return;
     }
-    const TapeEvent& event = file_->event();
-    if (summary_.kinds.size() < kMaxKinds || summary_.kinds.contains(event.kind))
-      ++summary_.kinds[event.kind];
-    if (event.kind == "gap") note_gap(event);
-    summary_.ended = event.kind == "end";
-    const bool tells = event.read && event.write;
-    summary_.end_read = tells ? event.read : std::nullopt;
-    summary_.end_write = tells ? event.write : std::nullopt;
-    summary_.last = event.at;
+    const auto& [at, event] = file_->event();
+    const std::string kind(name_of(event));
+    if (summary_.kinds.size() < kMaxKinds || summary_.kinds.contains(kind)) ++summary_.kinds[kind];
+    if (const auto* gap = std::get_if<event::Gap>(&event)) note_gap(at, *gap);
+    const auto* end = std::get_if<event::End>(&event);
+    summary_.ended = end != nullptr;
+    const bool tells = end != nullptr && end->read && end->write;
+    summary_.end_read = tells ? end->read : std::nullopt;
+    summary_.end_write = tells ? end->write : std::nullopt;
+    summary_.last = at;
   }
 
  private:
-  void note_gap(const TapeEvent& event) {
-    summary_.gap_bytes += event.bytes;
+  void note_gap(TapeTime at, const event::Gap& gap) {
+    summary_.gap_bytes += gap.bytes;
     if (summary_.gaps.size() < kMaxGaps)
-      summary_.gaps.push_back({event.from, event.at, event.bytes, event.why});
+      summary_.gaps.push_back({gap.from.value_or(TapeTime{}), at, gap.bytes, gap.why});
   }
 
   EventsSummary& summary_;
@@ -158,31 +165,35 @@ class EventStream {
   bool has_event_ = false;
 };
 
+bool opens_or_closes(const Event& event) {
+  return std::holds_alternative<event::Open>(event) || std::holds_alternative<event::Close>(event);
+}
+
 // Goes through the three in the tape's order. Behind damage the order is unknown, so exchanges are counted no
 // further.
 void merge(BlockStream& read, BlockStream& write, EventStream& events, ExchangeMeter& meter) {
-  for (;;) {
+  while (const std::optional<TapeFile> next = next_in_order(events.at(), write.at(), read.at())) {
     const bool ordered = !read.failed() && !write.failed() && !events.failed();
-    if (events.has_event() && (!read.has_block() || events.event().at <= read.at()) &&
-        (!write.has_block() || events.event().at <= write.at())) {
-      const std::string& kind = events.event().kind;
-      if (ordered && (kind == "open" || kind == "close")) meter.on_open_or_close();
-      events.advance();
-    } else if (write.has_block() && (!read.has_block() || write.at() <= read.at())) {
-      if (ordered) meter.on_write(write.at());
-      write.advance();
-    } else if (read.has_block()) {
-      if (ordered) meter.on_read(read.at());
-      read.advance();
-    } else {
-      return;
+    switch (*next) {
+      case TapeFile::events:
+        if (ordered && opens_or_closes(events.event())) meter.on_open_or_close();
+        events.advance();
+        break;
+      case TapeFile::write:
+        if (ordered) meter.on_write(*write.at());
+        write.advance();
+        break;
+      case TapeFile::read:
+        if (ordered) meter.on_read(*read.at());
+        read.advance();
+        break;
     }
   }
 }
 
 }  // namespace
 
-std::uint64_t EventsSummary::count(const std::string& kind) const {
+std::uint64_t EventsSummary::count(std::string_view kind) const {
   const auto found = kinds.find(kind);
   return found == kinds.end() ? 0 : found->second;
 }

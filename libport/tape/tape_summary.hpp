@@ -1,16 +1,17 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
 #include "libport/tape/block.hpp"
-#include "libport/tape/payload_totals.hpp"
-#include "libport/tape/tape_header.hpp"
+#include "libport/tape/event.hpp"
 #include "libport/tape/tape_name.hpp"
 #include "libport/tape/tape_reader.hpp"
 
@@ -45,7 +46,7 @@ struct EventsSummary {
   std::string path;
   bool exists = false;
   std::optional<TapeHeader> header;
-  std::map<std::string, std::uint64_t>
+  std::map<std::string, std::uint64_t, std::less<>>
       kinds;                     // how many events of each; of unknown kinds at most 64 different ones
   std::uint64_t gap_bytes = 0;   // that the gap events say are missing
   std::vector<GapSummary> gaps;  // the first 64
@@ -56,7 +57,13 @@ struct EventsSummary {
   std::optional<std::string> torn_tail;
   std::optional<Error> damage;
 
-  [[nodiscard]] std::uint64_t count(const std::string& kind) const;
+  template <class Kind>
+  [[nodiscard]] std::uint64_t count() const {
+    return count(Kind::kName);
+  }
+
+ private:
+  [[nodiscard]] std::uint64_t count(std::string_view kind) const;
 };
 
 // Microseconds from the last write block of an exchange to the first read block behind it.

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "libport/tape/block.hpp"
-#include "libport/tape/events.hpp"
+#include "libport/tape/event.hpp"
 #include "libport/tape/payload_totals.hpp"
 #include "libport/tape/tape_files.hpp"
 
@@ -21,6 +21,11 @@ struct TapeWriter::Impl {
     std::uint64_t bytes = 0;
     std::int64_t from_us = 0;
     std::string why;
+
+    // The line that tells it, if the tape goes on at `at_us`.
+    [[nodiscard]] std::string line(std::int64_t at_us) const {
+      return encode(tape_time_us(at_us), event::Gap{bytes, tape_time_us(from_us), why});
+    }
   };
 
   explicit Impl(TapeSinks sinks)
@@ -72,7 +77,7 @@ struct TapeWriter::Impl {
 int TapeWriter::Impl::begin(TapeHeader header, const TapeWriterOptions& options) {
   header = completed(std::move(header));
   id = header.id;
-  if (const int error = events.append({}, as_bytes(header_line(header))); error != 0) {
+  if (const int error = events.append({}, as_bytes(encode(header))); error != 0) {
     finished = true;
     return error;
   }
@@ -165,7 +170,7 @@ bool TapeWriter::Impl::commit(const RunBoth& run_both, std::optional<TapeTime> e
 
 TapeBatch::Line TapeWriter::Impl::last_line(TapeTime at) const {
   const std::int64_t us = std::max(stamp(at, false), gap ? gap->from_us : 0);
-  return {us, end_line(tape_time_us(us), kept_read.totals(), kept_write.totals())};
+  return {us, encode(tape_time_us(us), event::End{kept_read.totals(), kept_write.totals()})};
 }
 
 // A gap from before the batch ends with the first thing of it that is written. Puts its line in its place.
@@ -174,8 +179,7 @@ std::optional<TapeWriter::Impl::Gap> TapeWriter::Impl::tell_owed(TapeBatch& done
   if (!gap || (!first_kept && done.lines.empty())) return std::nullopt;
   std::int64_t us = first_kept.value_or(done.lines.empty() ? 0 : done.lines.front().us);
   if (!done.lines.empty()) us = std::min(us, done.lines.front().us);
-  done.lines.insert(done.lines.begin(),
-                    {us, gap_line(tape_time_us(us), gap->bytes, tape_time_us(gap->from_us), gap->why)});
+  done.lines.insert(done.lines.begin(), {us, gap->line(us)});
   return std::exchange(gap, std::nullopt);
 }
 
@@ -218,8 +222,7 @@ void TapeWriter::Impl::lose(std::int64_t at_us, std::uint64_t bytes, std::string
 // Says what is missing, if anything; stays owed where even that cannot be written.
 void TapeWriter::Impl::tell_gap(std::int64_t at_us) {
   if (!gap) return;
-  const std::string line = gap_line(tape_time_us(at_us), gap->bytes, tape_time_us(gap->from_us), gap->why);
-  if (events.append({}, as_bytes(line)) == 0) gap.reset();
+  if (events.append({}, as_bytes(gap->line(at_us))) == 0) gap.reset();
 }
 
 void TapeWriter::Impl::finish(TapeTime at, const RunBoth& run_both) {
@@ -303,44 +306,11 @@ void TapeWriter::write_block(TapeTime at, ByteView data) {
   }
 }
 
-void TapeWriter::open_event(TapeTime at) {
+void TapeWriter::event(TapeTime at, Event event) {
   const std::int64_t us = impl_->stamp(at, false);
-  impl_->event(us, event_line(tape_time_us(us), "open"));
-}
-
-void TapeWriter::close_event(TapeTime at) {
-  const std::int64_t us = impl_->stamp(at, false);
-  impl_->event(us, event_line(tape_time_us(us), "close"));
-}
-
-void TapeWriter::mark_event(TapeTime at, std::string_view text) {
-  const std::int64_t us = impl_->stamp(at, false);
-  impl_->event(us, mark_line(tape_time_us(us), text));
-}
-
-void TapeWriter::device_lost_event(TapeTime at, std::string_view why, bool hung_up) {
-  const std::int64_t us = impl_->stamp(at, false);
-  impl_->event(us, device_lost_line(tape_time_us(us), why, hung_up));
-}
-
-void TapeWriter::device_back_event(TapeTime at) {
-  const std::int64_t us = impl_->stamp(at, false);
-  impl_->event(us, event_line(tape_time_us(us), "device-back"));
-}
-
-void TapeWriter::half_close_event(TapeTime at, Side by) {
-  const std::int64_t us = impl_->stamp(at, false);
-  impl_->event(us, half_close_line(tape_time_us(us), by == Side::driver ? "driver" : "device"));
-}
-
-void TapeWriter::flush_event(TapeTime at, std::string_view queue) {
-  const std::int64_t us = impl_->stamp(at, false);
-  impl_->event(us, flush_line(tape_time_us(us), queue));
-}
-
-void TapeWriter::gap_event(TapeTime at, std::uint64_t bytes, std::string_view why) {
-  const std::int64_t us = impl_->stamp(at, false);
-  impl_->event(us, gap_line(tape_time_us(us), bytes, tape_time_us(us), why));
+  auto* gap = std::get_if<event::Gap>(&event);
+  if (gap != nullptr && !gap->from) gap->from = tape_time_us(us);
+  impl_->event(us, encode(tape_time_us(us), event));
 }
 
 void TapeWriter::begin_batch() {

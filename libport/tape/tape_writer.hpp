@@ -22,9 +22,6 @@ enum class OnExisting : std::uint8_t {
   overwrite  // replaced, but never a tape that is being written, a symlink, or what is no regular file
 };
 
-// Who did it.
-enum class Side : std::uint8_t { driver, device };
-
 struct TapeWriterOptions {
   OnExisting on_existing = OnExisting::refuse;
   unsigned first_number = 1;  // next: the first name to be tried
@@ -41,8 +38,8 @@ struct TapeSinks {
 // Writes a tape: one writev a block, so that a killed process loses at most the block it was in. Owns its
 // descriptors.
 //
-// check() at program start, create() when the driver first opens the port, then read_block() and
-// write_block() in the order of events, the …_event() functions for the rest, finish() at the end (also done
+// check() at program start, create() when the driver first opens the port, then read_block(), write_block()
+// and event() in the order in which things happen, finish() at the end (also done
 // by the destructor, where errors cannot be told; what is given later is lost). Times are relative to the
 // tape's zero; a negative one counts as 0, and one that is not later than the last block's becomes that one's
 // plus 1 µs, so the order across the three files is exact.
@@ -76,14 +73,7 @@ class TapeWriter {
 
   void read_block(TapeTime at, ByteView data);   // device → driver; empty data writes nothing
   void write_block(TapeTime at, ByteView data);  // driver → device
-  void open_event(TapeTime at);
-  void close_event(TapeTime at);
-  void mark_event(TapeTime at, std::string_view text);
-  void device_lost_event(TapeTime at, std::string_view why, bool hung_up);
-  void device_back_event(TapeTime at);
-  void half_close_event(TapeTime at, Side by);
-  void flush_event(TapeTime at, std::string_view queue);  // in, out or both
-  void gap_event(TapeTime at, std::uint64_t bytes, std::string_view why);
+  void event(TapeTime at, Event event);          // a gap that tells no `from` begins at its own time
 
   void begin_batch();
   void commit(const RunBoth& run_both = {});

@@ -6,8 +6,8 @@
 #include "libport/base/bytes.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
+#include "libport/tape/event.hpp"
 #include "libport/tape/record.hpp"
-#include "libport/tape/tape_writer.hpp"
 
 namespace porttape {
 
@@ -28,8 +28,7 @@ class LineObserver {
   // As Direction has it: `read` is what the device sent. Valid during the call.
   virtual void block(Direction direction, Instant at, ByteView data) = 0;
   // An event, in its place among the blocks.
-  using Event = std::function<void(TapeWriter&, TapeTime)>;
-  virtual void note(Instant at, Event event) = 0;
+  virtual void note(Instant at, const Event& event) = 0;
 
   // Begins the next tape, where it keeps one.
   virtual void rotate(Instant at) = 0;

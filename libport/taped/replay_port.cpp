@@ -12,7 +12,7 @@
 #include "libport/loop/file_events.hpp"
 #include "libport/replay/tape_count.hpp"
 #include "libport/tape/byte_source.hpp"
-#include "libport/tape/events.hpp"
+#include "libport/tape/event_file.hpp"
 #include "libport/taped/report_file.hpp"
 
 namespace porttape {
@@ -48,12 +48,16 @@ Result<Engine::TapeFacts> facts_of(const TapePaths& tape) {
     const EventFile::Step step = events->next();
     if (step == EventFile::Step::failed) return events->error();
     if (step == EventFile::Step::end) return facts;
-    const TapeEvent& event = events->event();
-    if (event.kind == "open") ++facts.opens;
-    if (event.kind == "device-lost" && event.hung_up) facts.hang_ups.push_back(event.at);
-    if (event.kind == "gap") facts.gaps.push_back({event.from, event.at, event.bytes, event.why});
-    if (event.kind == "end" && event.read && event.write) {
-      facts.totals = TapeTotals{event.read->bytes, event.write->bytes};
+    const auto& [at, event] = events->event();
+    if (std::holds_alternative<event::Open>(event)) ++facts.opens;
+    if (const auto* lost = std::get_if<event::DeviceLost>(&event); lost && lost->hung_up) {
+      facts.hang_ups.push_back(at);
+    }
+    if (const auto* gap = std::get_if<event::Gap>(&event)) {
+      facts.gaps.push_back({gap->from.value_or(TapeTime{}), at, gap->bytes, gap->why});
+    }
+    if (const auto* end = std::get_if<event::End>(&event); end && end->read && end->write) {
+      facts.totals = TapeTotals{end->read->bytes, end->write->bytes};
     }
   }
 }

@@ -61,7 +61,7 @@ bool TapPort::discard() {
 
 bool TapPort::end_writing() {
   writing_ended_ = true;
-  note([](TapeWriter& tape, TapeTime at) { tape.half_close_event(at, Side::driver); });
+  note(event::HalfClose{Side::driver});
   return ForwardingPort::end_writing();
 }
 
@@ -71,7 +71,7 @@ void TapPort::peer_flushed(FlushQueue queue) {
 }
 
 void TapPort::note_gap(std::uint64_t bytes, std::string_view why) {
-  note([bytes, why = std::string(why)](TapeWriter& tape, TapeTime at) { tape.gap_event(at, bytes, why); });
+  note(event::Gap{bytes, std::nullopt, std::string(why)});
 }
 
 void TapPort::on_data(ByteView data) {
@@ -96,7 +96,7 @@ void TapPort::on_down(const LineDown& down) {
 }
 
 PortListener::Answers TapPort::on_ended() {
-  note([](TapeWriter& tape, TapeTime at) { tape.half_close_event(at, Side::device); });
+  note(event::HalfClose{Side::device});
   return ForwardingPort::on_ended();
 }
 
@@ -106,7 +106,7 @@ void TapPort::on_interrupted(const LineDown& down) {
 }
 
 void TapPort::on_resumed() {
-  note([](TapeWriter& tape, TapeTime at) { tape.device_back_event(at); });
+  note(event::DeviceBack{});
   ForwardingPort::on_resumed();
 }
 
@@ -141,21 +141,19 @@ void TapPort::block(Direction direction, Instant at, ByteView data) {
   for (const auto& observer : observers_) observer->block(direction, at, data);
 }
 
-void TapPort::note(const LineObserver::Event& event) {
+void TapPort::note(const Event& event) {
   const Instant now = now_();
   for (const auto& observer : observers_) observer->note(now, event);
 }
 
 void TapPort::note_flush(FlushQueue queue) {
-  constexpr std::array<std::string_view, 3> names = {"in", "out", "both"};
-  const std::string_view name = names.at(static_cast<std::size_t>(queue));
-  note([name](TapeWriter& tape, TapeTime at) { tape.flush_event(at, name); });
+  using Queue = event::Flush::Queue;
+  constexpr std::array queues = {Queue::in, Queue::out, Queue::both};
+  note(event::Flush{queues.at(static_cast<std::size_t>(queue))});
 }
 
 void TapPort::note_lost(const LineDown& down, bool hung_up) {
-  note([why = down.error.message, hung_up](TapeWriter& tape, TapeTime at) {
-    tape.device_lost_event(at, why, hung_up);
-  });
+  note(event::DeviceLost{down.error.message, hung_up});
 }
 
 }  // namespace porttape

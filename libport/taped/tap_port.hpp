@@ -53,7 +53,7 @@ class TapPort final : public ForwardingPort, private WaitingCalls, private Recor
   void on_dropped(std::uint64_t bytes, std::string_view why) override;
 
   void block(Direction direction, Instant at, ByteView data);
-  void note(const LineObserver::Event& event);
+  void note(const Event& event);
   void note_flush(FlushQueue queue);
   void note_lost(const LineDown& down, bool hung_up);
 

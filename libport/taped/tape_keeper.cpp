@@ -79,7 +79,7 @@ void TapeKeeper::start() {
   tape_ = std::make_unique<LiveTape>(context_.loop->workers(), context_.disks, std::move(live));
   watch_timer_.set_after(kWatchEvery);
   if (open_since_) {
-    tape_->note([at = tape_time(*open_since_)](TapeWriter& writer) { writer.open_event(at); });
+    tape_->note([at = tape_time(*open_since_)](TapeWriter& writer) { writer.event(at, event::Open{}); });
   }
   if (missed_bytes_ > 0) {
     tape_->note([at = tape_time(*missed_since_), bytes = missed_bytes_,
@@ -102,9 +102,9 @@ void TapeKeeper::block(Direction direction, Instant at, ByteView data) {
   if (tape_->queued() && !watch_timer_.due()) watch_timer_.set_after(kWatchEvery);
 }
 
-void TapeKeeper::note(Instant at, Event event) {
+void TapeKeeper::note(Instant at, const Event& event) {
   if (!tape_) return;
-  tape_->note([event = std::move(event), time = tape_time(at)](TapeWriter& writer) { event(writer, time); });
+  tape_->note([event, time = tape_time(at)](TapeWriter& writer) { writer.event(time, event); });
 }
 
 void TapeKeeper::opened(Instant at) {
@@ -112,7 +112,7 @@ void TapeKeeper::opened(Instant at) {
   if (!first_open_) first_open_ = at;
   if (begun_) {
     open_since_ = at;
-    note(at, [](TapeWriter& writer, TapeTime time) { writer.open_event(time); });
+    note(at, event::Open{});
   } else if (options_.on_existing != OnExisting::overwrite) {
     begin();
   }
@@ -125,7 +125,7 @@ void TapeKeeper::came_up(Instant) {
 void TapeKeeper::closed(Instant at) {
   open_ = false;
   if (!std::exchange(open_since_, std::nullopt)) return;
-  note(at, [](TapeWriter& writer, TapeTime time) { writer.close_event(time); });
+  note(at, event::Close{});
 }
 
 void TapeKeeper::on_news() {

@@ -44,7 +44,7 @@ class TapeKeeper final : public LineObserver {
   void came_up(Instant at) override;
   void closed(Instant at) override;
   void block(Direction direction, Instant at, ByteView data) override;
-  void note(Instant at, Event event) override;
+  void note(Instant at, const Event& event) override;
   // Ends the tape and begins the next one, whose zero is `now`. Nothing to do before the first open.
   void rotate(Instant now) override;
   // `done` comes after kEndLimit at the latest.

@@ -45,13 +45,22 @@ TEST(Flush, IsNoEndOfTheLine) {
 }
 
 TEST(Flush, OneOnTheTapeDropsNothing) {
-  Rig rig(MemoryTape().write(0, "ask").read(1'000, "one").event(1'500, "flush").read(2'000, "two"));
+  Rig rig(MemoryTape()
+              .write(0, "ask")
+              .read(1'000, "one")
+              .event(1'500, event::Flush{event::Flush::Queue::in})
+              .read(2'000, "two"));
   rig.open().write("ask").until(5'000);
   EXPECT_EQ(rig.delivered, "onetwo");
 }
 
 TEST(Flush, TheHalfCloseOfATapeIsPassedBy) {
-  Rig rig(MemoryTape().open(0).write(0, "ask").event(1, "half-close").read(1'000, "one").close(2'000));
+  Rig rig(MemoryTape()
+              .open(0)
+              .write(0, "ask")
+              .event(1, event::HalfClose{Side::driver})
+              .read(1'000, "one")
+              .close(2'000));
   rig.open().write("ask").end_writing().until(5'000);
   EXPECT_EQ(rig.delivered, "one");
   EXPECT_TRUE(rig.hung_up);

@@ -26,7 +26,7 @@ MemoryTape three_sessions() {
     const std::string number = std::to_string(i);
     const std::int64_t start = i * 1'000'000;
     tape.open(start)
-        .event(start + 10, "settings")
+        .event(start + 10, event::Unknown{"settings"})
         .write(start + 1'000, "Q" + number)
         .read(start + 2'000, "A" + number);
     tape.close(start + 3'000);

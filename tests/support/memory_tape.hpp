@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "libport/base/bytes.hpp"
@@ -21,9 +22,8 @@ class MemoryTape {
   struct Entry {
     RecordKind kind = RecordKind::event;
     std::int64_t us = 0;
-    std::string data;  // event: its kind
-    std::uint64_t gap_bytes = 0;
-    std::int64_t gap_from_us = 0;
+    std::string data;
+    Event event{};  // of a gap or an event
   };
 
   MemoryTape& read(std::int64_t us, std::string_view data) { return add(RecordKind::read, us, data); }
@@ -32,10 +32,13 @@ class MemoryTape {
   MemoryTape& close(std::int64_t us) { return add(RecordKind::close, us, {}); }
   MemoryTape& hang_up(std::int64_t us) { return add(RecordKind::hang_up, us, {}); }
   MemoryTape& gap(std::int64_t us, std::uint64_t bytes, std::int64_t from_us) {
-    entries_.push_back({RecordKind::gap, us, {}, bytes, from_us});
+    entries_.push_back({RecordKind::gap, us, {}, event::Gap{bytes, tape_time_us(from_us), "disk full"}});
     return *this;
   }
-  MemoryTape& event(std::int64_t us, std::string_view kind) { return add(RecordKind::event, us, kind); }
+  MemoryTape& event(std::int64_t us, Event event) {
+    entries_.push_back({RecordKind::event, us, {}, std::move(event)});
+    return *this;
+  }
 
   [[nodiscard]] const std::vector<Entry>& entries() const { return entries_; }
   [[nodiscard]] std::string all(RecordKind kind) const {
@@ -48,8 +51,9 @@ class MemoryTape {
   [[nodiscard]] std::vector<TapeGap> gaps() const {
     std::vector<TapeGap> gaps;
     for (const Entry& entry : entries_) {
-      if (entry.kind != RecordKind::gap) continue;
-      gaps.push_back({tape_time_us(entry.gap_from_us), tape_time_us(entry.us), entry.gap_bytes, "disk full"});
+      if (const auto* gap = std::get_if<event::Gap>(&entry.event)) {
+        gaps.push_back({gap->from.value(), tape_time_us(entry.us), gap->bytes, gap->why});
+      }
     }
     return gaps;
   }
@@ -68,7 +72,7 @@ class MemoryTape {
 
  private:
   MemoryTape& add(RecordKind kind, std::int64_t us, std::string_view data) {
-    entries_.push_back({kind, us, std::string(data), 0, 0});
+    entries_.push_back({kind, us, std::string(data)});
     return *this;
   }
 
@@ -114,9 +118,7 @@ class MemorySource final : public RecordSource {
     Record record;
     record.kind = entry.kind;
     record.at = tape_time_us(entry.us);
-    if (entry.kind == RecordKind::event) record.event = entry.data;
-    record.gap_bytes = entry.gap_bytes;
-    record.gap_from = tape_time_us(entry.gap_from_us);
+    if (is_note(entry.kind)) record.event = &entry.event;
     if (entry.kind == RecordKind::read || entry.kind == RecordKind::write) {
       const ByteView data = as_bytes(entry.data);
       const std::size_t size = std::min(piece_, data.size() - taken_);

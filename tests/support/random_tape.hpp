@@ -46,7 +46,7 @@ MemoryTape random_tape(Choose&& choose, const RandomTapeShape& shape = {}) {
       now += 1 + choose(30'000);
       tape.gap(now, choose(20), from);
     } else if (kind == 1) {
-      tape.event(now, "settings");
+      tape.event(now, event::Unknown{"settings"});
     } else if (line_open && kind < 6) {
       tape.write(now, bytes());
     } else if (line_open) {

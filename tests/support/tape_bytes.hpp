@@ -81,7 +81,7 @@ inline std::unique_ptr<ByteSource> memory(std::string name, Bytes bytes) {
 inline std::string describe(const Record& record) {
   const std::string time = std::to_string(to_us(record.at));
   if (record.kind != RecordKind::read && record.kind != RecordKind::write) {
-    return std::string(record.event) + " " + time;
+    return std::string(name_of(*record.event)) + " " + time;
   }
   std::string text = record.kind == RecordKind::read ? "r " : "w ";
   text += time + " " + to_printable(record.data);

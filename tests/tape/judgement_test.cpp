@@ -7,7 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "libport/tape/events.hpp"
+#include "libport/tape/event.hpp"
 #include "libport/tape/payload_totals.hpp"
 #include "tests/support/tape_bytes.hpp"
 
@@ -24,7 +24,7 @@ using Verdict = Judgement::Verdict;
 const Blocks kAnswers{{2, "answer"}, {4, "bye"}};
 const Blocks kQuestions{{1, "ask"}, {3, "end"}};
 
-const std::string kHeader = header_line({.device = "device", .driver = "driver", .id = "0123"});
+const std::string kHeader = encode(TapeHeader{.device = "device", .driver = "driver", .id = "0123"});
 
 PayloadTotals totals(const Blocks& blocks) {
   PayloadCounter counter;
@@ -45,7 +45,7 @@ struct Files {
 Files recorded(const Blocks& read = kAnswers, const Blocks& write = kQuestions,
                const std::string& events = "") {
   return {test::block_bytes(read), test::block_bytes(write),
-          kHeader + events + end_line(tape_time_us(9), totals(read), totals(write))};
+          kHeader + events + encode(tape_time_us(9), event::End{totals(read), totals(write)})};
 }
 
 Judgement judged(const Files& files, bool being_written = false) {
@@ -149,7 +149,7 @@ TEST(Judgement, OtherBlocksWithTheSameBytesAreSeen) {
 
 TEST(Judgement, ATapeThatNeverEndedIsNotSound) {
   Files files = recorded();
-  files.events = kHeader + event_line(tape_time_us(0), "open");
+  files.events = kHeader + encode(tape_time_us(0), event::Open{});
   const Judgement judgement = judged(files);
   EXPECT_EQ(judgement.verdict, Verdict::flawed);
   EXPECT_FALSE(judgement.sound());
@@ -163,8 +163,8 @@ TEST(Judgement, ATapeThatNeverEndedIsNotSound) {
 TEST(Judgement, AGapIsToldAndIsNotSound) {
   const Judgement judgement =
       judged(recorded(kAnswers, kQuestions,
-                      gap_line(tape_time_us(3), 512, tape_time_us(2), "disk full\x1b") +
-                          gap_line(tape_time_us(4), 0, tape_time_us(4), "")));
+                      encode(tape_time_us(3), event::Gap{512, tape_time_us(2), "disk full\x1b"}) +
+                          encode(tape_time_us(4), event::Gap{0, tape_time_us(4), ""})));
   EXPECT_EQ(judgement.verdict, Verdict::flawed);
   EXPECT_THAT(
       judgement.notes,
@@ -174,7 +174,7 @@ TEST(Judgement, AGapIsToldAndIsNotSound) {
 
 TEST(Judgement, ManyGapsAreCounted) {
   std::string gaps;
-  for (int i = 0; i < 70; ++i) gaps += gap_line(tape_time_us(3), 1, tape_time_us(2), "disk full");
+  for (int i = 0; i < 70; ++i) gaps += encode(tape_time_us(3), event::Gap{1, tape_time_us(2), "disk full"});
   const Judgement judgement = judged(recorded(kAnswers, kQuestions, gaps));
   EXPECT_EQ(judgement.notes.size(), 65U);
   EXPECT_EQ(judgement.notes.back(), "t.loge: 6 more gaps");
@@ -201,8 +201,9 @@ TEST(Judgement, WithoutDigestsItIsSoundAsFarAsItCanBeChecked) {
   files.events.reset();
   EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
   EXPECT_THAT(judged(files).notes, ElementsAre(HasSubstr("no events file, so no digests: ")));
-  for (const std::string& end : {event_line(tape_time_us(9), "end"),
-                                 end_line(tape_time_us(9), {2, 9, std::nullopt}, {2, 6, std::nullopt})}) {
+  for (const std::string& end : {encode(tape_time_us(9), event::End{}),
+                                 encode(tape_time_us(9), event::End{PayloadTotals{2, 9, std::nullopt},
+                                                                    PayloadTotals{2, 6, std::nullopt}})}) {
     files.events = kHeader + end;
     EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
   }

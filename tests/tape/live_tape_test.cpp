@@ -145,7 +145,7 @@ TEST_F(LiveTapeTest, WhatComesWhileTheFilesAreMadeIsOnTheTape) {
   const auto tape = make_tape();
   disk->wait_until_reached();
   EXPECT_EQ(tape->status().phase, Phase::being_made);
-  tape->note([](TapeWriter& writer) { writer.open_event(tape_time_us(0)); });
+  tape->note([](TapeWriter& writer) { writer.event(tape_time_us(0), event::Open{}); });
   tape->block(Direction::write, tape_time_us(5), as_bytes("ask"));
   tape->block(Direction::read, tape_time_us(9), as_bytes("answer"));
   EXPECT_EQ(tape->status().bytes_waiting, 9U);

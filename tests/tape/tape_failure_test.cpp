@@ -100,7 +100,7 @@ Written write_session(Disk& disk, int batch = 0) {
     read ? writer->read_block(tape_time_us(us), as_bytes(data))
          : writer->write_block(tape_time_us(us), as_bytes(data));
   };
-  writer->open_event(tape_time_us(0));
+  writer->event(tape_time_us(0), event::Open{});
   for (int i = 0; i < 4; ++i) {
     if (batch > 0 && i % batch == 0) {
       writer->commit();
@@ -108,10 +108,10 @@ Written write_session(Disk& disk, int batch = 0) {
     }
     give(false, "question");
     give(true, "the answer to it");
-    writer->mark_event(tape_time_us(us), "round");
+    writer->event(tape_time_us(us), event::Mark{"round"});
     give(true, "!");
   }
-  writer->close_event(tape_time_us(us));
+  writer->event(tape_time_us(us), event::Close{});
   result.finished = writer->finish(tape_time_us(us)).has_value();
   result.written = writer->bytes_written();
   result.lost = writer->bytes_lost();
@@ -141,7 +141,7 @@ TEST(FailingDisk, AnyOneFailureLeavesASoundTapeAndACountedLoss) {
       const auto summary = summarize("t", sources_on(disk));
       EXPECT_TRUE(summary->torn_tails().empty()) << what;
       const bool was_the_last_line = n == good.operation - 1;
-      EXPECT_EQ(summary->events.count("gap"), was_the_last_line ? 0U : 1U) << what;
+      EXPECT_EQ(summary->events.count<event::Gap>(), was_the_last_line ? 0U : 1U) << what;
       EXPECT_EQ(summary->events.gap_bytes, result.lost) << what;
     }
   }

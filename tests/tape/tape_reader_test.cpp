@@ -67,10 +67,7 @@ TEST(TapeReader, AGapIsARecordOfItsOwn) {
   const auto gap = reader.next();
   EXPECT_EQ((**gap).kind, RecordKind::gap);
   EXPECT_EQ((**gap).at, tape_time_us(9));
-  EXPECT_EQ((**gap).gap_bytes, 512U);
-  EXPECT_EQ((**gap).gap_from, tape_time_us(4));
-  EXPECT_EQ((**gap).gap_why, "disk full");
-  EXPECT_EQ((**gap).event, "gap");
+  EXPECT_EQ(*(**gap).event, Event(event::Gap{512, tape_time_us(4), "disk full"}));
   EXPECT_EQ((**gap).event_line, line);
   EXPECT_EQ((**reader.next()).kind, RecordKind::read);
 }

@@ -53,13 +53,13 @@ TEST(TapeSummary, AnAnswerBehindAReopenIsNone) {
   EXPECT_EQ(tape.exchanges, 1U);
   EXPECT_EQ(tape.answered, 0U);
   EXPECT_FALSE(tape.latency);
-  EXPECT_EQ(tape.events.count("open"), 1U);
+  EXPECT_EQ(tape.events.count<event::Open>(), 1U);
 }
 
 TEST(TapeSummary, GapsAreAddedUp) {
   const TapeSummary tape = summary_of(
       {}, {}, "{\"t_us\":1,\"event\":\"gap\",\"bytes\":5}\n{\"t_us\":2,\"event\":\"gap\",\"bytes\":6}\n");
-  EXPECT_EQ(tape.events.count("gap"), 2U);
+  EXPECT_EQ(tape.events.count<event::Gap>(), 2U);
   EXPECT_EQ(tape.events.gap_bytes, 11U);
 }
 

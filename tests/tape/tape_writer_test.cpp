@@ -60,13 +60,13 @@ TEST(TapeWriter, OrderAcrossTheFilesIsTheOrderOfCalls) {
   const TempDir dir;
   const TapePaths paths = literal_tape(dir / "t.log");
   TapeWriter writer = make_writer(paths);
-  writer.open_event(tape_time_us(0));
+  writer.event(tape_time_us(0), event::Open{});
   writer.read_block(tape_time_us(0), as_bytes("a"));
   writer.write_block(tape_time_us(0), as_bytes("b"));
   writer.read_block(tape_time_us(0), as_bytes("c"));
-  writer.mark_event(tape_time_us(0), "here");
+  writer.event(tape_time_us(0), event::Mark{"here"});
   writer.read_block(tape_time_us(1), as_bytes("d"));
-  writer.close_event(tape_time_us(1));
+  writer.event(tape_time_us(1), event::Close{});
   EXPECT_TRUE(writer.finish(tape_time_us(0)));
   EXPECT_THAT(read_tape(paths),
               ElementsAre("open 0", "r 0 a", "w 1 b", "r 2 c", "mark 3", "r 3 d", "close 4", "end 4"));
@@ -124,7 +124,7 @@ TEST(TapeWriter, WhatComesAfterFinishIsCountedAsLost) {
   TapeWriter writer = make_writer(paths);
   EXPECT_TRUE(writer.finish(tape_time_us(1)));
   writer.read_block(tape_time_us(2), as_bytes("late"));
-  writer.mark_event(tape_time_us(2), "late");
+  writer.event(tape_time_us(2), event::Mark{"late"});
   EXPECT_EQ(writer.bytes_lost(), 4U);
   EXPECT_THAT(read_tape(paths), ElementsAre("end 1"));
 }
@@ -199,7 +199,7 @@ TEST(TapeWriter, TheEndTellsWhatTheFilesHold) {
   const TapePaths paths = literal_tape(dir / "t.log");
   {
     TapeWriter writer = make_writer(paths);
-    writer.half_close_event(tape_time_us(1), Side::driver);
+    writer.event(tape_time_us(1), event::HalfClose{Side::driver});
     writer.read_block(tape_time_us(2), as_bytes("VV"));
     writer.read_block(tape_time_us(3), as_bytes("\n"));
   }
@@ -236,8 +236,8 @@ TEST(TapeWriter, MarksWithAnyBytesStayReadable) {
   const TapePaths paths = literal_tape(dir / "t.log");
   {
     TapeWriter writer = make_writer(paths);
-    writer.mark_event(tape_time_us(1), std::string_view("\"\\\n\0\x80\xc3\xa9", 7));
-    writer.mark_event(tape_time_us(2), std::string(1'000'000, '\x01'));
+    writer.event(tape_time_us(1), event::Mark{std::string("\"\\\n\0\x80\xc3\xa9", 7)});
+    writer.event(tape_time_us(2), event::Mark{std::string(1'000'000, '\x01')});
   }
   EXPECT_THAT(read_tape(paths), ElementsAre("mark 1", "mark 2", "end 2"));
   EXPECT_THAT(text_of(paths.events), HasSubstr("\"text\":\"\\\"\\\\\\n\\u0000\xEF\xBF\xBD\xc3\xa9\"}"));

@@ -66,7 +66,7 @@ class RecordingTest : public testing::Test {
                                : r.kind == RecordKind::open    ? "open"
                                : r.kind == RecordKind::close   ? "close"
                                : r.kind == RecordKind::hang_up ? "hang-up"
-                                                               : std::string(r.event);
+                                                               : std::string(name_of(*r.event));
       text += fmt::format("{}@{} ", what, to_us(r.at));
     }
   }

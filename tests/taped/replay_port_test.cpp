@@ -9,7 +9,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "libport/tape/events.hpp"
+#include "libport/tape/event.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
 #include "tests/support/tape_bytes.hpp"
@@ -123,7 +123,7 @@ TEST_F(ReplayPortTest, AStallDuringTheRunIsADoubt) {
 TEST_F(ReplayPortTest, AFlushOfTheDriverDropsWhatIsDueAndUnread) {
   test::write_file(dir / "t.logw", test::block_bytes({{0, "ask"}}));
   test::write_file(dir / "t.logr", test::block_bytes({{1, "old"}}));
-  test::write_file(dir / "t.loge", as_bytes(header_line({})));
+  test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{})));
   start();
   port->set_reading(false);
   write("ask");

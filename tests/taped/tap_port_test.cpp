@@ -30,7 +30,7 @@ class Notes final : public LineObserver {
   void block(Direction direction, Instant, ByteView data) override {
     book_->text += (direction == Direction::read ? "r:" : "w:") + std::string(as_text(data)) + " ";
   }
-  void note(Instant, Event) override { book_->text += "event "; }
+  void note(Instant, const Event& event) override { book_->text += std::string(name_of(event)) + " "; }
   void rotate(Instant) override { book_->text += "rotate "; }
   void finish(Instant, std::function<void(bool)> done) override { book_->done = std::move(done); }
 
@@ -61,7 +61,7 @@ TEST_F(TapPortTest, EveryObserverIsToldAllThatPasses) {
   tap.peer_flushed(FlushQueue::in);
   tap.recorder()->rotate();
   tap.close();
-  EXPECT_EQ(one.text, "opened up w:ask r:answer r:a r:bc event rotate closed ");
+  EXPECT_EQ(one.text, "opened up w:ask r:answer r:a r:bc flush rotate closed ");
   EXPECT_EQ(other.text, one.text);
   EXPECT_EQ(device.written, "ask");
   EXPECT_EQ(log.data, "answerabc");

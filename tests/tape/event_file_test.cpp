@@ -1,4 +1,4 @@
-#include "libport/tape/events.hpp"
+#include "libport/tape/event_file.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -21,19 +21,19 @@ std::vector<std::string> events_of(const std::string& text) {
   if (!file) return {"cannot open: " + file.error().message};
   std::vector<std::string> all;
   while (file->next() == EventFile::Step::event) {
-    all.push_back(file->event().kind + " " + std::to_string(to_us(file->event().at)));
+    all.push_back(std::string(name_of(file->event().what)) + " " + std::to_string(to_us(file->event().at)));
   }
   if (file->next() == EventFile::Step::failed) all.push_back("error: " + file->error().message);
   if (file->torn_tail()) all.emplace_back("torn");
   return all;
 }
 
-TEST(Events, UnknownKindsAndKeysAreRead) {
+TEST(EventFile, UnknownKindsAndKeysAreRead) {
   EXPECT_THAT(events_of(kHeader + "{\"new\":{\"deep\":[1,2]},\"t_us\":5,\"event\":\"hyperspace\"}\n"),
               ElementsAre("hyperspace 5"));
 }
 
-TEST(Events, EveryTruncationIsANote) {
+TEST(EventFile, EveryTruncationIsANote) {
   const std::string whole = kHeader + "{\"t_us\":1,\"event\":\"open\"}\n{\"t_us\":2,\"event\":\"close\"}\n";
   for (std::size_t size = 0; size <= whole.size(); ++size) {
     const auto all = events_of(whole.substr(0, size));
@@ -43,7 +43,7 @@ TEST(Events, EveryTruncationIsANote) {
   }
 }
 
-TEST(Events, DamageIsToldWithItsLine) {
+TEST(EventFile, DamageIsToldWithItsLine) {
   const auto second = [](const std::string& line) {
     return events_of(kHeader + line + "\n{\"t_us\":9,\"event\":\"x\"}\n");
   };
@@ -63,12 +63,12 @@ TEST(Events, DamageIsToldWithItsLine) {
   EXPECT_THAT(second(std::string(1000, '[')), ElementsAre(HasSubstr("line 2: not a JSON object")));
 }
 
-TEST(Events, BytesThatAreNotUtf8DoNotBreakIt) {
+TEST(EventFile, BytesThatAreNotUtf8DoNotBreakIt) {
   EXPECT_THAT(events_of(kHeader + "{\"t_us\":5,\"event\":\"mark\",\"text\":\"\xff\xc3\"}\n"),
               ElementsAre("mark 5"));
 }
 
-TEST(Events, OtherFilesAreNotEventsFiles) {
+TEST(EventFile, OtherFilesAreNotEventsFiles) {
   EXPECT_THAT(events_of("hello\n"), ElementsAre(HasSubstr("no porttape-events header")));
   EXPECT_THAT(events_of("{\"format\":\"other\"}\n"), ElementsAre(HasSubstr("no porttape-events header")));
   EXPECT_THAT(events_of("{\"format\":\"porttape-events\",\"version\":2}\n"),
@@ -76,7 +76,7 @@ TEST(Events, OtherFilesAreNotEventsFiles) {
   EXPECT_THAT(events_of(std::string(100'000, 'x')), ElementsAre(HasSubstr("its first line has no end")));
 }
 
-TEST(Events, LinesCrossTheBufferUnharmed) {
+TEST(EventFile, LinesCrossTheBufferUnharmed) {
   std::string text = kHeader;
   std::vector<std::string> expected;
   for (int i = 0; i < 20'000; ++i) {
@@ -86,29 +86,28 @@ TEST(Events, LinesCrossTheBufferUnharmed) {
   EXPECT_EQ(events_of(text), expected);
 }
 
-TEST(Events, WhatIsWrittenIsReadBack) {
-  const std::string text = header_line({"dev\"ice", "driver", "2024", "host", "tool"}) +
-                           event_line(tape_time_us(1), "open") +
-                           gap_line(tape_time_us(7), 12, tape_time_us(3), "No space left on device") +
-                           mark_line(tape_time_us(8), std::string("a\0b\x1b", 4));
-  auto file = EventFile::create(test::memory("t.loge", test::bytes_of(text)));
+TEST(EventFile, WhatIsWrittenIsReadBack) {
+  const std::string open = encode(tape_time_us(1), event::Open{});
+  const std::string mark = encode(tape_time_us(8), event::Mark{std::string("a\0b\x1b", 4)});
+  auto file = EventFile::create(test::memory(
+      "t.loge",
+      test::bytes_of(encode(TapeHeader{"dev\"ice", "driver", "2024", "host", "tool"}) + open + mark)));
   ASSERT_TRUE(file);
   EXPECT_EQ(*file->header(), (TapeHeader{"dev\"ice", "driver", "2024", "host", "tool"}));
   for (int i = 0; i < 2; ++i) {
     ASSERT_EQ(file->next(), EventFile::Step::event);
-    EXPECT_EQ(file->event().kind, "open");
+    EXPECT_EQ(file->event().at, tape_time_us(1));
+    EXPECT_EQ(file->event().what, Event(event::Open{}));
+    EXPECT_EQ(std::string(file->line()) + '\n', open);
     ASSERT_EQ(file->next(), EventFile::Step::event);
-    EXPECT_EQ(file->event().bytes, 12U);
-    EXPECT_EQ(file->event().from, tape_time_us(3));
-    EXPECT_EQ(file->event().why, "No space left on device");
-    ASSERT_EQ(file->next(), EventFile::Step::event);
-    EXPECT_EQ(file->event().text, std::string("a\0b\x1b", 4));
+    EXPECT_EQ(file->event().what, Event(event::Mark{std::string("a\0b\x1b", 4)}));
+    EXPECT_EQ(std::string(file->line()) + '\n', mark);
     EXPECT_EQ(file->next(), EventFile::Step::end);
     file->rewind();
   }
 }
 
-TEST(Events, AZeroEventReplacesTheHeadersZero) {
+TEST(EventFile, AZeroEventReplacesTheHeadersZero) {
   auto file = EventFile::create(test::memory(
       "t.loge",
       test::bytes_of(kHeader + R"({"t_us":0,"event":"zero","wall":"2024","monotonic_us":7,"boot":"b"})"
@@ -119,35 +118,6 @@ TEST(Events, AZeroEventReplacesTheHeadersZero) {
   EXPECT_EQ(file->header()->zero, (TapeZero{"2024", 7, "b"}));
   file->rewind();
   EXPECT_FALSE(file->header()->zero);
-}
-
-TEST(Events, AnEndTellsItsTotalsWhereItHasThem) {
-  const PayloadTotals read{3, 40, 0x0123456789abcdef};
-  const PayloadTotals write{1, 2, std::nullopt};
-  auto file = EventFile::create(test::memory(
-      "t.loge",
-      test::bytes_of(kHeader + end_line(tape_time_us(5), read, write) + event_line(tape_time_us(6), "end"))));
-  ASSERT_TRUE(file);
-  ASSERT_EQ(file->next(), EventFile::Step::event);
-  EXPECT_EQ(file->event().read, read);
-  EXPECT_EQ(file->event().write, write);
-  ASSERT_EQ(file->next(), EventFile::Step::event);
-  EXPECT_FALSE(file->event().read);
-}
-
-TEST(Events, WhatAnEndSaysOddlyIsNotTold) {
-  const auto totals = [](const std::string& read) {
-    auto file = EventFile::create(test::memory(
-        "t.loge", test::bytes_of(kHeader + R"({"t_us":0,"event":"end","read":)" + read + "}\n")));
-    file->next();
-    return file->event().read;
-  };
-  EXPECT_FALSE(totals("7"));
-  EXPECT_FALSE(totals("{}"));
-  EXPECT_FALSE(totals(R"({"blocks":-1,"bytes":1})"));
-  EXPECT_EQ(totals(R"({"blocks":1,"bytes":1,"xxh3":"xyz"})"), (PayloadTotals{1, 1, std::nullopt}));
-  EXPECT_EQ(totals(R"({"blocks":1,"bytes":1,"xxh3":"00000000000000ff","new":1})"),
-            (PayloadTotals{1, 1, 255}));
 }
 
 TEST(JsonText, IsAlwaysWellFormed) {

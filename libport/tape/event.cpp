@@ -1,0 +1,274 @@
+// The lines of the events file, written and read: FORMAT.md, "The events file".
+
+#include "libport/tape/event.hpp"
+
+#include <array>
+#include <charconv>
+#include <span>
+#include <type_traits>
+#include <utility>
+
+#include <boost/json/parse.hpp>
+#include <boost/json/value.hpp>
+
+#include "libport/base/json_object.hpp"
+
+namespace porttape {
+namespace {
+
+namespace json = boost::json;
+
+constexpr std::string_view kFormat = "porttape-events";
+constexpr int kVersion = 1;
+constexpr std::size_t kMaxText = 4096;
+
+// The values that are words on the tape; the place is the value.
+using Words = std::span<const std::string_view>;
+constexpr auto kSides = std::to_array<std::string_view>({"driver", "device"});
+constexpr auto kQueues = std::to_array<std::string_view>({"in", "out", "both"});
+constexpr auto kTransports = std::to_array<std::string_view>({"stream", "datagram"});
+constexpr auto kStamped = std::to_array<std::string_view>({"arrival", "read"});
+
+template <class Value>
+std::optional<Value> value_of(std::string_view word, Words words) {
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    if (words[i] == word) return static_cast<Value>(i);
+  }
+  return std::nullopt;
+}
+
+// Writing.
+
+// Cut between two characters.
+std::string_view shortened(std::string_view text) {
+  if (text.size() <= kMaxText) return text;
+  std::size_t length = kMaxText;
+  while (length > kMaxText - 4 && (static_cast<unsigned char>(text[length]) & 0xC0U) == 0x80U) --length;
+  return text.substr(0, length);
+}
+
+void put(JsonObject& line, std::string_view key, std::string_view text) { line.add(key, shortened(text)); }
+
+void put_if(JsonObject& line, std::string_view key, std::string_view text) {
+  if (!text.empty()) put(line, key, text);
+}
+
+template <class Value>
+void put_word(JsonObject& line, std::string_view key, const std::optional<Value>& value, Words words) {
+  if (value) line.add(key, words[static_cast<std::size_t>(*value)]);
+}
+
+void put(JsonObject& line, const TapeZero& zero) {
+  put(line, "wall", zero.wall);
+  line.add("monotonic_us", zero.monotonic_us);
+  put_if(line, "boot", zero.boot);
+}
+
+void put(JsonObject& line, std::string_view key, const std::optional<PayloadTotals>& totals) {
+  if (!totals) return;
+  JsonObject object;
+  object.add("blocks", totals->blocks).add("bytes", totals->bytes);
+  if (totals->xxh3) object.add("xxh3", digest_text(*totals->xxh3));
+  line.add_raw(key, object.str());
+}
+
+// The keys of each kind; a kind without members has none.
+template <class Kind>
+requires std::is_empty_v<Kind>
+void put(JsonObject&, const Kind&) {}
+void put(JsonObject&, const event::Unknown&) {}
+void put(JsonObject& line, const event::DeviceLost& lost) {
+  put(line, "why", lost.why);
+  if (lost.hung_up) line.add_raw("hung_up", "true");
+}
+void put(JsonObject& line, const event::HalfClose& half_close) {
+  put_word(line, "by", half_close.by, kSides);
+}
+void put(JsonObject& line, const event::Zero& zero) { put(line, zero.zero); }
+void put(JsonObject& line, const event::Flush& flush) { put_word(line, "queue", flush.queue, kQueues); }
+void put(JsonObject& line, const event::Mark& mark) { put(line, "text", mark.text); }
+void put(JsonObject& line, const event::Gap& gap) {
+  line.add("bytes", gap.bytes);
+  if (gap.from) line.add("from_us", to_us(*gap.from));
+  put(line, "why", gap.why);
+}
+void put(JsonObject& line, const event::End& end) {
+  put(line, "read", end.read);
+  put(line, "write", end.write);
+}
+
+// Reading.
+
+// The value of a line; null where the line is no JSON object.
+json::value parse_line(std::string_view line) {
+  json::parse_options options;
+  options.allow_invalid_utf8 = true;
+  json::error_code failed;
+  json::value value = json::parse({line.data(), line.size()}, failed, {}, options);
+  if (failed || !value.is_object()) return nullptr;
+  return value;
+}
+
+std::string text_of(const json::object& object, std::string_view key) {
+  const json::value* value = object.if_contains({key.data(), key.size()});
+  const json::string* text = value == nullptr ? nullptr : value->if_string();
+  return text == nullptr ? std::string() : std::string(text->data(), text->size());
+}
+
+// A whole number that is not negative.
+std::optional<std::int64_t> number_of(const json::object& object, std::string_view key) {
+  const json::value* value = object.if_contains({key.data(), key.size()});
+  const std::int64_t* number = value == nullptr ? nullptr : value->if_int64();
+  if (number == nullptr || *number < 0) return std::nullopt;
+  return *number;
+}
+
+const json::object* object_of(const json::object& object, std::string_view key) {
+  const json::value* value = object.if_contains({key.data(), key.size()});
+  return value == nullptr ? nullptr : value->if_object();
+}
+
+bool is_true(const json::object& object, std::string_view key) {
+  const json::value* value = object.if_contains({key.data(), key.size()});
+  return value != nullptr && value->is_bool() && value->get_bool();
+}
+
+TapeZero zero_of(const json::object& object) {
+  return {text_of(object, "wall"), number_of(object, "monotonic_us").value_or(0), text_of(object, "boot")};
+}
+
+std::optional<std::uint64_t> digest_of(const std::string& hex) {
+  std::uint64_t digest = 0;
+  const auto [end, error] = std::from_chars(hex.data(), hex.data() + hex.size(), digest, 16);
+  if (hex.size() != 16 || error != std::errc() || end != hex.data() + hex.size()) return std::nullopt;
+  return digest;
+}
+
+std::optional<PayloadTotals> totals_of(const json::object* object) {
+  if (object == nullptr) return std::nullopt;
+  const auto blocks = number_of(*object, "blocks");
+  const auto bytes = number_of(*object, "bytes");
+  if (!blocks || !bytes) return std::nullopt;
+  return PayloadTotals{static_cast<std::uint64_t>(*blocks), static_cast<std::uint64_t>(*bytes),
+                       digest_of(text_of(*object, "xxh3"))};
+}
+
+// The keys of each kind, as put() wrote them.
+template <class Kind>
+requires std::is_empty_v<Kind>
+void take(const json::object&, Kind&) {}
+void take(const json::object& line, event::DeviceLost& lost) {
+  lost = {text_of(line, "why"), is_true(line, "hung_up")};
+}
+void take(const json::object& line, event::HalfClose& half_close) {
+  half_close.by = value_of<Side>(text_of(line, "by"), kSides);
+}
+void take(const json::object& line, event::Zero& zero) { zero.zero = zero_of(line); }
+void take(const json::object& line, event::Flush& flush) {
+  flush.queue = value_of<event::Flush::Queue>(text_of(line, "queue"), kQueues);
+}
+void take(const json::object& line, event::Mark& mark) { mark.text = text_of(line, "text"); }
+void take(const json::object& line, event::Gap& gap) {
+  gap.bytes = static_cast<std::uint64_t>(number_of(line, "bytes").value_or(0));
+  if (const auto from = number_of(line, "from_us")) gap.from = tape_time_us(*from);
+  gap.why = text_of(line, "why");
+}
+void take(const json::object& line, event::End& end) {
+  end = {totals_of(object_of(line, "read")), totals_of(object_of(line, "write"))};
+}
+
+// The event of that name among the kinds of the variant.
+template <class... Kinds>
+Event event_of(std::string name, const json::object& line,
+               std::type_identity<std::variant<event::Unknown, Kinds...>>) {
+  Event found;
+  const auto take_if = [&]<class Kind>(std::type_identity<Kind>) {
+    if (name != Kind::kName) return false;
+    take(line, found.emplace<Kind>());
+    return true;
+  };
+  if (!(take_if(std::type_identity<Kinds>()) || ...)) found = event::Unknown{std::move(name)};
+  return found;
+}
+
+}  // namespace
+
+std::string_view name_of(const Event& event) {
+  return std::visit(
+      []<class Kind>(const Kind& kind) -> std::string_view {
+        if constexpr (std::is_same_v<Kind, event::Unknown>) {
+          return kind.kind;
+        } else {
+          return Kind::kName;
+        }
+      },
+      event);
+}
+
+std::string encode(TapeTime at, const Event& event) {
+  JsonObject line;
+  line.add("t_us", to_us(at)).add("event", name_of(event));
+  std::visit([&](const auto& kind) { put(line, kind); }, event);
+  return line.str() + '\n';
+}
+
+std::string encode(const TapeHeader& header) {
+  JsonObject line;
+  line.add("format", kFormat).add("version", kVersion);
+  put(line, "created", header.created);
+  put_if(line, "id", header.id);
+  if (header.zero) {
+    JsonObject zero;
+    put(zero, *header.zero);
+    line.add_raw("zero", zero.str());
+  }
+  put(line, "device", header.device);
+  put(line, "driver", header.driver);
+  put_word(line, "transport", header.transport, kTransports);
+  put_word(line, "stamped", header.stamped, kStamped);
+  if (header.previous) {
+    JsonObject previous;
+    put(previous, "id", header.previous->id);
+    put(previous, "name", header.previous->name);
+    line.add_raw("previous", previous.str());
+  }
+  put(line, "host", header.host);
+  put(line, "tool", header.tool);
+  return line.str() + '\n';
+}
+
+Result<TapeEvent> decode_event(std::string_view line) {
+  const auto damage = [](const char* reason) { return make_error(Errc::damaged_tape, reason); };
+  const json::value value = parse_line(line);
+  const json::object* object = value.if_object();
+  if (object == nullptr) return damage("not a JSON object");
+  const auto at = number_of(*object, "t_us");
+  if (!at) return damage("no t_us, or it is not a number of microseconds");
+  std::string name = text_of(*object, "event");
+  if (name.empty()) return damage("no event");
+  return TapeEvent{tape_time_us(*at), event_of(std::move(name), *object, std::type_identity<Event>())};
+}
+
+Result<TapeHeader> decode_header(std::string_view line) {
+  const json::value value = parse_line(line);
+  const json::object* object = value.if_object();
+  if (object == nullptr || text_of(*object, "format") != kFormat) {
+    return make_error(Errc::not_a_tape, "not an events file: its first line is no porttape-events header");
+  }
+  if (const auto number = number_of(*object, "version"); number != kVersion) {
+    return make_error(Errc::not_a_tape, "an events file of version " +
+                                            (number ? std::to_string(*number) : "?") +
+                                            "; this porttape reads version " + std::to_string(kVersion));
+  }
+  TapeHeader header{text_of(*object, "device"), text_of(*object, "driver"), text_of(*object, "created"),
+                    text_of(*object, "host"),   text_of(*object, "tool"),   text_of(*object, "id")};
+  if (const json::object* zero = object_of(*object, "zero")) header.zero = zero_of(*zero);
+  header.transport = value_of<Transport>(text_of(*object, "transport"), kTransports);
+  header.stamped = value_of<Stamped>(text_of(*object, "stamped"), kStamped);
+  if (const json::object* previous = object_of(*object, "previous")) {
+    header.previous = PreviousTape{text_of(*previous, "id"), text_of(*previous, "name")};
+  }
+  return header;
+}
+
+}  // namespace porttape

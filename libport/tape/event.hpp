@@ -1,0 +1,119 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+
+#include "libport/base/result.hpp"
+#include "libport/base/time.hpp"
+#include "libport/tape/payload_totals.hpp"
+#include "libport/tape/tape_header.hpp"
+
+namespace porttape {
+
+// Who did it.
+enum class Side : std::uint8_t { driver, device };
+
+// The kinds of events, one struct each, as the table of FORMAT.md tells them: kName is the kind's name on the
+// tape, the members are its keys. A key that is not there, or says what no version of this one writes, is
+// nothing, false, 0 or "".
+//
+// A new kind is: its struct here and its place in Event; its keys in event.cpp, both ways; its row in
+// FORMAT.md. Whoever acts on it asks for it by its type.
+namespace event {
+
+struct Open {
+  static constexpr std::string_view kName = "open";
+  friend bool operator==(const Open&, const Open&) = default;
+};
+
+struct Close {
+  static constexpr std::string_view kName = "close";
+  friend bool operator==(const Close&, const Close&) = default;
+};
+
+struct DeviceLost {
+  static constexpr std::string_view kName = "device-lost";
+  std::string why;
+  bool hung_up = false;  // the driver's line broke with it
+  friend bool operator==(const DeviceLost&, const DeviceLost&) = default;
+};
+
+struct DeviceBack {
+  static constexpr std::string_view kName = "device-back";
+  friend bool operator==(const DeviceBack&, const DeviceBack&) = default;
+};
+
+struct HalfClose {
+  static constexpr std::string_view kName = "half-close";
+  std::optional<Side> by;
+  friend bool operator==(const HalfClose&, const HalfClose&) = default;
+};
+
+struct Zero {
+  static constexpr std::string_view kName = "zero";
+  TapeZero zero;
+  friend bool operator==(const Zero&, const Zero&) = default;
+};
+
+struct Flush {
+  static constexpr std::string_view kName = "flush";
+  enum class Queue : std::uint8_t { in, out, both };
+  std::optional<Queue> queue;
+  friend bool operator==(const Flush&, const Flush&) = default;
+};
+
+struct Mark {
+  static constexpr std::string_view kName = "mark";
+  std::string text;
+  friend bool operator==(const Mark&, const Mark&) = default;
+};
+
+struct Gap {
+  static constexpr std::string_view kName = "gap";
+  std::uint64_t bytes = 0;       // of both directions together; 0: only events, or unknown
+  std::optional<TapeTime> from;  // when it began; the event's own time is where the tape goes on
+  std::string why;
+  friend bool operator==(const Gap&, const Gap&) = default;
+};
+
+struct End {
+  static constexpr std::string_view kName = "end";
+  std::optional<PayloadTotals> read;  // what the r and w files hold; nothing where it does not say so
+  std::optional<PayloadTotals> write;
+  friend bool operator==(const End&, const End&) = default;
+};
+
+// A kind that this version does not know. Its keys are in the line only.
+struct Unknown {
+  std::string kind;
+  friend bool operator==(const Unknown&, const Unknown&) = default;
+};
+
+}  // namespace event
+
+using Event = std::variant<event::Unknown, event::Open, event::Close, event::DeviceLost, event::DeviceBack,
+                           event::HalfClose, event::Zero, event::Flush, event::Mark, event::Gap, event::End>;
+
+// An event in its place on a tape.
+struct TapeEvent {
+  TapeTime at{};
+  Event what;
+};
+
+// The kind's name on the tape. Refers to the event.
+std::string_view name_of(const Event& event);
+
+// A line of the events file, newline included; a long text is cut to 4096 bytes.
+std::string encode(TapeTime at, const Event& event);
+std::string encode(const TapeHeader& header);
+
+// A line without its newline. Unknown kinds and keys are no error. The error's message says what is wrong
+// with the line, without its file and number: Errc::damaged_tape; for the header Errc::not_a_tape, as in "an
+// events file of version 2".
+Result<TapeEvent> decode_event(std::string_view line);
+Result<TapeHeader> decode_header(std::string_view line);
+
+}  // namespace porttape

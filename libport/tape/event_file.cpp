@@ -1,0 +1,113 @@
+#include "libport/tape/event_file.hpp"
+
+#include <cstring>
+#include <utility>
+
+namespace porttape {
+
+EventFile::EventFile(std::unique_ptr<ByteSource> source)
+    : source_(std::move(source)), buffer_(std::make_unique_for_overwrite<char[]>(kMaxLine)) {}
+
+Result<EventFile> EventFile::create(std::unique_ptr<ByteSource> source) {
+  EventFile file(std::move(source));
+  if (const auto read = file.read_header(); !read) return read.error();
+  return file;
+}
+
+void EventFile::rewind() {
+  begin_ = end_ = 0;
+  offset_ = line_number_ = 0;
+  event_ = {};
+  line_ = {};
+  ended_ = torn_ = false;
+  error_.reset();
+  if (const auto read = read_header(); !read) fail(read.error());
+}
+
+std::optional<std::string> EventFile::torn_tail() const {
+  if (!torn_) return std::nullopt;
+  return name() + ": the last line (" + std::to_string(line_number_ + 1) +
+         ") is unfinished and does not count";
+}
+
+Error EventFile::damage(const std::string& reason) const {
+  return make_error(Errc::damaged_tape,
+                    name() + " is damaged in line " + std::to_string(line_number_) + ": " + reason);
+}
+
+EventFile::Step EventFile::fail(Error error) {
+  ended_ = true;
+  error_ = std::move(error);
+  return Step::failed;
+}
+
+// The next line without its newline; nothing at the end of the file.
+Result<std::optional<std::string_view>> EventFile::next_line() {
+  for (;;) {
+    const std::string_view unread(buffer_.get() + begin_, end_ - begin_);
+    if (const std::size_t newline = unread.find('\n'); newline != std::string_view::npos) {
+      ++line_number_;
+      begin_ += newline + 1;
+      return std::optional(unread.substr(0, newline));
+    }
+    if (unread.size() == kMaxLine) {
+      ++line_number_;
+      return damage("longer than " + std::to_string(kMaxLine) + " bytes");
+    }
+    std::memmove(buffer_.get(), unread.data(), unread.size());
+    begin_ = 0;
+    end_ = unread.size();
+    const auto got =
+        source_->read_at(offset_, {reinterpret_cast<Byte*>(buffer_.get()) + end_, kMaxLine - end_});
+    if (!got) return got.error();
+    if (*got == 0) {
+      torn_ = end_ > 0;
+      return std::optional<std::string_view>{};
+    }
+    end_ += *got;
+    offset_ += *got;
+  }
+}
+
+Result<void> EventFile::read_header() {
+  const auto line = next_line();
+  if (!line) {
+    if (line.error().code == Errc::io) return line.error();
+    return make_error(Errc::not_a_tape, name() + " is not an events file: its first line has no end");
+  }
+  if (!*line) {
+    ended_ = true;
+    return {};
+  }
+  auto header = decode_header(**line);
+  if (!header) return make_error(header.error().code, name() + " is " + header.error().message);
+  header_ = std::move(*header);
+  return {};
+}
+
+EventFile::Step EventFile::next() {
+  if (ended_) return error_ ? Step::failed : Step::end;
+  const auto line = next_line();
+  if (!line) return fail(line.error());
+  if (!*line) {
+    ended_ = true;
+    return Step::end;
+  }
+  return take(**line);
+}
+
+// Makes the line the current event.
+EventFile::Step EventFile::take(std::string_view line) {
+  auto event = decode_event(line);
+  if (!event) return fail(damage(event.error().message));
+  if (event->at < event_.at) {
+    return fail(damage("time goes back from " + std::to_string(to_us(event_.at)) + " to " +
+                       std::to_string(to_us(event->at)) + " us"));
+  }
+  event_ = std::move(*event);
+  line_ = line;
+  if (const auto* told = std::get_if<event::Zero>(&event_.what)) header_->zero = told->zero;
+  return Step::event;
+}
+
+}  // namespace porttape
