@@ -53,6 +53,9 @@ std::string PortOptions::text(const std::string& option) const {
   return spec == nullptr ? std::string() : std::string(spec->default_value);
 }
 
+std::string PortOptions::name() const { return short_name(*this); }
+std::string PortOptions::spelled() const { return short_spelling(*this); }
+
 double PortOptions::number(const std::string& option) const {
   const std::string value = text(option);
   double number = 0;

@@ -120,13 +120,13 @@ std::string host_and_port(std::string_view host, long port) {
                                                   : fmt::format("[{}]:{}", host, port);
 }
 
-std::string PortOptions::spelled() const {
-  std::string text = name();
-  const ShortForm& form = form_of(*this);
-  const bool listens = &form == &type->listening;
-  for (const auto& [option, value] : values) {
+std::string short_spelling(const PortOptions& options) {
+  std::string text = short_name(options);
+  const ShortForm& form = form_of(options);
+  const bool listens = &form == &options.type->listening;
+  for (const auto& [option, value] : options.values) {
     if (option == form.main || option == form.port || (listens && option == "listen")) continue;
-    const OptionSpec* spec = type->find(option);
+    const OptionSpec* spec = options.type->find(option);
     const bool is_flag = spec != nullptr && spec->kind == OptionSpec::Kind::flag;
     text += ',';
     text += option;
@@ -135,14 +135,14 @@ std::string PortOptions::spelled() const {
   return text;
 }
 
-std::string PortOptions::name() const {
-  const ShortForm& form = form_of(*this);
-  std::string spelled(type->name);
-  if (&form == &type->listening) spelled += kListenSuffix;
-  const std::string main = text(std::string(form.main));
+std::string short_name(const PortOptions& options) {
+  const ShortForm& form = form_of(options);
+  std::string spelled(options.type->name);
+  if (&form == &options.type->listening) spelled += kListenSuffix;
+  const std::string main = options.text(std::string(form.main));
   if (main.empty()) return spelled;
   return fmt::format("{}:{}", spelled,
-                     form.port.empty() ? main : host_and_port(main, integer(std::string(form.port))));
+                     form.port.empty() ? main : host_and_port(main, options.integer(std::string(form.port))));
 }
 
 }  // namespace porttape

@@ -25,6 +25,10 @@ std::pair<std::string, std::string> split_option(std::string_view token);
 Result<std::map<std::string, std::string>> parse_short_spelling(const PortTypes& types,
                                                                 std::string_view spec);
 
+// See PortOptions::name() and spelled().
+std::string short_name(const PortOptions& options);
+std::string short_spelling(const PortOptions& options);
+
 // `HOST:PORT`, an IPv6 address in brackets.
 std::string host_and_port(std::string_view host, long port);
 
