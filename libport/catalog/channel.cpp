@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <utility>
 
 #include "libport/catalog/port_types.hpp"
@@ -44,32 +43,19 @@ std::vector<OptionSpec> replay_options() {
 
 Error usage(std::string message) { return make_error(Errc::usage, std::move(message)); }
 
-// The options with checked values; flags that are off are absent.
-Result<std::map<std::string, std::string>> check_values(const ChannelSpec& spec) {
+// The options with checked values.
+Result<OptionValues> checked_values(const ChannelSpec& spec) {
   const std::vector<OptionSpec> known = channel_options(spec.mode);
-  std::map<std::string, std::string> checked;
-  for (const auto& [name, value] : spec.values) {
-    const auto option = std::ranges::find(known, name, &OptionSpec::name);
-    if (option == known.end()) {
-      std::vector<std::string_view> names;
-      for (const OptionSpec& each : known) names.push_back(each.name);
-      return usage(
-          fmt::format("unknown option '{}' ('{}'); accepted: {}", name, value, fmt::join(names, ", ")));
-    }
-    Result<std::string> good = check_value(*option, value);
-    if (!good) return good.error();
-    if (option->kind != Kind::flag || !good->empty()) checked[name] = std::move(*good);
-  }
+  Result<OptionValues> checked = check_values(known, spec.values);
+  if (!checked) return checked;
   for (const std::string_view required : {"driver", "device", "tape"}) {
     const bool wanted = std::ranges::find(known, required, &OptionSpec::name) != known.end();
-    if (wanted && checked[std::string(required)].empty()) {
+    const auto given = checked->find(std::string(required));
+    if (wanted && (given == checked->end() || given->second.empty()))
       return usage(fmt::format("option '{}' is missing; see --help", required));
-    }
   }
   return checked;
 }
-
-using Values = std::map<std::string, std::string>;
 
 Result<PortOptions> named_port(std::string_view option, const std::string& spec) {
   Result<PortOptions> port = parse_options(port_types(), spec);
@@ -84,7 +70,7 @@ Result<PortSpec> read_port(std::string_view option, Result<PortOptions> written)
   return port;
 }
 
-Result<PortSpec> replay_device(Values values, const PortOptions& driver, bool find) {
+Result<PortSpec> replay_device(OptionValues values, const PortOptions& driver, bool find) {
   auto tape = values.extract("tape");
   values.erase("driver");
   // Datagrams have no close that could end the one run.
@@ -101,7 +87,7 @@ Result<PortSpec> replay_device(Values values, const PortOptions& driver, bool fi
   return PortSpec::read(std::move(*device));
 }
 
-Result<PortOptions> recording_device(const Values& values, Result<PortOptions> device) {
+Result<PortOptions> recording_device(const OptionValues& values, Result<PortOptions> device) {
   if (!device) return device;
   const PortType& type = *device->type;
   if (type.recorded_as.empty()) {
@@ -117,7 +103,7 @@ Result<PortOptions> recording_device(const Values& values, Result<PortOptions> d
   return device;
 }
 
-Result<PortSpec> live_device(const Values& values, bool recorded) {
+Result<PortSpec> live_device(const OptionValues& values, bool recorded) {
   Result<PortOptions> device = named_port("device", values.at("device"));
   if (device && values.contains("wait-device") && device->type->find("wait") != nullptr)
     device->values["wait"] = "1";
@@ -126,7 +112,7 @@ Result<PortSpec> live_device(const Values& values, bool recorded) {
 }
 
 Result<ChannelPorts> ports_of(const ChannelSpec& spec, bool find) {
-  const Result<Values> values = check_values(spec);
+  const Result<OptionValues> values = checked_values(spec);
   if (!values) return values.error();
   Result<PortOptions> driver = named_port("driver", values->at("driver"));
   if (!driver) return driver.error();

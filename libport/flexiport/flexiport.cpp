@@ -8,7 +8,7 @@
 
 #include "libport/catalog/port_types.hpp"
 #include "libport/flexiport/backing.hpp"
-#include "libport/port/short_spelling.hpp"
+#include "libport/port/spelling.hpp"
 
 namespace flexiport {
 namespace {

@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 #include <utility>
 
-#include "libport/port/short_spelling.hpp"
+#include "libport/port/spelling.hpp"
 
 namespace porttape {
 namespace {

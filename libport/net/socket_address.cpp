@@ -11,7 +11,7 @@
 #include <netinet/in.h>
 #include <sys/un.h>
 
-#include "libport/port/short_spelling.hpp"
+#include "libport/port/spelling.hpp"
 
 namespace porttape {
 namespace {

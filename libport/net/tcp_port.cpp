@@ -10,7 +10,7 @@
 
 #include <spdlog/spdlog.h>
 
-#include "libport/port/short_spelling.hpp"
+#include "libport/port/spelling.hpp"
 
 namespace porttape {
 namespace {

@@ -8,7 +8,7 @@
 #include "libport/net/udp_port.hpp"
 #include "libport/net/unix_port.hpp"
 #include "libport/port/port_options.hpp"
-#include "libport/port/short_spelling.hpp"
+#include "libport/port/spelling.hpp"
 
 namespace porttape {
 namespace {

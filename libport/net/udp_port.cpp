@@ -15,7 +15,7 @@
 
 #include <spdlog/spdlog.h>
 
-#include "libport/port/short_spelling.hpp"
+#include "libport/port/spelling.hpp"
 
 namespace porttape {
 namespace {

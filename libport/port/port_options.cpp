@@ -3,34 +3,14 @@
 #include <charconv>
 #include <chrono>
 #include <fmt/format.h>
-#include <fmt/ranges.h>
-#include <ranges>
 #include <utility>
 
-#include "libport/port/short_spelling.hpp"
+#include "libport/port/spelling.hpp"
 
 namespace porttape {
 namespace {
 
-constexpr std::string_view kSeparators = ", \t\n";  // of flexiport's option strings
-
 Error usage(std::string message) { return make_error(Errc::usage, std::move(message)); }
-
-bool is_option_string(std::string_view spec) {
-  for (const std::string_view token : split_tokens(spec, kSeparators)) {
-    if (token.starts_with("type=")) return true;
-  }
-  return false;
-}
-
-std::map<std::string, std::string> option_string(std::string_view spec) {
-  std::map<std::string, std::string> values;
-  for (const std::string_view token : split_tokens(spec, kSeparators)) {
-    auto [key, value] = split_option(token);
-    values[std::move(key)] = std::move(value);
-  }
-  return values;
-}
 
 Error in_port(std::string_view spec, const Error& error) {
   return make_error(error.code, fmt::format("port '{}': {}", spec, error.message));
@@ -76,19 +56,14 @@ Result<unsigned> PortOptions::mode(const std::string& option) const {
 }
 
 Result<PortOptions> parse_options(const PortTypes& types, std::string_view spec) {
-  if (split_tokens(spec, kSeparators).empty()) {
-    return usage(fmt::format("a port is missing; name one as TYPE:MAIN[,option=value…] with a type of {}",
-                             types.names()));
-  }
-  Result<std::map<std::string, std::string>> values = option_string(spec);
-  if (!is_option_string(spec)) values = parse_short_spelling(types, spec);
+  Result<OptionValues> values = read_spelling(types, spec);
   if (!values) return values.error();
   Result<PortOptions> checked = check_options(types, std::move(*values));
   if (!checked) return in_port(spec, checked.error());
   return checked;
 }
 
-Result<PortOptions> check_options(const PortTypes& types, std::map<std::string, std::string> values) {
+Result<PortOptions> check_options(const PortTypes& types, OptionValues values) {
   const auto name = values.extract("type");
   if (!name || name.mapped().empty()) return usage("option 'type' is missing; accepted: " + types.names());
   const PortType* type = types.find(name.mapped());
@@ -98,21 +73,10 @@ Result<PortOptions> check_options(const PortTypes& types, std::map<std::string, 
 }
 
 Result<PortOptions> check_options(PortOptions options) {
-  for (auto it = options.values.begin(); it != options.values.end();) {
-    const OptionSpec* spec = options.type->find(it->first);
-    if (spec == nullptr) {
-      return usage(fmt::format(
-          "unknown option '{}' ('{}') of type {}; accepted: {}", it->first, it->second, options.type->name,
-          fmt::join(options.type->options | std::views::transform(&OptionSpec::name), ", ")));
-    }
-    Result<std::string> value = check_value(*spec, it->second);
-    if (!value) return value.error();
-    if (spec->kind == OptionSpec::Kind::flag && value->empty()) {
-      it = options.values.erase(it);
-    } else {
-      (it++)->second = std::move(*value);
-    }
-  }
+  Result<OptionValues> checked = check_values(options.type->options, std::move(options.values),
+                                              fmt::format(" of type {}", options.type->name));
+  if (!checked) return checked.error();
+  options.values = std::move(*checked);
   if (options.type->complete) options.type->complete(options);
   return options;
 }

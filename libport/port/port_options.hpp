@@ -1,6 +1,5 @@
 #pragma once
 
-#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -14,8 +13,8 @@ namespace porttape {
 // A port as a user writes it: a type and the options that were given, each value checked and in its canonical
 // form. Read into a PortSpec at the edge of the program; only PortType::read asks for single options.
 struct PortOptions {
-  const PortType* type = nullptr;             // of a PortTypes, which outlives it
-  std::map<std::string, std::string> values;  // a boolean option has the value "1" when on; absent when off
+  const PortType* type = nullptr;  // of a PortTypes, which outlives it
+  OptionValues values;             // a boolean option has the value "1" when on; absent when off
 
   [[nodiscard]] bool has(const std::string& option) const { return values.contains(option); }
   // The option's value, or the type's default for it.
@@ -41,7 +40,7 @@ struct PortOptions {
 Result<PortOptions> parse_options(const PortTypes& types, std::string_view spec);
 
 // The same checks for options that came as a map, the type as `type` among them.
-Result<PortOptions> check_options(const PortTypes& types, std::map<std::string, std::string> values);
+Result<PortOptions> check_options(const PortTypes& types, OptionValues values);
 // And for those whose type is known.
 Result<PortOptions> check_options(PortOptions options);
 

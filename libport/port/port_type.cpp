@@ -88,4 +88,21 @@ Result<std::string> check_value(const OptionSpec& option, std::string_view value
   return std::string(value);
 }
 
+Result<OptionValues> check_values(std::span<const OptionSpec> options, OptionValues values,
+                                  std::string_view of) {
+  OptionValues checked;
+  for (auto& [name, value] : values) {
+    const auto option = std::ranges::find(options, name, &OptionSpec::name);
+    if (option == options.end()) {
+      return make_error(Errc::usage,
+                        fmt::format("unknown option '{}' ('{}'){}; accepted: {}", name, value, of,
+                                    fmt::join(options | std::views::transform(&OptionSpec::name), ", ")));
+    }
+    Result<std::string> good = check_value(*option, value);
+    if (!good) return good.error();
+    if (option->kind != Kind::flag || !good->empty()) checked.emplace(name, std::move(*good));
+  }
+  return checked;
+}
+
 }  // namespace porttape

@@ -3,6 +3,7 @@
 #include <any>
 #include <functional>
 #include <limits>
+#include <map>
 #include <memory>
 #include <span>
 #include <string>
@@ -35,6 +36,13 @@ struct OptionSpec {
 // Checks a value and gives its canonical form ("1" and "" for flags). Errc::usage names option, value and
 // what is accepted.
 Result<std::string> check_value(const OptionSpec& option, std::string_view value);
+
+using OptionValues = std::map<std::string, std::string>;
+
+// Checks each value and gives all in their canonical form; a flag that is off is left out. `of` says whose
+// options they are, for the error: Errc::usage for an unknown one too.
+Result<OptionValues> check_values(std::span<const OptionSpec> options, OptionValues values,
+                                  std::string_view of = {});
 
 // The options of a type, and behind them those that all ports have (CommonOptions).
 std::vector<OptionSpec> with_common(std::vector<OptionSpec> options);

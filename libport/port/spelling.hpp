@@ -1,6 +1,5 @@
 #pragma once
 
-#include <map>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -13,17 +12,20 @@ namespace porttape {
 
 inline constexpr std::string_view kListenSuffix = "-listen";
 
+// flexiport's option strings are separated by these.
+inline constexpr std::string_view kSeparators = ", \t\n";
+
 // The parts of a text between any of the separators, empty ones left out.
 std::vector<std::string_view> split_tokens(std::string_view text, std::string_view separators);
 
 // `key=value` or a bare key, which turns a boolean option on.
 std::pair<std::string, std::string> split_option(std::string_view token);
 
-// `TYPE:MAIN[,option=value…]` as options with the type among them; unchecked, an unknown type is left for
-// check_options(). Main parts: `tcp:HOST`, `tcp:HOST:PORT`, `tcp:[::1]:PORT`, `tcp-listen:PORT`,
-// `unix:/path`, `/dev/…`. Errc::usage for a main part that cannot be taken apart.
-Result<std::map<std::string, std::string>> parse_short_spelling(const PortTypes& types,
-                                                                std::string_view spec);
+// `type=TYPE,option=value…` or `TYPE:MAIN[,option=value…]` as options with the type among them; unchecked, an
+// unknown type is left for check_options(). Main parts: `tcp:HOST`, `tcp:HOST:PORT`, `tcp:[::1]:PORT`,
+// `tcp-listen:PORT`, `unix:/path`, `/dev/…`. Errc::usage for nothing at all and for a main part that cannot
+// be taken apart.
+Result<OptionValues> read_spelling(const PortTypes& types, std::string_view spec);
 
 // See PortOptions::name() and spelled().
 std::string short_name(const PortOptions& options);

@@ -1,4 +1,4 @@
-#include "libport/port/short_spelling.hpp"
+#include "libport/port/spelling.hpp"
 
 #include <algorithm>
 #include <fmt/format.h>
@@ -40,9 +40,7 @@ Result<Place> split_place(std::string_view text, bool listen) {
   return Place{host, port};
 }
 
-using Values = std::map<std::string, std::string>;
-
-Result<void> set_main(Values& values, std::string_view main, const ShortForm& form, bool listen) {
+Result<void> set_main(OptionValues& values, std::string_view main, const ShortForm& form, bool listen) {
   if (form.port.empty()) {
     values[std::string(form.main)] = std::string(main);
     return {};
@@ -88,8 +86,10 @@ std::pair<std::string, std::string> split_option(std::string_view token) {
   return {std::string(token.substr(0, equals)), std::string(token.substr(equals + 1))};
 }
 
-Result<Values> parse_short_spelling(const PortTypes& types, std::string_view spec) {
-  Values values;
+namespace {
+
+Result<OptionValues> short_spelled(const PortTypes& types, std::string_view spec) {
+  OptionValues values;
   std::string_view rest = spec;
   std::string_view spelled = "serial";
   if (!spec.starts_with("/dev/")) {
@@ -109,6 +109,25 @@ Result<Values> parse_short_spelling(const PortTypes& types, std::string_view spe
   }
   if (main_end == std::string_view::npos) return values;
   for (const std::string_view token : split_tokens(rest.substr(main_end), ",")) {
+    auto [key, value] = split_option(token);
+    values[std::move(key)] = std::move(value);
+  }
+  return values;
+}
+
+}  // namespace
+
+Result<OptionValues> read_spelling(const PortTypes& types, std::string_view spec) {
+  const std::vector<std::string_view> tokens = split_tokens(spec, kSeparators);
+  if (tokens.empty()) {
+    return make_error(
+        Errc::usage, fmt::format("a port is missing; name one as TYPE:MAIN[,option=value…] with a type of {}",
+                                 types.names()));
+  }
+  const auto names_type = [](std::string_view token) { return token.starts_with("type="); };
+  if (std::ranges::none_of(tokens, names_type)) return short_spelled(types, spec);
+  OptionValues values;
+  for (const std::string_view token : tokens) {
     auto [key, value] = split_option(token);
     values[std::move(key)] = std::move(value);
   }
