@@ -59,7 +59,7 @@ int Daemon::run() {
 }
 
 void Daemon::signalled(int number) {
-  if (number == SIGUSR1) return rotate();
+  if (number == SIGUSR1) return request(RecorderRequest::next_tape);
   if (number == SIGHUP) return hung_up();
   if (number != SIGUSR2) stop();
 }
@@ -68,8 +68,8 @@ void Daemon::stop() {
   for (const auto& [name, channel] : channels_) channel->stop();
 }
 
-void Daemon::rotate() {
-  for (const auto& [name, channel] : channels_) channel->rotate();
+void Daemon::request(RecorderRequest what) {
+  for (const auto& [name, channel] : channels_) channel->request(what);
 }
 
 void Daemon::hung_up() {

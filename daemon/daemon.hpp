@@ -43,7 +43,7 @@ class Daemon {
  private:
   void signalled(int number);
   void stop();
-  void rotate();
+  void request(RecorderRequest what);
   void hung_up();
   void ended(const std::string& name, int exit_status);
 

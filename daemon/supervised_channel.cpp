@@ -78,8 +78,8 @@ void SupervisedChannel::stop() {
   }
 }
 
-void SupervisedChannel::rotate() {
-  if (session_) session_->rotate();
+void SupervisedChannel::request(RecorderRequest what) {
+  if (session_) session_->request(what);
 }
 
 void SupervisedChannel::session_ended(int exit_status) {

@@ -33,7 +33,7 @@ class SupervisedChannel {
   // The error is this channel's end, and on_end does not come; none with `retries`.
   Result<void> start();
   void stop();  // as Session::stop()
-  void rotate();
+  void request(RecorderRequest what);
 
  private:
   Result<void> start_session();

@@ -95,12 +95,10 @@ Result<void> TestRun::start_session() {
   Result<std::unique_ptr<Session>> made = make_session({&loop_, log_}, ports, [this](int status) {
     session_status_ = status;
     opens_ = session_->counters().opens;
-    device_ = nullptr;
     session_.reset();
   });
   if (!made) return made.error();
   session_ = std::move(*made);
-  device_ = &dynamic_cast<ReplayPort&>(session_->device());
   return session_->start();
 }
 
@@ -153,7 +151,7 @@ bool TestRun::line_is_idle() {
   if (!session_) return true;
   const Session::Counters& counters = session_->counters();
   const std::uint64_t bytes = counters.from_driver_bytes + counters.to_driver_bytes + counters.opens;
-  return std::exchange(seen_bytes_, bytes) == bytes && !device_->next_due();
+  return std::exchange(seen_bytes_, bytes) == bytes && !session_->device().waiting()->next_due();
 }
 
 void TestRun::look_whether_idle() {
@@ -164,7 +162,7 @@ void TestRun::look_whether_idle() {
 }
 
 void TestRun::end_idle_command() {
-  const std::string awaits = session_ ? device_->waiting()->awaits() : std::string();
+  const std::string awaits = session_ ? session_->device().waiting()->awaits() : std::string();
   notes_.push_back(
       fmt::format("for {} s nothing was due, nothing came and the command slept, so it was ended; "
                   "--timeout 0 lets it sleep",

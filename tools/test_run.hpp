@@ -63,7 +63,6 @@ class TestRun {
   Loop loop_;
   std::shared_ptr<spdlog::logger> log_;
   std::unique_ptr<Session> session_;
-  ReplayPort* device_ = nullptr;  // the session's
   std::unique_ptr<ChildProcess> command_;
   std::optional<RunReport> report_;  // of the run that counts
   std::optional<RunReport> look_;    // of a driver that only looked

@@ -10,6 +10,8 @@
 namespace porttape {
 namespace {
 
+// A wrapper for all ports goes around each before those that record are made, so that it stands between the
+// tape and the device.
 std::vector<PortType> all_types() {
   std::vector<PortType> types = {serial_type(), pty_type(), logreader_type(),
                                  tcp_type(),    udp_type(), unix_type()};

@@ -77,6 +77,7 @@ class StreamPort : public Port, private WaitingCalls, private StreamLine::Owner 
   [[nodiscard]] std::size_t unsent() override { return *unread_by_peer(); }
   bool discard() override;
   [[nodiscard]] std::string awaits() override { return {}; }
+  [[nodiscard]] std::optional<Instant> next_due() override { return std::nullopt; }
 
   void line_data(ByteView data) override;
   void line_drained() override;

@@ -25,7 +25,7 @@ void ForwardingPort::hang_up(bool after_reading) { inner_->hang_up(after_reading
 void ForwardingPort::read_pending() { inner_->read_pending(); }
 void ForwardingPort::peer_flushed(FlushQueue queue) { inner_->peer_flushed(queue); }
 void ForwardingPort::finish() { inner_->finish(); }
-WaitingCalls* ForwardingPort::waiting() { return inner_->waiting(); }
+WaitingCalls* ForwardingPort::waiting() { return inner_->waiting() == nullptr ? nullptr : this; }
 Recorder* ForwardingPort::recorder() { return inner_->recorder(); }
 bool ForwardingPort::passive() const { return inner_->passive(); }
 bool ForwardingPort::keeps_datagrams() const { return inner_->keeps_datagrams(); }
@@ -45,9 +45,15 @@ bool ForwardingPort::wants_rest() { return listener().wants_rest(); }
 void ForwardingPort::on_interrupted(const LineDown& down) { listener().on_interrupted(down); }
 void ForwardingPort::on_resumed() { listener().on_resumed(); }
 void ForwardingPort::on_flush(FlushQueue queue) { listener().on_flush(queue); }
-void ForwardingPort::on_settings(const LineSettings& settings) { listener().on_settings(settings); }
+void ForwardingPort::on_settings(const SeenSettings& settings) { listener().on_settings(settings); }
 void ForwardingPort::on_dropped(std::uint64_t bytes, std::string_view why) {
   listener().on_dropped(bytes, why);
 }
+
+std::size_t ForwardingPort::write_some(ByteView data) { return inner_->waiting()->write_some(data); }
+std::size_t ForwardingPort::unsent() { return inner_->waiting()->unsent(); }
+bool ForwardingPort::discard() { return inner_->waiting()->discard(); }
+std::string ForwardingPort::awaits() { return inner_->waiting()->awaits(); }
+std::optional<Instant> ForwardingPort::next_due() { return inner_->waiting()->next_due(); }
 
 }  // namespace porttape

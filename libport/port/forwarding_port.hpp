@@ -12,10 +12,11 @@
 
 namespace porttape {
 
-// A port around another, which it owns: passes on every call of both interfaces. A wrapper (a tap, a fault, a
-// filter) derives from it, overrides what it means and calls the function of this class to pass on. A call
-// that is new in Port or PortListener is added here, and no wrapper forgets it.
-class ForwardingPort : public Port, protected PortListener {
+// A port around another, which it owns: passes on every call of Port, PortListener and WaitingCalls. A
+// wrapper (a tap, a fault, a filter) derives from it, overrides what it means and calls the function of this
+// class to pass on: one that changes what is written overrides write() and write_some(), which BlockingPort
+// calls. A call that is new in an interface is added here, and no wrapper forgets it.
+class ForwardingPort : public Port, protected PortListener, protected WaitingCalls {
  public:
   explicit ForwardingPort(std::unique_ptr<Port> inner);
 
@@ -34,6 +35,7 @@ class ForwardingPort : public Port, protected PortListener {
   void read_pending() override;
   void peer_flushed(FlushQueue queue) override;
   void finish() override;
+  // This, where the inner port has it.
   [[nodiscard]] WaitingCalls* waiting() override;
   [[nodiscard]] Recorder* recorder() override;
   [[nodiscard]] bool passive() const override;
@@ -56,8 +58,15 @@ class ForwardingPort : public Port, protected PortListener {
   void on_interrupted(const LineDown& down) override;
   void on_resumed() override;
   void on_flush(FlushQueue queue) override;
-  void on_settings(const LineSettings& settings) override;
+  void on_settings(const SeenSettings& settings) override;
   void on_dropped(std::uint64_t bytes, std::string_view why) override;
+
+  // Called only where the inner port has them.
+  std::size_t write_some(ByteView data) override;
+  [[nodiscard]] std::size_t unsent() override;
+  bool discard() override;
+  [[nodiscard]] std::string awaits() override;
+  [[nodiscard]] std::optional<Instant> next_due() override;
 
  private:
   std::unique_ptr<Port> inner_;

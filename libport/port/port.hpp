@@ -9,6 +9,7 @@
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/result.hpp"
+#include "libport/base/time.hpp"
 #include "libport/port/line_settings.hpp"
 
 namespace porttape {
@@ -19,11 +20,11 @@ struct LineDown {
     closed,  // the peer closed it, as peers do
     failed,  // open() could not bring it up
     lost,    // the device went away while open
-    hung_up  // the device broke the line on purpose (a replay's hang-up)
+    hung_up  // hang_up() was called, or the device of a tape broke the line
   };
   Reason reason = Reason::closed;
   Error error;                 // what, where and what to do, for failed and lost
-  bool after_reading = false;  // the peer of the other end should read what was delivered before it sees this
+  bool after_reading = false;  // to be given to hang_up() of the session's other port
 };
 
 // Which bytes a flush drops, as the one who flushes sees them.
@@ -81,7 +82,7 @@ class PortListener {
   // written and was not sent, or both.
   virtual void on_flush(FlushQueue) {}
   // The peer has changed the settings of its line.
-  virtual void on_settings(const LineSettings&) {}
+  virtual void on_settings(const SeenSettings&) {}
   // So many bytes, taken by write() or come from the peer, reached nobody.
   virtual void on_dropped(std::uint64_t bytes, std::string_view why) {
     (void)bytes;
@@ -92,8 +93,8 @@ class PortListener {
   ~PortListener() = default;
 };
 
-// What a program that waits in its calls asks of a port besides (BlockingPort). A port without it takes all
-// that is written and keeps nothing that could be dropped.
+// What a program that waits in its calls asks of a port besides (BlockingPort, `porttape test`). A port
+// without it takes all that is written and keeps nothing that could be dropped.
 class WaitingCalls {
  public:
   // Takes only what can be sent at once and gives how much that was. After less than all, on_drained() comes
@@ -107,16 +108,22 @@ class WaitingCalls {
   // What is to happen first, where nothing can come until the caller does something; for one who would wait
   // for ever. Empty: nothing.
   [[nodiscard]] virtual std::string awaits() = 0;
+  // When it will do something by itself; none while only the caller can move things on.
+  [[nodiscard]] virtual std::optional<Instant> next_due() = 0;
 
  protected:
   ~WaitingCalls() = default;
 };
 
+// What a user asks of those who record, while they do.
+enum class RecorderRequest : std::uint8_t {
+  next_tape  // ends the tape and begins another
+};
+
 // What records a line.
 class Recorder {
  public:
-  // Starts the next tape.
-  virtual void rotate() = 0;
+  virtual void request(RecorderRequest what) = 0;
   // So many bytes of the session reached nobody at the line's other end.
   virtual void note_gap(std::uint64_t bytes, std::string_view why) = 0;
 

@@ -6,6 +6,7 @@
 
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
+#include "libport/port/line_settings.hpp"
 #include "libport/port/port_type.hpp"
 
 namespace porttape {
@@ -75,7 +76,7 @@ class PortSpec {
   // With what no text says (callbacks, say). `options` is of its type.
   template <class Options>
   void set(Options options) {
-    options_ = TypedOptions::of(std::move(options));
+    options_.set(std::move(options));
   }
 
  private:
@@ -86,6 +87,10 @@ class PortSpec {
   CommonOptions common_;
   TypedOptions options_;
 };
+
+// The options of a serial line, for types that have one, and what they say.
+std::vector<OptionSpec> line_setting_options();
+LineSettings line_settings(const PortOptions& written);
 
 // Both: text to spec.
 Result<PortSpec> parse_port(const PortTypes& types, std::string_view spec);

@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <typeinfo>
 #include <utility>
 #include <vector>
 
@@ -53,29 +54,40 @@ struct ShortForm {
   std::string_view port = {};
 };
 
-// The struct of one type's options, which `make` of that type knows.
+// Options as structs: one that `make` of the type knows, and one for each wrapper that the type was given.
 class TypedOptions {
  public:
   template <class Options>
   static TypedOptions of(Options options) {
     TypedOptions typed;
-    typed.value_ = std::move(options);
+    typed.set(std::move(options));
     return typed;
   }
-  // Null where it is another type's.
+  // Adds the struct, or replaces the one of its type.
+  template <class Options>
+  void set(Options options) {
+    std::erase_if(structs_, [](const std::any& each) { return each.type() == typeid(Options); });
+    structs_.emplace_back(std::move(options));
+  }
+  // Null where there is none of that type.
   template <class Options>
   [[nodiscard]] const Options* get() const {
-    return std::any_cast<Options>(&value_);
+    for (const std::any& each : structs_) {
+      if (const auto* found = std::any_cast<Options>(&each)) return found;
+    }
+    return nullptr;
   }
 
  private:
   TypedOptions() = default;
-  std::any value_;
+  std::vector<std::any> structs_;
 };
 
 // All that is known of a port type, in one place: how it is spelled, its options, and what is made of them.
 // Each room with ports gives its own (tty/types.hpp, net/types.hpp, taped/types.hpp); `catalog` has the
-// table.
+// table. A wrapper for any port is a function from a PortType to one: it adds its options, puts a `read`
+// around the type's that sets its own struct beside the type's, and a `make` that wraps what the type's
+// makes.
 struct PortType {
   std::string_view name;
   ShortForm form;
@@ -84,7 +96,7 @@ struct PortType {
   ShortForm listening = {};           // of `NAME-listen:`, which also sets `listen`; none: no such spelling
   std::string_view recorded_as = {};  // the type that keeps a tape of it; none: it cannot be recorded
   std::string_view records = {};      // the type that it keeps a tape of
-  bool keeps_datagrams = false;       // no close of the line ends a session
+  bool keeps_datagrams = false;       // each write is one; such lines have no close
 
   // The options as the struct that `make` takes, checked against each other. Errc::usage. The values have
   // been checked one by one.

@@ -14,10 +14,11 @@ namespace porttape {
 // one it is.
 //
 // How tape and driver are cut is chance: a stretch may end inside what the rule is about, and the driver's
-// bytes may come one by one. So hold() is asked again with what neither call used up, and its answer hangs on
-// the place on the tape and the bytes alone. A field that came longer is taken by using bytes that came and
-// none of the tape's until its end shows; one that came shorter, by using the tape's and none that came.
-// Behind a gap the place is found by equal bytes alone (GapSearch), whatever may vary.
+// bytes may come one by one. So hold() is called again with what is left of each side. It keeps nothing
+// between calls: its answer depends only on the place on the tape and the bytes given. A field that came
+// longer is taken by using bytes that came and none of the tape's until its end shows; one that came shorter,
+// by using the tape's and none that came. Behind a gap the place is found by equal bytes alone (GapSearch),
+// whatever may vary.
 class Expectation {
  public:
   // Recorded bytes in a row, all of one block; never empty.

@@ -10,7 +10,7 @@ namespace porttape {
 // The clock that sessions of a replay begin on. A player's own is set anew by each session: the tape's time
 // there is the time of the driver's open. A shared one is set by the first session of any of its players, and
 // all others join it: what several tapes recorded at one time, they play at one time, whenever each driver
-// opens. What is due by it before a driver's open is due at that open.
+// opens. What the clock has passed already when a driver opens comes at once.
 //
 // It gives each session a Timeline. That is the session's own from then on: a gate that opens sets off what
 // follows it on its own tape, and no other player's.

@@ -39,6 +39,7 @@ struct Session::DriverSide final : PortListener {
   void on_finished(int exit_status) override { session.finished(exit_status); }
   void on_complete(int) override { session.driver_complete(); }
   void on_flush(FlushQueue queue) override { session.driver_flushed(queue); }
+  void on_settings(const SeenSettings& seen) override { session.driver_settings(seen); }
   Answers on_ended() override { return session.driver_ended(); }
   bool wants_rest() override {
     return session.device_state_ != DeviceState::closed && session.end_.takes_in();
@@ -427,6 +428,14 @@ void Session::complete() {
   end_timer_.cancel();
   tell_dropped();
   context_.loop->post([this] { on_end_(exit_status_); });
+}
+
+// The device's line follows the driver's.
+void Session::driver_settings(const SeenSettings& seen) {
+  const std::optional<LineSettings> now = device_->settings();
+  if (!now || seen.over(*now) == *now) return;
+  if (const Result<void> set = device_->apply(seen.over(*now)); !set)
+    context_.log->warn("{}; the device keeps its settings", set.error().message);
 }
 
 void Session::driver_flushed(FlushQueue queue) {

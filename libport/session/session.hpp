@@ -75,9 +75,8 @@ class Session {
   // Passes on what has come in, completes tape and report, ends. Called again: ends at once.
   void stop();
 
-  // Starts the next tape.
-  void rotate() {
-    if (Recorder* recorder = device_->recorder()) recorder->rotate();
+  void request(RecorderRequest what) {
+    if (Recorder* recorder = device_->recorder()) recorder->request(what);
   }
 
   [[nodiscard]] const Counters& counters() const { return counters_; }
@@ -116,6 +115,7 @@ class Session {
   void tell_dropped();
   void finished(int exit_status);
   void driver_flushed(FlushQueue queue);
+  void driver_settings(const SeenSettings& seen);
   void device_complete(int exit_status);
   void driver_complete();
 

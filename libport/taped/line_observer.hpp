@@ -6,6 +6,7 @@
 #include "libport/base/bytes.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
+#include "libport/port/port.hpp"
 #include "libport/tape/event.hpp"
 #include "libport/tape/record.hpp"
 
@@ -30,8 +31,8 @@ class LineObserver {
   // An event, in its place among the blocks.
   virtual void note(Instant at, const Event& event) = 0;
 
-  // Begins the next tape, where it keeps one.
-  virtual void rotate(Instant at) = 0;
+  // A user asks for something; what it does not know of is not for it.
+  virtual void request(Instant at, RecorderRequest what) = 0;
   // The last call. `done` comes once, from within or later and in bounded time: with whether it has kept
   // everything that passed.
   virtual void finish(Instant at, std::function<void(bool complete)> done) = 0;

@@ -104,7 +104,9 @@ Result<void> ReplayPort::prepare() {
   reports_ = std::make_unique<ReplayReports>(
       context_, ReplayReports::Options{options_.tape, options_.report_file, facts->totals},
       [this](const RunReport& report) { publish(report); });
-  engine_ = std::make_unique<Engine>(options_.config, *facts, *schedule_, *writes_, options_.parts);
+  engine_ = std::make_unique<Engine>(
+      options_.config, *facts, *schedule_, *writes_,
+      Engine::Parts{options_.expectation.get(), options_.clock.get(), options_.tape_begin});
   return {};
 }
 

@@ -24,11 +24,14 @@ class ReplayPort final : public Port, private WaitingCalls {
     ReplayConfig config;
     bool once = false;
     std::string report_file = {};
-    Engine::Parts parts = {};  // a clock that others have too, what of a write may vary; outlive the port
+    std::shared_ptr<const Expectation> expectation = {};  // what of a write may vary; null: nothing
+    // That other ports play by too, with its rate instead of the one in `config`; null: one of its own.
+    std::shared_ptr<ReplayClock> clock = {};
+    Micros tape_begin{};                                   // of this tape, by the clock's tape time
     std::function<void(const RunReport&)> on_report = {};  // each run's, or empty
     bool report_unopened = false;  // a run that no driver began gets its report at the end, as with `once`
     // The program ends soon, and has no other ports: where the tape has no reopen, opens are looked for in
-    // the first moments instead of being told by the kernel, whose events take long to give up.
+    // the first 30 ms instead of being told by inotify, which takes the kernel some 15 ms to close.
     bool brief = false;
   };
 
@@ -59,11 +62,6 @@ class ReplayPort final : public Port, private WaitingCalls {
   void finish() override;
   [[nodiscard]] std::string name() const override { return "logreader:" + options_.tape.name(); }
 
-  // When it will do something by itself; nothing while only the driver can move things on.
-  [[nodiscard]] std::optional<Instant> next_due() const {
-    return engine_ ? engine_->next_deadline() : std::nullopt;
-  }
-
   // The latest run's, once it is complete.
   [[nodiscard]] const std::optional<RunReport>& report() const { return report_; }
 
@@ -77,6 +75,9 @@ class ReplayPort final : public Port, private WaitingCalls {
   // behind a slow reader.
   bool discard() override;
   [[nodiscard]] std::string awaits() override;
+  [[nodiscard]] std::optional<Instant> next_due() override {
+    return engine_ ? engine_->next_deadline() : std::nullopt;
+  }
 
   void pump();
   [[nodiscard]] Instant pump_time(Instant now) const;

@@ -48,13 +48,13 @@ void TapPort::write(ByteView data) {
 
 std::size_t TapPort::write_some(ByteView data) {
   const Instant at = now_();
-  const std::size_t sent = inner().waiting()->write_some(data);
+  const std::size_t sent = ForwardingPort::write_some(data);
   block(Direction::write, at, data.first(sent));
   return sent;
 }
 
 bool TapPort::discard() {
-  const bool dropped = inner().waiting()->discard();
+  const bool dropped = ForwardingPort::discard();
   if (dropped) note_flush(FlushQueue::both);
   return dropped;
 }
@@ -115,9 +115,9 @@ void TapPort::on_dropped(std::uint64_t bytes, std::string_view why) {
   ForwardingPort::on_dropped(bytes, why);
 }
 
-void TapPort::rotate() {
+void TapPort::request(RecorderRequest what) {
   const Instant now = now_();
-  for (const auto& observer : observers_) observer->rotate(now);
+  for (const auto& observer : observers_) observer->request(now, what);
 }
 
 void TapPort::finish() {

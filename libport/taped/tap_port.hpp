@@ -15,7 +15,7 @@ namespace porttape {
 
 // A port around another that tells observers what passes: stamps bytes and events, and passes them on first.
 // Owns them. With a TapeKeeper among them it records.
-class TapPort final : public ForwardingPort, private WaitingCalls, private Recorder {
+class TapPort final : public ForwardingPort, private Recorder {
  public:
   TapPort(std::unique_ptr<Port> inner, Instant (*now)() = &Loop::now);
 
@@ -31,15 +31,12 @@ class TapPort final : public ForwardingPort, private WaitingCalls, private Recor
   bool end_writing() override;
   void peer_flushed(FlushQueue queue) override;
   void finish() override;
-  [[nodiscard]] WaitingCalls* waiting() override { return inner().waiting() == nullptr ? nullptr : this; }
   [[nodiscard]] Recorder* recorder() override { return this; }
 
  private:
   std::size_t write_some(ByteView data) override;
-  [[nodiscard]] std::size_t unsent() override { return inner().waiting()->unsent(); }
   bool discard() override;
-  [[nodiscard]] std::string awaits() override { return inner().waiting()->awaits(); }
-  void rotate() override;
+  void request(RecorderRequest what) override;
   void note_gap(std::uint64_t bytes, std::string_view why) override;
 
   void on_up() override;

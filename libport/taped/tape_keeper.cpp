@@ -211,6 +211,11 @@ void TapeKeeper::watch_disk() {
   if (silence >= kFailClosedSilence) must_end();
 }
 
+void TapeKeeper::request(Instant at, RecorderRequest what) {
+  if (what == RecorderRequest::next_tape) rotate(at);
+}
+
+// The next tape's zero is `now`. Nothing to do before the first open.
 void TapeKeeper::rotate(Instant now) {
   if (!begun_) return;
   if (tape_) {

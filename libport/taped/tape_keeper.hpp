@@ -45,8 +45,7 @@ class TapeKeeper final : public LineObserver {
   void closed(Instant at) override;
   void block(Direction direction, Instant at, ByteView data) override;
   void note(Instant at, const Event& event) override;
-  // Ends the tape and begins the next one, whose zero is `now`. Nothing to do before the first open.
-  void rotate(Instant now) override;
+  void request(Instant at, RecorderRequest what) override;
   // `done` comes after kEndLimit at the latest.
   static constexpr std::chrono::seconds kEndLimit{10};
   void finish(Instant now, std::function<void(bool complete)> done) override;
@@ -55,6 +54,7 @@ class TapeKeeper final : public LineObserver {
   struct Ending;
 
   void begin();
+  void rotate(Instant now);
   void start();
   void end_current(Instant now);
   void on_news();

@@ -236,7 +236,7 @@ void PtyPort::peer_arrived(Openers openers) {
   openers_ = openers;
   context_.log->debug("{}: opened", name());
   watch_reading();
-  context_.loop->sampler().add(this, [this] { renew_mark(line_->pty.master()); });
+  context_.loop->sampler().add(this, [this] { set_echonl_again(line_->pty.master()); });
   set_up(true);
 }
 

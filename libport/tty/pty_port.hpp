@@ -26,20 +26,20 @@ struct PtyOptions {
 //
 // Sessions are made of what is known of the openers:
 //
-// | what is seen                          | openers before | then                                          |
-// |---------------------------------------|----------------|-----------------------------------------------|
-// | an open                               | no session     | a session begins                              |
-// | an open                               | 0              | closed and opened again: one ends, one begins |
-// | an open                               | 1 or more      | one more, the session goes on                 |
-// | an open                               | unknown        | the session goes on                           |
-// | a close                               | known          | one less; that nobody is left, HUP says       |
-// | HUP and no byte left (read gives EIO) | any            | the session ends; opens after that last close |
-// |                                       |                | begin the next                                |
-// | no HUP, no session                    | 0, or lost     | where events were lost, or opens cannot be    |
-// |                                       |                | told one by one: a session begins             |
-//
-// | HUP, and reading is off              | any            | what is left is kept 10 s for a device that   |
-// |                                       |                | comes, then dropped and told; the session ends |
+// | what is seen                      | openers before | then                                             |
+// |-----------------------------------|----------------|--------------------------------------------------|
+// | an open                           | no session     | a session begins                                 |
+// | an open                           | 0              | closed and opened again: one ends, one begins    |
+// | an open                           | 1 or more      | one more, the session goes on                    |
+// | an open                           | unknown        | the session goes on                              |
+// | a close                           | known          | one less; that nobody is left, HUP says          |
+// | HUP, no byte left (read: EIO)     | any            | the session ends; opens after that last close    |
+// |                                   |                | begin the next                                   |
+// | HUP, and reading is off           | any            | what is left is kept 10 s for a device that      |
+// |                                   |                | comes, then dropped and told; the session ends   |
+// | no HUP and no session, where      | 0, or lost     | a session begins                                 |
+// | events were lost or opens cannot  |                |                                                  |
+// | be told one by one                |                |                                                  |
 //
 // Their number is exact where each open and close is told (Pty::exact). It is unknown after an open that may
 // stand for several, after lost events, and for a session that was found without an event. HUP, which the

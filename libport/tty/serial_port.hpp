@@ -59,6 +59,7 @@ class SerialPort final : public Port, private WaitingCalls {
   [[nodiscard]] std::size_t unsent() override { return *unread_by_peer(); }
   bool discard() override;
   [[nodiscard]] std::string awaits() override { return {}; }
+  [[nodiscard]] std::optional<Instant> next_due() override { return std::nullopt; }
 
   struct Line {
     Line(SerialPort& port, UniqueFd opened);

@@ -107,7 +107,7 @@ Result<void> make_pty_raw(int fd) {
   return {};
 }
 
-void renew_mark(int fd) {
+void set_echonl_again(int fd) {
   termios2 tio{};
   if (::ioctl(fd, TCGETS2, &tio) != 0 || (tio.c_lflag & (ICANON | ECHONL)) != 0) return;
   tio.c_lflag |= ECHONL;

@@ -21,7 +21,7 @@ Result<std::string> apply_settings(int fd, const LineSettings& settings);
 Result<void> make_pty_raw(int fd);
 
 // Sets ECHONL again after a driver has cleared it, if ICANON is off. Cheap when there is nothing to do.
-void renew_mark(int fd);
+void set_echonl_again(int fd);
 
 // Sets or clears a modem line (TIOCM_DTR, TIOCM_RTS). Ptys have none: ENOTTY.
 Result<void> set_modem_line(int fd, int line, bool on);

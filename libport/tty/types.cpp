@@ -1,5 +1,7 @@
 #include "libport/tty/types.hpp"
 
+#include <algorithm>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <string>
@@ -13,27 +15,13 @@ namespace {
 
 using Kind = OptionSpec::Kind;
 
-constexpr double kMaxBaud = 4'294'967'295.0;  // termios2 keeps speeds in 32 bits
-
-LineSettings settings_of(const PortOptions& written) {
-  const std::string parity = written.text("parity");
-  return {.baud = static_cast<unsigned>(written.integer("baud")),
-          .data_bits = static_cast<unsigned>(written.integer("databits")),
-          .parity = parity == "even"  ? Parity::even
-                    : parity == "odd" ? Parity::odd
-                                      : Parity::none,
-          .stop_bits = static_cast<unsigned>(written.integer("stopbits")),
-          .hw_flow = written.flag("hwflowctrl"),
-          .sw_flow = written.flag("swflowctrl")};
-}
-
 std::optional<bool> on_or_off(const PortOptions& written, const std::string& option) {
   return written.has(option) ? std::optional(written.text(option) == "on") : std::nullopt;
 }
 
 Result<SerialOptions> serial_options(const PortOptions& written) {
   return SerialOptions{.device = written.text("device"),
-                       .settings = settings_of(written),
+                       .settings = line_settings(written),
                        .dtr = on_or_off(written, "dtr"),
                        .rts = on_or_off(written, "rts"),
                        .wait = written.flag("wait")};
@@ -51,18 +39,14 @@ Result<PtyOptions> pty_options(const PortOptions& written) {
 PortType serial_type() {
   PortType type{"serial", {"device"}, "a serial device"};
   type.recorded_as = "seriallog";
-  type.options = with_common({
-      {"device", Kind::text, "/dev/ttyS0", "the tty"},
-      {"baud", Kind::integer, "9600", "bit/s, any rate the kernel takes", 1, kMaxBaud},
-      {"parity", Kind::choice, "none", "none, even or odd", 0, 0, {"none", "even", "odd"}},
-      {"databits", Kind::integer, "8", "5 to 8", 5, 8},
-      {"stopbits", Kind::integer, "1", "1 or 2", 1, 2},
-      {"hwflowctrl", Kind::flag, "", "RTS/CTS flow control"},
-      {"swflowctrl", Kind::flag, "", "XON/XOFF flow control"},
+  type.options = {{"device", Kind::text, "/dev/ttyS0", "the tty"}};
+  std::ranges::copy(line_setting_options(), std::back_inserter(type.options));
+  const std::vector<OptionSpec> rest = with_common({
       {"dtr", Kind::choice, "", "sets DTR after opening", 0, 0, {"on", "off"}},
       {"rts", Kind::choice, "", "sets RTS after opening", 0, 0, {"on", "off"}},
       {"wait", Kind::flag, "", "a device that is missing is waited for"},
   });
+  std::ranges::copy(rest, std::back_inserter(type.options));
   type.read = reads(serial_options);
   type.make = makes<SerialOptions>([](const auto& context, const auto& common, const auto& options) {
     return std::make_unique<SerialPort>(context, common, options);

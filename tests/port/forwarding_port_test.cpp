@@ -46,11 +46,12 @@ class ToldPort final : public Port, private WaitingCalls, private Recorder {
   PortListener& outer() { return listener(); }
 
  private:
-  std::size_t write_some(ByteView) override { return 0; }
-  [[nodiscard]] std::size_t unsent() override { return 0; }
+  std::size_t write_some(ByteView) override { return 3; }
+  [[nodiscard]] std::size_t unsent() override { return 4; }
   bool discard() override { return false; }
-  [[nodiscard]] std::string awaits() override { return {}; }
-  void rotate() override {}
+  [[nodiscard]] std::string awaits() override { return "told"; }
+  [[nodiscard]] std::optional<Instant> next_due() override { return Instant{}; }
+  void request(RecorderRequest) override {}
   void note_gap(std::uint64_t, std::string_view) override {}
   void say(std::string call) { calls_->push_back(std::move(call)); }
 
@@ -88,7 +89,12 @@ TEST_F(ForwardingPortTest, PassesOnEveryCallToTheInnerPort) {
   EXPECT_TRUE(wrapper.end_writing());
   EXPECT_EQ(wrapper.unread_by_peer(), 7U);
   EXPECT_EQ(wrapper.settings(), LineSettings{.baud = 7});
-  EXPECT_NE(wrapper.waiting(), nullptr);
+  ASSERT_NE(wrapper.waiting(), nullptr);
+  EXPECT_EQ(wrapper.waiting()->write_some(as_bytes("x")), 3U);
+  EXPECT_EQ(wrapper.waiting()->unsent(), 4U);
+  EXPECT_FALSE(wrapper.waiting()->discard());
+  EXPECT_EQ(wrapper.waiting()->awaits(), "told");
+  EXPECT_EQ(wrapper.waiting()->next_due(), Instant{});
   EXPECT_NE(wrapper.recorder(), nullptr);
   EXPECT_TRUE(wrapper.passive());
   EXPECT_TRUE(wrapper.keeps_datagrams());
@@ -110,7 +116,7 @@ class WholeLog final : public PortListener {
   void on_interrupted(const LineDown&) override { calls.emplace_back("interrupted"); }
   void on_resumed() override { calls.emplace_back("resumed"); }
   void on_flush(FlushQueue) override { calls.emplace_back("flush"); }
-  void on_settings(const LineSettings&) override { calls.emplace_back("settings"); }
+  void on_settings(const SeenSettings&) override { calls.emplace_back("settings"); }
   void on_dropped(std::uint64_t, std::string_view) override { calls.emplace_back("dropped"); }
   std::vector<std::string> calls;
 };

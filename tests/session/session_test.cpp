@@ -71,6 +71,19 @@ TEST_F(SessionTest, BytesGoBothWays) {
   EXPECT_EQ(session->counters().to_driver_bytes, 6U);
 }
 
+// A pty shows neither parity nor data bits: those stay as the user gave them.
+TEST_F(SessionTest, TheDevicesLineFollowsTheDriversAsFarAsItIsSeen) {
+  device.settings = LineSettings{.baud = 9600, .data_bits = 7, .parity = Parity::even};
+  start();
+  driver.set({.baud = 115200, .hw_flow = true});
+  EXPECT_EQ(device.settings,
+            (LineSettings{.baud = 115200, .data_bits = 7, .parity = Parity::even, .hw_flow = true}));
+  device.takes_settings = false;
+  driver.set({.baud = 300});
+  EXPECT_EQ(device.settings->baud, 115200U);
+  EXPECT_NE(book.text().find("no such rate"), std::string::npos);
+}
+
 TEST_F(SessionTest, BytesForAbsentDriverAreCountedAndDropped) {
   start();
   device.send("noise");
@@ -475,8 +488,8 @@ TEST_F(SessionTest, AStopDuringAnEndOfTheTapesOwnChangesNothing) {
 
 TEST_F(SessionTest, RotateReachesTheTape) {
   start();
-  session->rotate();
-  EXPECT_EQ(device.calls, "prepare rotate ");
+  session->request(RecorderRequest::next_tape);
+  EXPECT_EQ(device.calls, "prepare next_tape ");
 }
 
 }  // namespace

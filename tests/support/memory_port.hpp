@@ -34,6 +34,8 @@ class MemoryPort final : public Port, private Recorder {
     bool completes = true;              // finish() is answered at once
     std::function<void()> pending;      // what read_pending() does
     Result<void> prepared;
+    std::optional<LineSettings> settings;  // it is a serial line
+    bool takes_settings = true;
     int status = 0;
 
     void up() { port->listener().on_up(); }
@@ -53,6 +55,7 @@ class MemoryPort final : public Port, private Recorder {
       port->listener().on_arrivals(as_bytes(text), ends);
     }
     void flush(FlushQueue queue) { port->listener().on_flush(queue); }
+    void set(const SeenSettings& seen) { port->listener().on_settings(seen); }
     void finish(int exit_status) { port->listener().on_finished(exit_status); }
     void complete() { port->listener().on_complete(status); }
   };
@@ -81,6 +84,12 @@ class MemoryPort final : public Port, private Recorder {
   [[nodiscard]] bool congested() const override { return peer_->congested; }
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return peer_->unread; }
   void set_reading(bool on) override { peer_->reading = on; }
+  [[nodiscard]] std::optional<LineSettings> settings() const override { return peer_->settings; }
+  Result<void> apply(const LineSettings& settings) override {
+    if (!peer_->takes_settings) return make_error(Errc::io, "no such rate");
+    peer_->settings = settings;
+    return {};
+  }
   void hang_up(bool after_reading) override {
     peer_->calls += after_reading ? "hang_up_after_reading " : "hang_up ";
   }
@@ -96,7 +105,7 @@ class MemoryPort final : public Port, private Recorder {
   [[nodiscard]] std::string name() const override { return "memory"; }
 
  private:
-  void rotate() override { peer_->calls += "rotate "; }
+  void request(RecorderRequest) override { peer_->calls += "next_tape "; }
   void note_gap(std::uint64_t bytes, std::string_view) override { peer_->gaps += bytes; }
 
   Peer* peer_;

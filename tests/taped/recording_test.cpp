@@ -123,7 +123,7 @@ TEST_F(RecordingTest, RotationGoesOnWithTheNextName) {
   port->open();
   port->write(as_bytes("one"));
   pass(50);
-  port->recorder()->rotate();
+  port->recorder()->request(RecorderRequest::next_tape);
   pass(5);
   port->write(as_bytes("two"));
   pass(5);
@@ -136,7 +136,7 @@ TEST_F(RecordingTest, TheNextPartKnowsTheOneBefore) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
   pass(50);
-  port->recorder()->rotate();
+  port->recorder()->request(RecorderRequest::next_tape);
   EXPECT_EQ(finish(), 0);
   const auto first = TapeReader::open(tape)->header();
   const auto second = TapeReader::open(literal_tape((dir.path() / "x.2.log").string()))->header();
@@ -179,7 +179,7 @@ TEST_F(RecordingTest, RotationToANameThatCannotBeMadeKeepsTheLine) {
   make_port();
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
-  port->recorder()->rotate();
+  port->recorder()->request(RecorderRequest::next_tape);
   port->write(as_bytes("ask"));
   EXPECT_EQ(device.written, "ask");
   EXPECT_EQ(finish(), exit_status::kRuntime);

@@ -31,7 +31,7 @@ class Notes final : public LineObserver {
     book_->text += (direction == Direction::read ? "r:" : "w:") + std::string(as_text(data)) + " ";
   }
   void note(Instant, const Event& event) override { book_->text += std::string(name_of(event)) + " "; }
-  void rotate(Instant) override { book_->text += "rotate "; }
+  void request(Instant, RecorderRequest) override { book_->text += "next_tape "; }
   void finish(Instant, std::function<void(bool)> done) override { book_->done = std::move(done); }
 
  private:
@@ -59,9 +59,9 @@ TEST_F(TapPortTest, EveryObserverIsToldAllThatPasses) {
   device.send("answer");
   device.arrive("abc", {1, 3});
   tap.peer_flushed(FlushQueue::in);
-  tap.recorder()->rotate();
+  tap.recorder()->request(RecorderRequest::next_tape);
   tap.close();
-  EXPECT_EQ(one.text, "opened up w:ask r:answer r:a r:bc flush rotate closed ");
+  EXPECT_EQ(one.text, "opened up w:ask r:answer r:a r:bc flush next_tape closed ");
   EXPECT_EQ(other.text, one.text);
   EXPECT_EQ(device.written, "ask");
   EXPECT_EQ(log.data, "answerabc");
