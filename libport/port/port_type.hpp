@@ -13,10 +13,10 @@
 #include <vector>
 
 #include "libport/base/result.hpp"
+#include "libport/port/port.hpp"
 
 namespace porttape {
 
-class Port;
 class PortSpec;
 struct PortContext;
 struct PortOptions;
