@@ -6,13 +6,22 @@
 #include <cmath>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <ranges>
 #include <string>
 
 namespace porttape {
 namespace {
 
 using Kind = OptionSpec::Kind;
+
+template <class Named>
+std::string names_of(const Named& all) {
+  std::string names;
+  for (const auto& each : all) {
+    if (!names.empty()) names += ", ";
+    names += each.name;
+  }
+  return names;
+}
 
 Error bad_value(const OptionSpec& option, std::string_view value, std::string_view accepted) {
   return make_error(
@@ -66,9 +75,7 @@ const PortType* PortTypes::find(std::string_view name) const {
   return it == types_.end() ? nullptr : &*it;
 }
 
-std::string PortTypes::names() const {
-  return fmt::format("{}", fmt::join(types_ | std::views::transform(&PortType::name), ", "));
-}
+std::string PortTypes::names() const { return names_of(types_); }
 
 Result<std::string> check_value(const OptionSpec& option, std::string_view value) {
   switch (option.kind) {
@@ -94,9 +101,8 @@ Result<OptionValues> check_values(std::span<const OptionSpec> options, OptionVal
   for (auto& [name, value] : values) {
     const auto option = std::ranges::find(options, name, &OptionSpec::name);
     if (option == options.end()) {
-      return make_error(Errc::usage,
-                        fmt::format("unknown option '{}' ('{}'){}; accepted: {}", name, value, of,
-                                    fmt::join(options | std::views::transform(&OptionSpec::name), ", ")));
+      return make_error(Errc::usage, fmt::format("unknown option '{}' ('{}'){}; accepted: {}", name, value,
+                                                 of, names_of(options)));
     }
     Result<std::string> good = check_value(*option, value);
     if (!good) return good.error();
