@@ -160,15 +160,12 @@ Result<std::optional<Record>> TapeReader::Impl::next() {
   if (w == BlockState::failed) return write.file().error();
   if (r == BlockState::failed) return read.file().error();
 
-  std::optional<TapeTime> next_event;
-  std::optional<TapeTime> next_write;
-  std::optional<TapeTime> next_read;
-  if (e == EventState::item) next_event = events.file().event().at;
-  if (w == BlockState::item) next_write = write.file().piece().at;
-  if (r == BlockState::item) next_read = read.file().piece().at;
-  const std::optional<TapeFile> next = next_in_order(next_event, next_write, next_read);
-  if (!next) return std::optional<Record>{};
-  switch (*next) {
+  const TapeTime next_event = e == EventState::item ? events.file().event().at : kNoMore;
+  const TapeTime next_write = w == BlockState::item ? write.file().piece().at : kNoMore;
+  const TapeTime next_read = r == BlockState::item ? read.file().piece().at : kNoMore;
+  switch (next_in_order(next_event, next_write, next_read)) {
+    case TapeFile::none:
+      return std::optional<Record>{};
     case TapeFile::events:
       events.take();
       return std::optional(record_of(events.file().event(), events.file().line()));

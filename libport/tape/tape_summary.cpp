@@ -62,10 +62,8 @@ class BlockStream {
     advance();
   }
 
-  // When the block in view is; nothing after the last one.
-  [[nodiscard]] std::optional<TapeTime> at() const {
-    return has_block_ ? std::optional(file_->piece().at) : std::nullopt;
-  }
+  // When the block in view is.
+  [[nodiscard]] TapeTime at() const { return has_block_ ? file_->piece().at : kNoMore; }
   [[nodiscard]] bool failed() const { return summary_.damage.has_value(); }
 
   // Counts the block in view and goes on to the next one.
@@ -125,10 +123,8 @@ class EventStream {
     return {};
   }
 
-  // When the event in view is; nothing after the last one.
-  [[nodiscard]] std::optional<TapeTime> at() const {
-    return has_event_ ? std::optional(file_->event().at) : std::nullopt;
-  }
+  // When the event in view is.
+  [[nodiscard]] TapeTime at() const { return has_event_ ? file_->event().at : kNoMore; }
   [[nodiscard]] bool failed() const { return summary_.damage.has_value(); }
   [[nodiscard]] const Event& event() const { return file_->event().what; }
 
@@ -172,19 +168,21 @@ bool opens_or_closes(const Event& event) {
 // Goes through the three in the tape's order. Behind damage the order is unknown, so exchanges are counted no
 // further.
 void merge(BlockStream& read, BlockStream& write, EventStream& events, ExchangeMeter& meter) {
-  while (const std::optional<TapeFile> next = next_in_order(events.at(), write.at(), read.at())) {
+  for (;;) {
     const bool ordered = !read.failed() && !write.failed() && !events.failed();
-    switch (*next) {
+    switch (next_in_order(events.at(), write.at(), read.at())) {
+      case TapeFile::none:
+        return;
       case TapeFile::events:
         if (ordered && opens_or_closes(events.event())) meter.on_open_or_close();
         events.advance();
         break;
       case TapeFile::write:
-        if (ordered) meter.on_write(*write.at());
+        if (ordered) meter.on_write(write.at());
         write.advance();
         break;
       case TapeFile::read:
-        if (ordered) meter.on_read(*read.at());
+        if (ordered) meter.on_read(read.at());
         read.advance();
         break;
     }
