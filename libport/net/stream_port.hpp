@@ -76,8 +76,6 @@ class StreamPort : public Port, private WaitingCalls, private StreamLine::Owner 
   std::size_t write_some(ByteView data) override;
   [[nodiscard]] std::size_t unsent() override { return *unread_by_peer(); }
   bool discard() override;
-  [[nodiscard]] std::string awaits() override { return {}; }
-  [[nodiscard]] std::optional<Instant> next_due() override { return std::nullopt; }
 
   void line_data(ByteView data) override;
   void line_drained() override;

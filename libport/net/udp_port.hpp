@@ -69,8 +69,6 @@ class UdpPort final : public Port, private WaitingCalls {
   }
   [[nodiscard]] std::size_t unsent() override { return 0; }
   bool discard() override;
-  [[nodiscard]] std::string awaits() override { return {}; }
-  [[nodiscard]] std::optional<Instant> next_due() override { return std::nullopt; }
 
   // What has come and was not read.
   struct Waiting {

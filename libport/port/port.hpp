@@ -107,9 +107,9 @@ class WaitingCalls {
   virtual bool discard() = 0;
   // What is to happen first, where nothing can come until the caller does something; for one who would wait
   // for ever. Empty: nothing.
-  [[nodiscard]] virtual std::string awaits() = 0;
+  [[nodiscard]] virtual std::string awaits() { return {}; }
   // When it will do something by itself; none while only the caller can move things on.
-  [[nodiscard]] virtual std::optional<Instant> next_due() = 0;
+  [[nodiscard]] virtual std::optional<Instant> next_due() { return std::nullopt; }
 
  protected:
   ~WaitingCalls() = default;

@@ -86,7 +86,8 @@ std::string to_json(const RunReport& report) {
       .add("timing", name_of(report.timing))
       .add("rate", report.rate)
       .add("duration_s", seconds(report.duration))
-      .add("to_driver", JsonObject().add("bytes", report.to_driver_bytes).add_or_null("of", report.to_driver_of))
+      .add("to_driver",
+           JsonObject().add("bytes", report.to_driver_bytes).add_or_null("of", report.to_driver_of))
       .add("from_driver", JsonObject()
                               .add("bytes", report.from_driver_bytes)
                               .add("matched", report.from_driver_matched)

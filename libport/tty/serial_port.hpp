@@ -58,8 +58,6 @@ class SerialPort final : public Port, private WaitingCalls {
   std::size_t write_some(ByteView data) override;
   [[nodiscard]] std::size_t unsent() override { return *unread_by_peer(); }
   bool discard() override;
-  [[nodiscard]] std::string awaits() override { return {}; }
-  [[nodiscard]] std::optional<Instant> next_due() override { return std::nullopt; }
 
   struct Line {
     Line(SerialPort& port, UniqueFd opened);
