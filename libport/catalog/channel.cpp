@@ -19,14 +19,19 @@ const OptionSpec kDevice{"device", Kind::text, "",
 const OptionSpec kTape{"tape", Kind::text, "", "NAME of the tape: NAMEr, NAMEw, NAMEe"};
 const OptionSpec kWaitDevice{"wait-device", Kind::flag, "", "a device that is missing is waited for"};
 
-const OptionSpec kOnExisting{
-    "on-existing",
-    Kind::choice,
-    "refuse",
-    "a tape of that name is there: an error, the next free name (laser.2.log), or it is replaced",
-    0,
-    0,
-    {"refuse", "next", "overwrite"}};
+// flexiport's name for it is another one than the verb's.
+constexpr std::string_view kFailClosed = "fail-closed";
+
+std::string_view name_at_record(std::string_view option) {
+  return option == "failclosed" ? kFailClosed : option;
+}
+
+// A recording port's options that are options of the verb `record` too.
+std::vector<OptionSpec> record_options() {
+  std::vector<OptionSpec> options = tape_options();
+  std::erase_if(options, [](const OptionSpec& option) { return option.name == "file"; });
+  return options;
+}
 
 // A logreader's options that are options of the verb `replay` too.
 std::vector<OptionSpec> replay_options() {
@@ -96,17 +101,17 @@ Result<PortOptions> recording_device(const OptionValues& values, Result<PortOpti
   }
   device->type = port_types().find(type.recorded_as);
   device->values["file"] = new_tape(values.at("tape")).name();
-  const auto existing = values.find("on-existing");
-  if (existing != values.end()) device->values["on-existing"] = existing->second;
-  if (values.contains("overwrite")) device->values["on-existing"] = "overwrite";
-  if (values.contains("fail-closed")) device->values["failclosed"] = "1";
+  for (const OptionSpec& option : record_options()) {
+    const auto given = values.find(std::string(name_at_record(option.name)));
+    if (given != values.end()) device->values[std::string(option.name)] = given->second;
+  }
   return device;
 }
 
 Result<PortSpec> live_device(const OptionValues& values, bool recorded) {
   Result<PortOptions> device = named_port("device", values.at("device"));
   if (device && values.contains("wait-device") && device->type->find("wait") != nullptr)
-    device->values["wait"] = "1";
+    device->values["wait"] = values.at("wait-device");
   if (recorded) device = recording_device(values, std::move(device));
   return read_port("device", std::move(device));
 }
@@ -131,13 +136,11 @@ std::vector<OptionSpec> channel_options(ChannelMode mode) {
   std::vector<OptionSpec> options;
   switch (mode) {
     case ChannelMode::record:
-      return {kDevice,
-              kDriver,
-              kTape,
-              kOnExisting,
-              {"overwrite", Kind::flag, "", "short for --on-existing overwrite"},
-              {"fail-closed", Kind::flag, "", "ends when the tape cannot be written; else the line stays up"},
-              kWaitDevice};
+      options = record_options();
+      for (OptionSpec& option : options) option.name = name_at_record(option.name);
+      options.insert(options.begin(), {kDevice, kDriver, kTape});
+      options.push_back(kWaitDevice);
+      return options;
     case ChannelMode::replay:
       options = replay_options();
       options.insert(options.begin(), {kTape, kDriver});

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <map>
+#include <memory>
 
 #include "libport/loop/timer.hpp"
 
@@ -18,7 +19,7 @@ class Sampler {
 
   explicit Sampler(Loop& loop);
 
-  // `look` is called until remove(); it adds and removes nobody. Adding an owner again makes it young again.
+  // `look` is called until remove(); it may add and remove. Adding an owner again makes it young again.
   void add(const void* owner, std::function<void()> look);
   void remove(const void* owner);
 
@@ -27,12 +28,13 @@ class Sampler {
     std::function<void()> look;
     std::shared_ptr<Fence> fence;
     Instant young_until;
+    bool removed = false;
   };
 
   void on_timer();
 
   Loop* loop_;
-  std::map<const void*, Member> members_;
+  std::map<const void*, std::shared_ptr<Member>> members_;
   Instant next_slow_{};
   Timer timer_;
 };

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -112,6 +114,30 @@ auto reads(Read read) {
     if (!options) return options.error();
     return TypedOptions::of(std::move(*options));
   };
+}
+
+// The type with a wrapper for its ports: the wrapper's options besides the type's, which `read` makes a
+// struct of its own (a Result<std::optional<Options>>; none: no wrapper), and `around`, which gives the
+// wrapper of a port (context, port, Options).
+template <class Options, class Read, class Around>
+PortType wrapped(PortType type, std::span<const OptionSpec> options, Read read, Around around) {
+  type.options.insert(type.options.end(), options.begin(), options.end());
+  type.read = [plain = std::move(type.read), read](const PortOptions& written) -> Result<TypedOptions> {
+    Result<TypedOptions> typed = plain(written);
+    if (!typed) return typed;
+    Result<std::optional<Options>> own = read(written);
+    if (!own) return own.error();
+    if (*own) typed->set(std::move(**own));
+    return typed;
+  };
+  type.make = [plain = std::move(type.make), around](const PortContext& context, const PortSpec& spec,
+                                                     const std::string& peer) {
+    Result<std::unique_ptr<Port>> port = plain(context, spec, peer);
+    const Options* const own = spec.get<Options>();
+    if (port && own != nullptr) *port = around(context, std::move(*port), *own);
+    return port;
+  };
+  return type;
 }
 
 }  // namespace porttape

@@ -85,9 +85,7 @@ class TypedOptions {
 
 // All that is known of a port type, in one place: how it is spelled, its options, and what is made of them.
 // Each room with ports gives its own (tty/types.hpp, net/types.hpp, taped/types.hpp); `catalog` has the
-// table. A wrapper for any port is a function from a PortType to one: it adds its options, puts a `read`
-// around the type's that sets its own struct beside the type's, and a `make` that wraps what the type's
-// makes.
+// table. A wrapper for any port is a function from a PortType to one, see wrapped() in port_options.hpp.
 struct PortType {
   std::string_view name;
   ShortForm form;

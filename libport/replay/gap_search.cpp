@@ -18,7 +18,7 @@ GapSearch::Found GapSearch::take(Byte byte, std::optional<Byte> front) {
     append(byte);
     return Found::front;
   }
-  const std::size_t next = at_ == 0 ? 0 : borders_[at_ - 1];
+  const std::size_t next = tape_.border(at_);
   skipped_ += at_ == 0 ? 1 : at_ - next;
   if (skipped_ > allowed_) {
     end();
@@ -30,12 +30,9 @@ GapSearch::Found GapSearch::take(Byte byte, std::optional<Byte> front) {
 }
 
 void GapSearch::append(Byte byte) {
-  std::size_t border = borders_.empty() ? 0 : borders_.back();
-  while (border > 0 && tape_[border] != byte) border = borders_[border - 1];
-  if (!tape_.empty() && tape_[border] == byte) ++border;
-  tape_.push_back(byte);
-  borders_.push_back(border);
-  if (tape_.size() >= kMost || (tape_.size() >= kSure && border < tape_.size() / 2)) end();
+  tape_.append(byte);
+  const std::size_t size = tape_.size();
+  if (size >= kMost || (size >= kSure && tape_.border(size) < size / 2)) end();
 }
 
 }  // namespace porttape

@@ -3,16 +3,16 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <vector>
 
 #include "libport/base/bytes.hpp"
+#include "libport/replay/search_pattern.hpp"
 
 namespace porttape {
 
 // Finds where the tape goes on behind a gap. The driver writes what the gap swallowed, which the tape does
 // not have, and then what the tape has from the gap on; both may begin alike, and polls repeat. So its bytes
-// are taken as the end of an unknown text that the tape's bytes follow (Knuth, Morris, Pratt, over the tape's
-// bytes as they are matched), as long as the unknown part is no longer than what the gap swallowed.
+// are taken as the end of an unknown text that the tape's bytes follow (a SearchPattern of them, as they are
+// matched), as long as the unknown part is no longer than what the gap swallowed.
 //
 // Settled, so that checking is as strict as before, once the place is sure: enough bytes in a row that do not
 // repeat themselves, or very many. A value.
@@ -47,9 +47,8 @@ class GapSearch {
   bool active_ = false;
   std::uint64_t allowed_ = 0;
   std::uint64_t skipped_ = 0;
-  std::size_t at_ = 0;                // bytes of tape_ that the driver's latest ones are
-  Bytes tape_;                        // what was matched since the gap
-  std::vector<std::size_t> borders_;  // of each beginning of tape_
+  std::size_t at_ = 0;  // bytes of tape_ that the driver's latest ones are
+  SearchPattern tape_;  // what was matched since the gap
 };
 
 }  // namespace porttape

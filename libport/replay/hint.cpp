@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <optional>
 
+#include "libport/replay/search_pattern.hpp"
 #include "libport/replay/seconds_text.hpp"
 
 namespace porttape {
@@ -13,33 +14,24 @@ namespace {
 constexpr std::uint64_t kReach = std::uint64_t{16} << 20;
 constexpr std::size_t kLongestNeedle = 16;
 
-// Finds a short needle in a stream that is fed byte by byte (Knuth, Morris, Pratt).
+// Finds a short needle in a stream that is fed byte by byte.
 class Needle {
  public:
-  explicit Needle(ByteView needle) : size_(std::min(needle.size(), kLongestNeedle)) {
-    std::copy_n(needle.begin(), size_, bytes_.begin());
-    for (std::size_t i = 1, matched = 0; i < size_; ++i) {
-      while (matched > 0 && bytes_[i] != bytes_[matched]) matched = border_[matched - 1];
-      if (bytes_[i] == bytes_[matched]) ++matched;
-      border_[i] = matched;
-    }
+  explicit Needle(ByteView needle) {
+    for (const Byte byte : needle.first(std::min(needle.size(), kLongestNeedle))) pattern_.append(byte);
   }
 
   // Whether the needle ends with this byte.
   bool feed(Byte byte) {
-    if (matched_ == size_) matched_ = border_[size_ - 1];
-    while (matched_ > 0 && byte != bytes_[matched_]) matched_ = border_[matched_ - 1];
-    if (byte == bytes_[matched_]) ++matched_;
-    return matched_ == size_;
+    matched_ = pattern_.matched_after(matched_, byte);
+    return matched_ == size();
   }
 
-  [[nodiscard]] std::size_t size() const { return size_; }
+  [[nodiscard]] std::size_t size() const { return pattern_.size(); }
 
  private:
-  std::size_t size_;
+  SearchPattern pattern_;
   std::size_t matched_ = 0;
-  std::array<Byte, kLongestNeedle> bytes_{};
-  std::array<std::size_t, kLongestNeedle> border_{};
 };
 
 struct Place {

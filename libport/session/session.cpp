@@ -100,6 +100,8 @@ Result<void> Session::start() {
   // The device first: a link that no device stands behind would only mislead.
   if (Result<void> ready = device_->prepare(); !ready) return ready;
   if (Result<void> ready = driver_->prepare(); !ready) return ready;
+  // A driver finds the line as the device's is, where its port can show that.
+  if (const auto settings = device_->settings()) (void)driver_->apply(*settings);
   driver_->open();
   return {};
 }

@@ -216,7 +216,7 @@ LiveTape::~LiveTape() {
 void LiveTape::block(Direction direction, TapeTime at, ByteView data) {
   if (data.empty()) return;
   const auto write_to = [direction, at](TapeWriter& writer, ByteView bytes) {
-    direction == Direction::read ? writer.read_block(at, bytes) : writer.write_block(at, bytes);
+    writer.block(direction, at, bytes);
   };
   if (direct()) {
     write([&](TapeWriter& writer) { write_to(writer, data); });

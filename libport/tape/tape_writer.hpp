@@ -73,7 +73,10 @@ class TapeWriter {
 
   void read_block(TapeTime at, ByteView data);   // device → driver; empty data writes nothing
   void write_block(TapeTime at, ByteView data);  // driver → device
-  void event(TapeTime at, Event event);          // a gap that tells no `from` begins at its own time
+  void block(Direction direction, TapeTime at, ByteView data) {
+    direction == Direction::read ? read_block(at, data) : write_block(at, data);
+  }
+  void event(TapeTime at, Event event);  // a gap that tells no `from` begins at its own time
 
   void begin_batch();
   void commit(const RunBoth& run_both = {});

@@ -1,14 +1,18 @@
 #include "libport/taped/tap_port.hpp"
 
+#include <algorithm>
 #include <array>
 #include <utility>
 
 namespace porttape {
 
-TapPort::TapPort(std::unique_ptr<Port> inner, Instant (*now)())
-    : ForwardingPort(std::move(inner)), now_(now) {}
+TapPort::TapPort(const PortContext& context, std::unique_ptr<Port> inner, Instant (*now)(), Nanos end_limit)
+    : ForwardingPort(std::move(inner)),
+      now_(now),
+      end_timer_(*context.loop, [this] { give_up(); }),
+      end_limit_(end_limit) {}
 
-void TapPort::add(std::unique_ptr<LineObserver> observer) { observers_.push_back(std::move(observer)); }
+void TapPort::add(std::unique_ptr<LineObserver> observer) { observers_.push_back({std::move(observer)}); }
 
 void TapPort::must_end() { listener().on_finished(exit_status::kRuntime); }
 
@@ -128,13 +132,36 @@ void TapPort::finish() {
 void TapPort::on_complete(int exit_status) {
   exit_status_ = exit_status;
   const Instant now = now_();
-  finishing_ = observers_.size() + 1;
-  const auto finished = [this](bool complete) {
-    if (!complete && exit_status_ == 0) exit_status_ = exit_status::kRuntime;
-    if (--finishing_ == 0) ForwardingPort::on_complete(exit_status_);
-  };
-  for (const auto& observer : observers_) observer->finish(now, finished);
-  finished(true);
+  end_timer_.set_after(end_limit_);
+  for (Observer& each : observers_) {
+    each->finish(now, [this, &each](bool complete) {
+      observer_finished(each, complete);
+      complete_if_over();
+    });
+  }
+  finishing_ = true;
+  complete_if_over();
+}
+
+void TapPort::observer_finished(Observer& observer, bool complete) {
+  observer.finished = true;
+  if (!complete && exit_status_ == 0) exit_status_ = exit_status::kRuntime;
+}
+
+void TapPort::give_up() {
+  for (Observer& each : observers_) {
+    if (each.finished) continue;
+    each->give_up();
+    observer_finished(each, false);
+  }
+  complete_if_over();
+}
+
+void TapPort::complete_if_over() {
+  if (!finishing_ || !std::ranges::all_of(observers_, &Observer::finished)) return;
+  finishing_ = false;
+  end_timer_.cancel();
+  ForwardingPort::on_complete(exit_status_);
 }
 
 void TapPort::block(Direction direction, Instant at, ByteView data) {

@@ -1,13 +1,14 @@
 #pragma once
 
-#include <cstddef>
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "libport/loop/loop.hpp"
+#include "libport/loop/timer.hpp"
+#include "libport/port/context.hpp"
 #include "libport/port/forwarding_port.hpp"
 #include "libport/taped/line_observer.hpp"
 
@@ -17,7 +18,11 @@ namespace porttape {
 // Owns them. With a TapeKeeper among them it records.
 class TapPort final : public ForwardingPort, private Recorder {
  public:
-  TapPort(std::unique_ptr<Port> inner, Instant (*now)() = &Loop::now);
+  // How long finish() waits for the observers.
+  static constexpr std::chrono::seconds kEndLimit{10};
+
+  TapPort(const PortContext& context, std::unique_ptr<Port> inner, Instant (*now)() = &Loop::now,
+          Nanos end_limit = kEndLimit);
 
   // Before anything else is called.
   void add(std::unique_ptr<LineObserver> observer);
@@ -49,14 +54,25 @@ class TapPort final : public ForwardingPort, private Recorder {
   void on_resumed() override;
   void on_dropped(std::uint64_t bytes, std::string_view why) override;
 
+  struct Observer {
+    std::unique_ptr<LineObserver> observer;
+    bool finished = false;
+    LineObserver* operator->() const { return observer.get(); }
+  };
+
+  void observer_finished(Observer& observer, bool complete);
+  void give_up();
+  void complete_if_over();
   void block(Direction direction, Instant at, ByteView data);
   void note(const Event& event);
   void note_flush(FlushQueue queue);
   void note_lost(const LineDown& down, bool hung_up);
 
   Instant (*now_)();
-  std::vector<std::unique_ptr<LineObserver>> observers_;
-  std::size_t finishing_ = 0;  // observers that have not finished yet
+  std::vector<Observer> observers_;
+  Timer end_timer_;
+  Nanos end_limit_;
+  bool finishing_ = false;  // finish() of each was called
   int exit_status_ = 0;
   bool open_ = false;
   bool writing_ended_ = false;  // in this session

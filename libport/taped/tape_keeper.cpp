@@ -42,8 +42,7 @@ TapeKeeper::TapeKeeper(const PortContext& context, Options options, std::functio
       on_must_end_(std::move(on_must_end)),
       retry_(options_.retry),
       retry_timer_(*context.loop, [this] { start(); }),
-      watch_timer_(*context.loop, [this] { watch_disk(); }),
-      end_timer_(*context.loop, [this] { give_up_ending(); }) {}
+      watch_timer_(*context.loop, [this] { watch_disk(); }) {}
 
 TapeKeeper::~TapeKeeper() = default;
 
@@ -267,24 +266,20 @@ void TapeKeeper::finish(Instant now, std::function<void(bool)> done) {
   closed(now);
   end_current(now);
   on_done_ = std::move(done);
-  end_timer_.set_after(kEndLimit);
   look_at_ending();
 }
 
-void TapeKeeper::give_up_ending() {
+void TapeKeeper::give_up() {
   for (const Ending& ending : ending_) {
     const LiveTape::Status status = ending.tape->status();
-    context_.log->error("tape {}: its disk did not answer within {} s; {} bytes and the end are not on it",
-                        options_.tape.name(), kEndLimit.count(), status.bytes_waiting);
-    incomplete_ = true;
+    context_.log->error("tape {}: its disk did not answer in time; {} bytes and the end are not on it",
+                        options_.tape.name(), status.bytes_waiting);
   }
   ending_.clear();
-  complete_if_over();
 }
 
 void TapeKeeper::complete_if_over() {
   if (!ending_.empty() || !on_done_) return;
-  end_timer_.cancel();
   std::exchange(on_done_, {})(!incomplete_);
 }
 

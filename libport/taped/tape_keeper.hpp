@@ -46,9 +46,8 @@ class TapeKeeper final : public LineObserver {
   void block(Direction direction, Instant at, ByteView data) override;
   void note(Instant at, const Event& event) override;
   void request(Instant at, RecorderRequest what) override;
-  // `done` comes after kEndLimit at the latest.
-  static constexpr std::chrono::seconds kEndLimit{10};
   void finish(Instant now, std::function<void(bool complete)> done) override;
+  void give_up() override;
 
  private:
   struct Ending;
@@ -65,7 +64,6 @@ class TapeKeeper final : public LineObserver {
   void tell_sync_error(const LiveTape::Status& status, bool& told);
   void watch_disk();
   void must_end();
-  void give_up_ending();
   void complete_if_over();
   [[nodiscard]] TapeTime tape_time(Instant at) const;
 
@@ -96,7 +94,6 @@ class TapeKeeper final : public LineObserver {
   Nanos retry_{};
   Timer retry_timer_;
   Timer watch_timer_;
-  Timer end_timer_;
   std::function<void(bool)> on_done_;
   std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
 };

@@ -74,21 +74,6 @@ Result<ReplayPort::Options> replay_options(const PortOptions& written) {
       .tape = *tape, .config = *config, .once = written.flag("once"), .report_file = written.text("report")};
 }
 
-std::vector<OptionSpec> tape_options() {
-  return {
-      {"file", Kind::text, "port.log", "the tape: FILEr, FILEw, FILEe"},
-      {"on-existing",
-       Kind::choice,
-       "refuse",
-       "a tape of that name is there: an error, the next free name (laser.2.log), or it is replaced",
-       0,
-       0,
-       {"refuse", "next", "overwrite"}},
-      {"overwrite", Kind::flag, "", "the same as on-existing=overwrite"},
-      {"failclosed", Kind::flag, "", "ends when the tape cannot be written; else the line stays up"},
-  };
-}
-
 OnExisting on_existing(const PortOptions& written) {
   const std::string chosen = written.text("on-existing");
   if (written.flag("overwrite") || chosen == "overwrite") return OnExisting::overwrite;
@@ -118,7 +103,7 @@ Result<std::unique_ptr<Port>> make_recording_port(const PortContext& context, co
                  .stamped = context.pulled ? Stamped::read : Stamped::arrival},
       .on_existing = options.on_existing,
       .fail_closed = options.fail_closed};
-  auto tap = std::make_unique<TapPort>(std::move(*port));
+  auto tap = std::make_unique<TapPort>(context, std::move(*port));
   tap->add(std::make_unique<TapeKeeper>(context, std::move(tape), [&tap = *tap] { tap.must_end(); }));
   return std::unique_ptr<Port>(std::move(tap));
 }
@@ -184,6 +169,21 @@ PortType logreader_type() {
     return std::make_unique<ReplayPort>(context, options);
   });
   return type;
+}
+
+std::vector<OptionSpec> tape_options() {
+  return {
+      {"file", Kind::text, "port.log", "the tape: FILEr, FILEw, FILEe"},
+      {"on-existing",
+       Kind::choice,
+       "refuse",
+       "a tape of that name is there: an error, the next free name (laser.2.log), or it is replaced",
+       0,
+       0,
+       {"refuse", "next", "overwrite"}},
+      {"overwrite", Kind::flag, "", "the same as on-existing=overwrite"},
+      {"failclosed", Kind::flag, "", "ends when the tape cannot be written; else the line stays up"},
+  };
 }
 
 PortType recording_type(const PortType& inner) {

@@ -18,6 +18,9 @@ struct RecordingOptions {
   bool fail_closed = false;
 };
 
+// What such a type has besides the options of the port.
+std::vector<OptionSpec> tape_options();
+
 // The type that records ports of `inner`, which has a recorded_as; makes a TapPort with a TapeKeeper.
 PortType recording_type(const PortType& inner);
 

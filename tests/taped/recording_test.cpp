@@ -29,7 +29,8 @@ class RecordingTest : public testing::Test {
   }
 
   void make_port(bool overwrite = false, bool fail_closed = false) {
-    port = std::make_unique<TapPort>(std::make_unique<MemoryPort>(device), &read_scripted_clock);
+    port = std::make_unique<TapPort>(PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(device),
+                                     &read_scripted_clock);
     port->add(std::make_unique<TapeKeeper>(
         PortContext{&loop, book.log()},
         TapeKeeper::Options{.tape = tape,

@@ -11,6 +11,7 @@
 
 #include "tests/support/memory_port.hpp"
 #include "tests/support/port_log.hpp"
+#include "tests/support/quiet_log.hpp"
 
 namespace porttape {
 namespace {
@@ -33,6 +34,7 @@ class Notes final : public LineObserver {
   void note(Instant, const Event& event) override { book_->text += std::string(name_of(event)) + " "; }
   void request(Instant, RecorderRequest) override { book_->text += "next_tape "; }
   void finish(Instant, std::function<void(bool)> done) override { book_->done = std::move(done); }
+  void give_up() override { book_->text += "give_up "; }
 
  private:
   Book* book_;
@@ -40,11 +42,15 @@ class Notes final : public LineObserver {
 
 class TapPortTest : public testing::Test {
  protected:
-  TapPortTest() : tap(std::make_unique<MemoryPort>(device)) {
+  TapPortTest()
+      : tap({&loop, book.log()}, std::make_unique<MemoryPort>(device), &Loop::now,
+            std::chrono::milliseconds(1)) {
     tap.add(std::make_unique<Notes>(one));
     tap.add(std::make_unique<Notes>(other));
     tap.listen(log);
   }
+  Loop loop;
+  LogBook book;
   MemoryPort::Peer device;
   Notes::Book one;
   Notes::Book other;
@@ -80,6 +86,15 @@ TEST_F(TapPortTest, TheEndWaitsForAllAndFailsWithTheFirstThatLostSomething) {
   EXPECT_EQ(log.status, std::nullopt);
   other.done(true);
   EXPECT_EQ(log.status, exit_status::kRuntime);
+}
+
+TEST_F(TapPortTest, TheEndWaitsForNoneForEver) {
+  tap.finish();
+  one.done(true);
+  run_until(loop, [this] { return log.status.has_value(); });
+  EXPECT_EQ(log.status, exit_status::kRuntime);
+  EXPECT_EQ(one.text, "");
+  EXPECT_EQ(other.text, "give_up ");
 }
 
 }  // namespace
