@@ -1,0 +1,52 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <random>
+
+namespace porttape::simulation {
+
+// What stands in for the system while a seed runs: its clock, its threads, its timers and its disk.
+//
+// The program under it is the real one, with its real loop and its real worker threads. Only the functions
+// of the C library by which it would wait or ask the time are replaced (kernel.cpp, disk.cpp), for the whole
+// process, while a Kernel exists: the clock stands still but for a tick each time it is read, threads are
+// coroutines of which one runs until it waits, and when all wait the clock goes to the first moment that one
+// waits for. The seed decides who goes on. So a seed does the same each time, and hours pass in milliseconds.
+//
+// One at a time; nothing else runs in the process meanwhile.
+class Kernel {
+ public:
+  using Moment = std::chrono::nanoseconds;  // since the seed's start
+
+  explicit Kernel(std::uint64_t seed);
+  ~Kernel();  // when all threads have ended: run_down()
+  Kernel(const Kernel&) = delete;
+  Kernel& operator=(const Kernel&) = delete;
+
+  [[nodiscard]] Moment now() const;
+  // How often the loop was woken, by whatever it waits for.
+  [[nodiscard]] std::uint64_t wake_ups() const;
+  // Waits as a slow call does: the others go on.
+  void sleep(Moment time);
+  // Lets the other threads end, which may take simulated time. False: some never do.
+  bool run_down();
+  // Threads that were not to be had from now on (EAGAIN).
+  void refuse_threads(bool refused);
+  // The wall clock is set.
+  void step_clock(Moment by);
+
+  std::mt19937_64& random();
+  // The one that exists; null outside a seed.
+  static Kernel* current();
+
+  struct Parts;
+
+ private:
+  Parts* parts_;
+};
+
+// Nothing will ever happen again, and the program waits: thrown out of the loop.
+struct WaitsForEver {};
+
+}  // namespace porttape::simulation

@@ -1,0 +1,254 @@
+#include "tests/simulation/live_channel.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <span>
+#include <utility>
+#include <variant>
+
+#include "libport/tape/judgement.hpp"
+#include "libport/tape/tape_reader.hpp"
+#include "tests/simulation/catalog.hpp"
+
+namespace porttape::simulation {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+Line::Kind driver_kind(World& world) {
+  return {.passive = true,
+          .half_closes = world.chance(0.5),
+          .knows_unread = world.chance(0.6),
+          .capacity = static_cast<std::size_t>(world.between(1, 8192))};
+}
+
+Line::Kind device_kind(World& world) {
+  return {.half_closes = world.chance(0.4),
+          .always_open = world.chance(0.3),
+          .capacity = static_cast<std::size_t>(world.between(1, 8192))};
+}
+
+// Whether `part` is `whole` less some of its bytes.
+bool is_subsequence(ByteView part, ByteView whole) {
+  auto at = whole.begin();
+  for (const Byte byte : part) {
+    at = std::find(at, whole.end(), byte);
+    if (at == whole.end()) return false;
+    ++at;
+  }
+  return true;
+}
+
+Bytes joined(const std::vector<Line::Passed>& passed, bool to_listener) {
+  Bytes all;
+  for (const Line::Passed& each : passed) {
+    if (each.to_listener == to_listener) all.insert(all.end(), each.data.begin(), each.data.end());
+  }
+  return all;
+}
+
+// Runs of one direction made one.
+std::vector<Line::Passed> in_runs(const std::vector<Line::Passed>& passed) {
+  std::vector<Line::Passed> runs;
+  for (const Line::Passed& each : passed) {
+    if (each.data.empty()) continue;
+    if (runs.empty() || runs.back().to_listener != each.to_listener) {
+      runs.push_back(each);
+    } else {
+      runs.back().data.insert(runs.back().data.end(), each.data.begin(), each.data.end());
+    }
+  }
+  return runs;
+}
+
+}  // namespace
+
+LiveChannel::LiveChannel(World& world, std::string name, bool records, bool disk_fails)
+    : world_(&world),
+      name_(std::move(name)),
+      records_(records),
+      disk_fails_(disk_fails),
+      pace_(world.some_time(seconds(5)) + milliseconds(1)),
+      most_bytes_(static_cast<std::size_t>(world.between(1, 1 << world.between(1, 14)))),
+      driver_(world, name_ + "-driver", driver_kind(world)),
+      device_(world, name_ + "-device", device_kind(world)) {
+  put_up(world, driver_);
+  put_up(world, device_);
+  driver_.on_readable = [this] { reads_soon(driver_, driver_stalls_, driver_reads_); };
+  device_.on_readable = [this] { reads_soon(device_, device_stalls_, device_reads_); };
+}
+
+ChannelSpec LiveChannel::spec() const {
+  ChannelSpec spec;
+  spec.mode = records_ ? ChannelMode::record : ChannelMode::bridge;
+  spec.values = {{"driver", "memory:" + driver_.name()}, {"device", "memory:" + device_.name()}};
+  if (records_) spec.values["tape"] = (world_->folder() / (name_ + ".log")).string();
+  return spec;
+}
+
+void LiveChannel::start() {
+  if (world_->chance(0.9)) device_.open();
+  world_->after(world_->some_time(pace_), [this] { driver_acts(); });
+  world_->after(world_->some_time(pace_), [this] { device_acts(); });
+}
+
+void LiveChannel::reads_soon(Line& line, bool& stalls, bool& planned) {
+  if (stalls || std::exchange(planned, true)) return;
+  world_->after(world_->some_time(milliseconds(50)), [this, &line, &stalls, &planned] {
+    planned = false;
+    if (stalls) return;
+    const std::size_t most = world_->chance(0.3) ? 1 : 1 << 20;
+    line.read(calm_ ? line.unread() : most);
+    // A device that was sent the end of its input ends too.
+    if (&line == &device_ && line.near_ended() && line.unread() == 0) {
+      if (world_->chance(0.5)) (void)line.send(world_->some_bytes(static_cast<std::size_t>(world_->between(1, 100))));
+      return line.close();
+    }
+    if (line.unread() > 0) reads_soon(line, stalls, planned);
+  });
+}
+
+void LiveChannel::driver_acts() {
+  if (calm_) return;
+  const auto act = world_->between(0, 99);
+  if (!driver_.is_open()) {
+    driver_.open();
+  } else if (act < 60) {
+    (void)driver_.send(world_->some_bytes(static_cast<std::size_t>(world_->between(1, static_cast<std::int64_t>(most_bytes_)))));
+  } else if (act < 68) {
+    driver_stalls_ = !driver_stalls_;
+    if (!driver_stalls_) reads_soon(driver_, driver_stalls_, driver_reads_);
+  } else if (act < 74) {
+    driver_.half_close();
+  } else if (act < 78) {
+    driver_.flush_input();
+  } else if (act < 88) {
+    driver_.close();
+  }
+  world_->after(world_->some_time(pace_), [this] { driver_acts(); });
+}
+
+void LiveChannel::device_acts() {
+  if (calm_) return;
+  const auto act = world_->between(0, 99);
+  if (!device_.is_open()) {
+    if (act < 50) device_.plug_in();
+  } else if (act < 70) {
+    (void)device_.send(world_->some_bytes(static_cast<std::size_t>(world_->between(1, static_cast<std::int64_t>(most_bytes_)))));
+  } else if (act < 80) {
+    device_stalls_ = !device_stalls_;
+    if (!device_stalls_) reads_soon(device_, device_stalls_, device_reads_);
+  } else if (act < 84) {
+    device_.unplug();
+  } else if (act < 86 && !device_.kind().always_open) {
+    device_.close();
+  }
+  world_->after(world_->some_time(pace_), [this] { device_acts(); });
+}
+
+void LiveChannel::calm() {
+  calm_ = true;
+  driver_stalls_ = device_stalls_ = false;
+  if (!device_.is_open()) device_.plug_in();
+  reads_soon(driver_, driver_stalls_, driver_reads_);
+  reads_soon(device_, device_stalls_, device_reads_);
+}
+
+void LiveChannel::check_calm() {
+  if (driver_.is_open() && device_.is_open()) {
+    if (driver_.unsent() > 0) world_->wrong("{}: {} bytes of the driver are not read for a minute", name_, driver_.unsent());
+    if (device_.unsent() > 0) world_->wrong("{}: {} bytes of the device are not read for a minute", name_, device_.unsent());
+  }
+}
+
+// What the log tells of bytes that reached nobody.
+std::uint64_t LiveChannel::told() const {
+  std::uint64_t sum = 0;
+  for (const std::string& line : world_->logged()) {
+    if (!line.starts_with(name_ + ": ") || line.find("bytes reached nobody") == std::string::npos) continue;
+    std::uint64_t bytes = 0;
+    std::from_chars(line.data() + name_.size() + 2, line.data() + line.size(), bytes);
+    sum += bytes;
+  }
+  return sum;
+}
+
+void LiveChannel::check_end(bool failed) {
+  check_line();
+  if (records_) check_tape(failed);
+}
+
+void LiveChannel::check_line() {
+  const auto passes = [this](const Line& from, const Line& to) {
+    if (!is_subsequence(joined(to.passed, false), joined(from.passed, true)))
+      world_->wrong("{}: what {} was given is not what {} gave, in order", name_, to.name(), from.name());
+  };
+  passes(driver_, device_);
+  passes(device_, driver_);
+  const std::uint64_t lost = driver_.bytes_in - device_.bytes_out + device_.bytes_in - driver_.bytes_out +
+                             driver_.bytes_dropped + device_.bytes_dropped + driver_.bytes_unread;
+  if (lost != told())
+    world_->wrong("{}: {} bytes reached nobody, told were {}", name_, lost, told());
+  constexpr std::size_t kMostKept = 64 << 10;
+  for (const Line* line : {&driver_, &device_}) {
+    if (line->most_kept > kMostKept)
+      world_->wrong("{}: {} bytes were kept for {}, which did not take them", name_, line->most_kept, line->name());
+  }
+}
+
+void LiveChannel::check_tape(bool failed) {
+  std::vector<Line::Passed> taped;
+  std::uint64_t gaps = 0;
+  const TapePaths first = literal_tape((world_->folder() / (name_ + ".log")).string());
+  for (unsigned number = 1;; ++number) {
+    const TapePaths paths = number == 1 ? first : numbered_tape(first, number);
+    if (!std::filesystem::exists(paths.events)) break;
+    Result<TapeReader> reader = TapeReader::open(paths);
+    if (!reader) return world_->wrong("{}: {}", name_, reader.error().message);
+    TapeTime last{};
+    for (;;) {
+      const Result<std::optional<Record>> next = reader->next();
+      if (!next) return world_->wrong("{}: {}", paths.name(), next.error().message);
+      if (!*next) break;
+      const Record& record = **next;
+      if (record.at < last) world_->wrong("{}: time goes back at {}", paths.name(), to_us(record.at));
+      last = record.at;
+      if (record.kind == RecordKind::read || record.kind == RecordKind::write)
+        taped.push_back({record.kind == RecordKind::read, Bytes(record.data.begin(), record.data.end())});
+      const auto* gap = record.event == nullptr ? nullptr : std::get_if<event::Gap>(record.event);
+      if (gap != nullptr) gaps += gap->bytes;
+    }
+    const Result<TapeSummary> summary = summarize(paths);
+    if (!summary) return world_->wrong("{}: {}", name_, summary.error().message);
+    const Judgement judgement = judge(*summary);
+    if (!disk_fails_ && judgement.verdict == Judgement::Verdict::damaged)
+      world_->wrong("{} is damaged: {}", paths.name(), judgement.damages.front());
+    if (!disk_fails_ && !summary->events.ended) world_->wrong("{} has no end", paths.name());
+  }
+  const std::uint64_t of_line = driver_.bytes_in - device_.bytes_out + driver_.bytes_dropped +
+                                device_.bytes_dropped + driver_.bytes_unread;
+  std::uint64_t on_tape = 0;
+  for (const Line::Passed& each : taped) on_tape += each.data.size();
+  const std::uint64_t missing = device_.bytes_in + device_.bytes_out - on_tape;
+  if (missing == 0) {
+    const auto tape_runs = in_runs(taped);
+    const auto line_runs = in_runs(device_.passed);
+    const bool same = std::ranges::equal(tape_runs, line_runs, [](const auto& one, const auto& other) {
+      return one.to_listener == other.to_listener && one.data == other.data;
+    });
+    if (!same) world_->wrong("{}: the tape is not the line", name_);
+  }
+  if (!disk_fails_ && missing != 0) world_->wrong("{}: {} bytes are not on the tape", name_, missing);
+  if (!disk_fails_ && gaps != of_line)
+    world_->wrong("{}: {} bytes of the line reached nobody, the tape's gaps tell {}", name_, of_line, gaps);
+  if (missing != 0 && gaps < of_line + missing && !failed)
+    world_->wrong("{}: {} bytes are not on the tape, its gaps tell {}, and the daemon ended with 0", name_, missing,
+                  gaps);
+  for (const bool reads : {true, false}) {
+    if (!is_subsequence(joined(taped, reads), joined(device_.passed, reads)))
+      world_->wrong("{}: the tape has bytes that did not pass, or not in their order", name_);
+  }
+}
+
+}  // namespace porttape::simulation
