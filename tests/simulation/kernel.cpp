@@ -31,7 +31,7 @@ using std::chrono::seconds;
 
 // What reading the clock and a poll cost; a program that polls until a moment would never get there else.
 constexpr Moment kTick = nanoseconds(40);
-constexpr Moment kPoll = microseconds(1);
+constexpr Moment kPoll = microseconds(5);
 constexpr Moment kYield = microseconds(2);
 // The monotonic clock at a seed's start, and the wall clock's.
 constexpr Moment kBoot = seconds(1000);
@@ -77,11 +77,12 @@ struct Thread {
 struct Kernel::Parts {
   explicit Parts(std::uint64_t seed) : random(seed) { threads.push_back(std::make_unique<Thread>()); }
 
-  std::mt19937_64 random;
+  Random random;
   Moment time{};
   Moment wall_step{};
   std::uint64_t wake_ups = 0;
   bool threads_refused = false;
+  bool may_have_events = true;  // a descriptor that the system watches: something was done to one
   std::vector<std::unique_ptr<Thread>> threads;
   Thread* running = nullptr;
   std::vector<void*> stacks;  // free ones
@@ -240,8 +241,10 @@ void Kernel::Parts::yield() {
 }
 
 int Kernel::Parts::poll_now(int epoll_fd, epoll_event* events, int most) {
-  long count = ::syscall(SYS_epoll_pwait, epoll_fd, events, most, 0, nullptr, 8);
+  long count = 0;
+  if (may_have_events) count = ::syscall(SYS_epoll_pwait, epoll_fd, events, most, 0, nullptr, 8);
   if (count < 0) return -1;
+  may_have_events = count > 0;
   for (const TimerFd& timer : timers) {
     if (count >= most || !timer.watched || !timer.due || *timer.due > time) continue;
     events[count].events = EPOLLIN;
@@ -285,7 +288,7 @@ Kernel::~Kernel() {
 Kernel* Kernel::current() { return the_face; }
 Moment Kernel::now() const { return parts_->time; }
 std::uint64_t Kernel::wake_ups() const { return parts_->wake_ups; }
-std::mt19937_64& Kernel::random() { return parts_->random; }
+Random& Kernel::random() { return parts_->random; }
 void Kernel::refuse_threads(bool refused) { parts_->threads_refused = refused; }
 void Kernel::step_clock(Moment by) { parts_->wall_step += by; }
 
@@ -501,7 +504,13 @@ int epoll_ctl(int epoll_fd, int operation, int fd, epoll_event* event) noexcept 
     if (event != nullptr) timer->data = event->data;
     return 0;
   }
+  if (parts != nullptr) parts->may_have_events = true;
   return static_cast<int>(::syscall(SYS_epoll_ctl, epoll_fd, operation, fd, event));
+}
+
+ssize_t write(int fd, const void* data, std::size_t size) {
+  if (auto* const parts = kernel()) parts->may_have_events = true;
+  return ::syscall(SYS_write, fd, data, size);
 }
 
 int epoll_wait(int epoll_fd, epoll_event* events, int most, int timeout) {

@@ -69,6 +69,8 @@ LiveChannel::LiveChannel(World& world, std::string name, bool records, bool disk
       name_(std::move(name)),
       records_(records),
       disk_fails_(disk_fails),
+      driver_acts_left_(1 << world.between(1, 8)),
+      device_acts_left_(1 << world.between(1, 8)),
       pace_(world.some_time(seconds(5)) + milliseconds(1)),
       most_bytes_(static_cast<std::size_t>(world.between(1, 1 << world.between(1, 14)))),
       driver_(world, name_ + "-driver", driver_kind(world)),
@@ -110,7 +112,7 @@ void LiveChannel::reads_soon(Line& line, bool& stalls, bool& planned) {
 }
 
 void LiveChannel::driver_acts() {
-  if (calm_) return;
+  if (calm_ || driver_acts_left_-- == 0) return;
   const auto act = world_->between(0, 99);
   if (!driver_.is_open()) {
     driver_.open();
@@ -130,7 +132,7 @@ void LiveChannel::driver_acts() {
 }
 
 void LiveChannel::device_acts() {
-  if (calm_) return;
+  if (calm_ || device_acts_left_-- == 0) return;
   const auto act = world_->between(0, 99);
   if (!device_.is_open()) {
     if (act < 50) device_.plug_in();

@@ -40,6 +40,8 @@ class LiveChannel {
   bool records_;
   bool disk_fails_;
   bool calm_ = false;
+  std::int64_t driver_acts_left_;
+  std::int64_t device_acts_left_;
   Nanos pace_;
   std::size_t most_bytes_;
   Line driver_;

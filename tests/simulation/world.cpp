@@ -47,7 +47,7 @@ World::World(std::uint64_t seed, std::filesystem::path folder, bool tracing)
       loop_(std::make_unique<Loop>()),
       log_(std::make_shared<spdlog::logger>("channel", std::make_shared<LogSink>(*this))),
       later_(std::make_unique<Later>(*loop_)) {
-  log_->set_level(tracing ? spdlog::level::debug : spdlog::level::info);
+  log_->set_level(spdlog::level::debug);
 }
 
 World::~World() = default;
