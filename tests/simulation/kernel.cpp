@@ -36,6 +36,8 @@ constexpr Moment kYield = microseconds(2);
 // The monotonic clock at a seed's start, and the wall clock's.
 constexpr Moment kBoot = seconds(1000);
 constexpr Moment kWall = seconds(1'700'000'000);
+// How often a thread that reads the clock lets others go first, one time in so many.
+constexpr std::uint64_t kTurns = 16;
 constexpr std::size_t kStack = std::size_t{256} << 10;
 
 template <class Function>
@@ -204,10 +206,9 @@ bool Kernel::Parts::advance() {
   time = std::max(time, *first);
   for (const auto& each : threads) {
     if (each->ended) continue;
-    const bool timer_due =
-        each->in_epoll && std::ranges::any_of(timers, [this](const TimerFd& timer) {
-          return timer.watched && timer.due && *timer.due <= time;
-        });
+    const bool timer_due = each->in_epoll && std::ranges::any_of(timers, [this](const TimerFd& timer) {
+                             return timer.watched && timer.due && *timer.due <= time;
+                           });
     if (timer_due || (each->deadline && *each->deadline <= time)) each->wake();
   }
   return true;
@@ -316,8 +317,8 @@ bool Kernel::run_down() {
 // The functions of the C library that the program calls; those of the process itself outside a seed.
 
 using porttape::simulation::kernel;
-using porttape::simulation::Thread;
 using porttape::simulation::real;
+using porttape::simulation::Thread;
 
 extern "C" {
 
@@ -325,6 +326,9 @@ int clock_gettime(clockid_t clock, timespec* time) noexcept {
   auto* const parts = kernel();
   if (parts == nullptr) return static_cast<int>(::syscall(SYS_clock_gettime, clock, time));
   parts->tick(porttape::simulation::kTick);
+  // Here threads take turns, and not at a lock: Asio's thread_local would be that of the loop's thread in a
+  // worker that comes between two of its steps.
+  if (parts->pick(porttape::simulation::kTurns) == 0) parts->yield();
   porttape::simulation::Moment now = parts->monotonic();
   if (clock == CLOCK_REALTIME) now = porttape::simulation::kWall + parts->time + parts->wall_step;
   time->tv_sec = now / std::chrono::seconds(1);
@@ -388,7 +392,6 @@ int pthread_mutex_lock(pthread_mutex_t* mutex) noexcept {
   static const auto try_lock = real<decltype(&pthread_mutex_trylock)>("pthread_mutex_trylock");
   auto* const parts = kernel();
   if (parts == nullptr || parts->threads.size() == 1) return lock(mutex);
-  if (parts->pick(16) == 0) parts->yield();
   while (true) {
     const int error = try_lock(mutex);
     if (error != EBUSY) return error;
@@ -415,8 +418,8 @@ int pthread_cond_clockwait(pthread_cond_t* condition, pthread_mutex_t* mutex, cl
     static const auto call = real<decltype(&pthread_cond_clockwait)>("pthread_cond_clockwait");
     return call(condition, mutex, clock, until);
   }
-  const auto origin = clock == CLOCK_REALTIME ? porttape::simulation::kWall + parts->wall_step
-                                              : porttape::simulation::kBoot;
+  const auto origin =
+      clock == CLOCK_REALTIME ? porttape::simulation::kWall + parts->wall_step : porttape::simulation::kBoot;
   const auto deadline = porttape::simulation::moment(*until) - origin;
   parts->running->condition = condition;
   parts->running->deadline = deadline;

@@ -39,7 +39,8 @@ void Line::open() {
 
 void Line::close() {
   if (!open_) return;
-  world_->trace("{}: the far end closes it, {} bytes unread, {} unsent", name_, to_far_.size(), to_near_.size());
+  world_->trace("{}: the far end closes it, {} bytes unread, {} unsent", name_, to_far_.size(),
+                to_near_.size());
   open_ = false;
   closing_ = port_ != nullptr && port_->up_;
   if (!closing_) to_near_.clear();
@@ -175,7 +176,8 @@ void LinePort::write(ByteView data) {
   }
   line_->to_far_.insert(line_->to_far_.end(), data.begin(), data.end());
   was_congested_ = was_congested_ || congested();
-  if (congested()) line_->most_kept = std::max(line_->most_kept, line_->to_far_.size() - line_->kind_.capacity);
+  if (congested())
+    line_->most_kept = std::max(line_->most_kept, line_->to_far_.size() - line_->kind_.capacity);
   quiet_since_ = Loop::now();
   line_->on_readable();
 }
@@ -274,7 +276,8 @@ void LinePort::look() {
   if (gone) {
     drop_unsent();
     if (!gone_since_) gone_since_ = Loop::now();
-    const bool kept = !line_->to_near_.empty() && listener().wants_rest() && Loop::now() - *gone_since_ < kRestLimit;
+    const bool kept =
+        !line_->to_near_.empty() && listener().wants_rest() && Loop::now() - *gone_since_ < kRestLimit;
     if (kept) return timer_.set_after(kLook);
     return go_down(LineDown::Reason::closed);
   }
@@ -286,7 +289,8 @@ void LinePort::look() {
       if (*answers_ == PortListener::Answers::none) return go_down(LineDown::Reason::closed);
     }
     const bool ends = answers_ == PortListener::Answers::until_it_is_quiet;
-    if (ends && !congested() && Loop::now() - quiet_since_ >= kQuiet) return go_down(LineDown::Reason::closed);
+    if (ends && !congested() && Loop::now() - quiet_since_ >= kQuiet)
+      return go_down(LineDown::Reason::closed);
     if (ends) timer_.set_after(kLook);
   }
 }

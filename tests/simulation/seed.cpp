@@ -11,6 +11,7 @@
 #include "tests/simulation/catalog.hpp"
 #include "tests/simulation/disk.hpp"
 #include "tests/simulation/live_channel.hpp"
+#include "tests/simulation/replay_channel.hpp"
 
 namespace porttape::simulation {
 namespace {
@@ -26,7 +27,7 @@ constexpr std::uint64_t kMostWakeUps = 30;  // a minute
 // The daemon's life: trouble, maybe a calm minute, the end.
 class Life {
  public:
-  Life(World& world, std::vector<std::unique_ptr<LiveChannel>>& channels)
+  Life(World& world, std::vector<std::unique_ptr<Channel>>& channels)
       : world_(&world), channels_(&channels) {}
 
   void plan() {
@@ -67,13 +68,14 @@ class Life {
     signal(SIGTERM);
     if (world_->chance(0.2)) world_->after(world_->some_time(seconds(5)), [this] { signal(SIGTERM); });
     world_->after(kEndLimit, [this] {
-      world_->wrong("the daemon has not ended {} s after SIGTERM", std::chrono::duration_cast<seconds>(kEndLimit).count());
+      world_->wrong("the daemon has not ended {} s after SIGTERM",
+                    std::chrono::duration_cast<seconds>(kEndLimit).count());
       world_->loop().stop();
     });
   }
 
   World* world_;
-  std::vector<std::unique_ptr<LiveChannel>>* channels_;
+  std::vector<std::unique_ptr<Channel>>* channels_;
   std::uint64_t wake_ups_ = 0;
   bool calms_ = false;
 };
@@ -98,12 +100,16 @@ Disk::Trouble disk_trouble(World& world, const Life& life, double rate) {
 }
 
 void live(World& world, bool disk_fails) {
-  std::vector<std::unique_ptr<LiveChannel>> channels;
+  std::vector<std::unique_ptr<Channel>> channels;
   std::map<std::string, ChannelSpec> specs;
   for (auto count = world.between(1, 3); count > 0; --count) {
     // With one channel alone the log has no channel's name.
     const std::string name = fmt::format("ch{}", count);
-    channels.push_back(std::make_unique<LiveChannel>(world, name, world.chance(0.8), disk_fails));
+    if (world.chance(0.3)) {
+      channels.push_back(std::make_unique<ReplayChannel>(world, name));
+    } else {
+      channels.push_back(std::make_unique<LiveChannel>(world, name, world.chance(0.8), disk_fails));
+    }
     specs[name] = channels.back()->spec();
   }
   int status = 0;
@@ -117,8 +123,9 @@ void live(World& world, bool disk_fails) {
     disk.emplace([&](Disk::Call call) {
       const Disk::Trouble trouble = disk_fails ? disk_trouble(world, life, rate) : Disk::Trouble{};
       if (trouble.error != 0 || trouble.takes.count() > 0 || trouble.most_bytes != ~std::size_t{0})
-        world.trace("disk: {} takes {} ms, error {}, {} bytes", name_of(call), trouble.takes.count() / 1'000'000,
-                    trouble.error, static_cast<std::int64_t>(trouble.most_bytes));
+        world.trace("disk: {} takes {} ms, error {}, {} bytes", name_of(call),
+                    trouble.takes.count() / 1'000'000, trouble.error,
+                    static_cast<std::int64_t>(trouble.most_bytes));
       return trouble;
     });
     if (const Result<void> started = daemon->start(specs); !started) {

@@ -59,7 +59,8 @@ void World::close_loop() {
 }
 
 Nanos World::some_time(Nanos most) {
-  const double exponent = static_cast<double>(between(0, 1'000'000)) / 1e6 * std::log(static_cast<double>(most.count()) / 1e3);
+  const double exponent =
+      static_cast<double>(between(0, 1'000'000)) / 1e6 * std::log(static_cast<double>(most.count()) / 1e3);
   return Nanos(static_cast<std::int64_t>(std::exp(exponent) * 1e3));
 }
 
