@@ -271,7 +271,9 @@ void Session::close_device() {
   device_state_ = DeviceState::closed;
   note_gap();
   device_->close();
-  read_device();  // only now: a tape that was held back would pour the rest into the closed line
+  // Only now: a tape that was held back would pour the rest into the closed line. A next driver may be there
+  // already, and have more than it takes.
+  if (!driver_up_ || !driver_->congested()) read_device();
   tell_dropped();
   if (driver_up_ && end_.running()) open_device();
   continue_end();

@@ -131,6 +131,20 @@ TEST_F(SessionTest, LastBytesReachASlowDeviceBeforeItIsClosed) {
   EXPECT_EQ(device.calls, "prepare open close ");
 }
 
+TEST_F(SessionTest, ASlowNewDriverStopsTheDeviceWhenTheLastOnesBytesHaveGone) {
+  start();
+  driver.up();
+  device.congested = true;
+  driver.send("last");
+  driver.down(Reason::closed);
+  driver.up();
+  driver.congested = true;
+  device.send("much");
+  device.drain();
+  EXPECT_EQ(device.calls, "prepare open close open ");
+  EXPECT_FALSE(device.reading);
+}
+
 TEST_F(SessionTest, ANewDriverWaitsForTheLastOnesBytes) {
   start();
   driver.up();

@@ -118,7 +118,6 @@ LinePort::~LinePort() {
 void LinePort::open() {
   world_->trace("{}: open()", line_->name_);
   accepting_ = true;
-  reading_ = true;
   if (passive()) return soon();
   if (line_->open_ || line_->kind_.always_open) {
     line_->near_ended_ = false;
@@ -139,7 +138,7 @@ void LinePort::close() {
   if (!std::exchange(up_, false)) return;
   drop_unsent();
   timer_.cancel();
-  leaving_ = asked_ = interrupted_ = false;
+  leaving_ = asked_ = interrupted_ = was_congested_ = false;
   answers_.reset();
   gone_since_.reset();
   const std::size_t rest = line_->to_near_.size();
@@ -169,6 +168,8 @@ void LinePort::write(ByteView data) {
   line_->bytes_out += data.size();
   line_->passed.push_back({false, Bytes(data.begin(), data.end())});
   world_->trace("{}: write() of {} bytes", line_->name_, data.size());
+  if (up_ && was_congested_) world_->wrong("{}: bytes are written to it while it is congested", line_->name_);
+  if (interrupted_) world_->wrong("{}: bytes are written to it while it is interrupted", line_->name_);
   if (!up_ || interrupted_) {
     line_->bytes_dropped += data.size();
     listener().on_dropped(data.size(), "the line is not up");
@@ -217,13 +218,12 @@ void LinePort::soon() { timer_.set(Loop::now()); }
 
 void LinePort::come_up() {
   up_ = true;
-  reading_ = true;
   was_congested_ = false;
   listener().on_up();
 }
 
 void LinePort::go_down(LineDown::Reason reason) {
-  up_ = leaving_ = asked_ = interrupted_ = false;
+  up_ = leaving_ = asked_ = interrupted_ = was_congested_ = false;
   answers_.reset();
   gone_since_.reset();
   line_->closing_ = false;

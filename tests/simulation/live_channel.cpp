@@ -5,11 +5,13 @@
 #include <filesystem>
 #include <map>
 #include <span>
+#include <sys/stat.h>
 #include <utility>
 #include <variant>
 
 #include "libport/tape/judgement.hpp"
 #include "libport/tape/tape_reader.hpp"
+#include "libport/tape/tape_writer.hpp"
 #include "tests/simulation/catalog.hpp"
 
 namespace porttape::simulation {
@@ -130,6 +132,8 @@ void LiveChannel::driver_acts() {
     driver_.flush_input();
   } else if (act < 88) {
     driver_.close();
+  } else if (act < 89 && records_ && !disk_fails_) {
+    replace_tape();
   }
   world().after(world().some_time(pace_), [this] { driver_acts(); });
 }
@@ -151,6 +155,29 @@ void LiveChannel::device_acts() {
     device_.close();
   }
   world().after(world().some_time(pace_), [this] { device_acts(); });
+}
+
+// What another recorder would do that is to overwrite: a tape that is being written is not to be had.
+void LiveChannel::replace_tape() {
+  const std::string recording = name() + ": recording to ";
+  const auto latest = std::find_if(world().logged().rbegin(), world().logged().rend(),
+                                   [&](const std::string& line) { return line.starts_with(recording); });
+  if (latest == world().logged().rend()) return;
+  const std::string tape = latest->substr(recording.size());
+  const bool ending = std::any_of(world().logged().rbegin(), latest, [&](const std::string& line) {
+    return line.find(tape) != std::string::npos && line.find("complete") != std::string::npos;
+  });
+  if (ending) return;
+  world().trace("{}: another recorder wants {}", name(), tape);
+  const auto inode = [&tape] {
+    struct stat file {};
+    return ::stat(literal_tape(tape).read.c_str(), &file) == 0 ? file.st_ino : 0;
+  };
+  const ino_t before = inode();
+  const Result<TapeWriter> taken =
+      TapeWriter::create(literal_tape(tape), {}, {.on_existing = OnExisting::overwrite});
+  if (taken || inode() != before)
+    world().wrong("{}: {} was replaced while it was being written", name(), tape);
 }
 
 void LiveChannel::calm() {

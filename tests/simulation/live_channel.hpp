@@ -27,6 +27,7 @@ class LiveChannel final : public Channel {
   void driver_acts();
   void device_acts();
   void reads_soon(Line& line, bool& stalls, bool& planned);
+  void replace_tape();
   void check_line();
   void check_tape(bool failed);
   [[nodiscard]] std::uint64_t told() const;
