@@ -21,8 +21,25 @@
 #include <utility>
 #include <vector>
 
+#include <boost/asio/detail/call_stack.hpp>
+#include <boost/asio/detail/thread_context.hpp>
+#include <boost/asio/detail/thread_info_base.hpp>
+
 namespace porttape::simulation {
 namespace {
+
+// Asio knows by a thread_local variable which thread runs a loop, and wakes the loop for the others only. The
+// threads here are one to the system, so each has that variable's value kept for it. Private names may be
+// used where a template is instantiated.
+using AsioThreads = boost::asio::detail::call_stack<boost::asio::detail::thread_context,
+                                                    boost::asio::detail::thread_info_base>;
+using AsioThread = boost::asio::detail::tss_ptr<AsioThreads::context>;
+template <AsioThread* Variable>
+struct Access {
+  friend AsioThread& asio_thread() { return *Variable; }
+};
+AsioThread& asio_thread();
+template struct Access<&AsioThreads::top_>;
 
 using Moment = Kernel::Moment;
 using std::chrono::microseconds;
@@ -36,7 +53,7 @@ constexpr Moment kYield = microseconds(2);
 // The monotonic clock at a seed's start, and the wall clock's.
 constexpr Moment kBoot = seconds(1000);
 constexpr Moment kWall = seconds(1'700'000'000);
-// How often a thread that reads the clock lets others go first, one time in so many.
+// How often a thread that reads the clock or takes a lock lets others go first, one time in so many.
 constexpr std::uint64_t kTurns = 16;
 constexpr std::size_t kStack = std::size_t{256} << 10;
 
@@ -56,6 +73,7 @@ struct Thread {
   void* (*start)(void*) = nullptr;
   void* argument = nullptr;
   void* result = nullptr;
+  AsioThreads::context* asio = nullptr;
   bool ended = false;
   bool detached = false;
   // What it waits for; none of them: it is ready.
@@ -170,7 +188,11 @@ void Kernel::Parts::end_running() {
 
 void Kernel::Parts::switch_to(Thread& next) {
   Thread* const last = std::exchange(running, &next);
-  if (last != &next) ::swapcontext(&last->context, &next.context);
+  if (last != &next) {
+    last->asio = asio_thread();
+    asio_thread() = next.asio;
+    ::swapcontext(&last->context, &next.context);
+  }
   // Here again: those that have ended since leave their stacks.
   std::erase_if(threads, [this](const std::unique_ptr<Thread>& each) {
     if (!each->ended || !each->detached || each.get() == running) return false;
@@ -326,8 +348,6 @@ int clock_gettime(clockid_t clock, timespec* time) noexcept {
   auto* const parts = kernel();
   if (parts == nullptr) return static_cast<int>(::syscall(SYS_clock_gettime, clock, time));
   parts->tick(porttape::simulation::kTick);
-  // Here threads take turns, and not at a lock: Asio's thread_local would be that of the loop's thread in a
-  // worker that comes between two of its steps.
   if (parts->pick(porttape::simulation::kTurns) == 0) parts->yield();
   porttape::simulation::Moment now = parts->monotonic();
   if (clock == CLOCK_REALTIME) now = porttape::simulation::kWall + parts->time + parts->wall_step;
@@ -392,6 +412,7 @@ int pthread_mutex_lock(pthread_mutex_t* mutex) noexcept {
   static const auto try_lock = real<decltype(&pthread_mutex_trylock)>("pthread_mutex_trylock");
   auto* const parts = kernel();
   if (parts == nullptr || parts->threads.size() == 1) return lock(mutex);
+  if (parts->pick(porttape::simulation::kTurns) == 0) parts->yield();
   while (true) {
     const int error = try_lock(mutex);
     if (error != EBUSY) return error;

@@ -72,6 +72,8 @@ LiveChannel::LiveChannel(World& world, std::string name, bool records, bool disk
     : Channel(world, std::move(name)),
       records_(records),
       disk_fails_(disk_fails),
+      next_tape_(world.chance(0.5)),
+      fail_closed_(next_tape_ && world.chance(0.3)),
       driver_acts_left_(1 << world.between(1, 8)),
       device_acts_left_(1 << world.between(1, 8)),
       pace_(world.some_time(seconds(5)) + milliseconds(1)),
@@ -88,7 +90,10 @@ ChannelSpec LiveChannel::spec() const {
   ChannelSpec spec;
   spec.mode = records_ ? ChannelMode::record : ChannelMode::bridge;
   spec.values = {{"driver", "memory:" + driver_.name()}, {"device", "memory:" + device_.name()}};
-  if (records_) spec.values["tape"] = (world().folder() / (name() + ".log")).string();
+  if (!records_) return spec;
+  spec.values["tape"] = (world().folder() / (name() + ".log")).string();
+  if (next_tape_) spec.values["on-existing"] = "next";
+  if (fail_closed_) spec.values["fail-closed"] = "1";
   return spec;
 }
 

@@ -35,6 +35,8 @@ class LiveChannel final : public Channel {
 
   bool records_;
   bool disk_fails_;
+  bool next_tape_;
+  bool fail_closed_;
   bool calm_ = false;
   std::int64_t driver_acts_left_;
   std::int64_t device_acts_left_;

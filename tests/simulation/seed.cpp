@@ -35,6 +35,19 @@ class Life {
     for (auto signals = world_->between(0, 3); signals > 0; --signals) {
       world_->after(Nanos(world_->between(0, trouble.count())), [this] { signal(SIGUSR1); });
     }
+    for (auto steps = world_->between(0, 2); steps > 0; --steps) {
+      world_->after(Nanos(world_->between(0, trouble.count())), [this] {
+        const Nanos by = (world_->chance(0.5) ? 1 : -1) * world_->some_time(std::chrono::hours(10'000));
+        world_->trace("the wall clock is set, by {} s", std::chrono::duration_cast<seconds>(by).count());
+        world_->kernel().step_clock(by);
+      });
+    }
+    if (world_->chance(0.1)) {
+      world_->after(Nanos(world_->between(0, trouble.count())), [this] {
+        world_->trace("no thread is to be had");
+        world_->kernel().refuse_threads(true);
+      });
+    }
     for (const auto& channel : *channels_) channel->start();
     if (world_->chance(0.6)) {
       world_->after(trouble, [this] { calm(); });
@@ -54,6 +67,7 @@ class Life {
   void calm() {
     world_->trace("calm");
     calms_ = true;
+    world_->kernel().refuse_threads(false);
     for (const auto& channel : *channels_) channel->calm();
     world_->after(minutes(1), [this] { wake_ups_ = world_->kernel().wake_ups(); });
     world_->after(minutes(2), [this] {
