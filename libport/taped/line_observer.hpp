@@ -33,8 +33,8 @@ class LineObserver {
 
   // A user asks for something; what it does not know of is not for it.
   virtual void request(Instant at, RecorderRequest what) = 0;
-  // The last but one call: completes its work. `done` comes once, from within or later: with whether it has
-  // kept everything that passed.
+  // The last call but for give_up(): completes its work. `done` comes once, from within or later: with
+  // whether it has kept everything that passed.
   virtual void finish(Instant at, std::function<void(bool complete)> done) = 0;
   // finish() takes too long, TapPort waits no more: says what is missing, and does not call `done`.
   virtual void give_up() = 0;

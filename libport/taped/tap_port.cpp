@@ -4,13 +4,18 @@
 #include <array>
 #include <utility>
 
+#include <spdlog/spdlog.h>
+
 namespace porttape {
 
 TapPort::TapPort(const PortContext& context, std::unique_ptr<Port> inner, Instant (*now)(), Nanos end_limit)
     : ForwardingPort(std::move(inner)),
+      log_(context.log),
       now_(now),
       end_timer_(*context.loop, [this] { give_up(); }),
       end_limit_(end_limit) {}
+
+TapPort::~TapPort() { tell_late(); }
 
 void TapPort::add(std::unique_ptr<LineObserver> observer) { observers_.push_back({std::move(observer)}); }
 
@@ -26,22 +31,19 @@ Result<void> TapPort::prepare() {
 void TapPort::open() {
   open_ = true;
   writing_ended_ = false;
-  const Instant now = now_();
-  for (const auto& observer : observers_) observer->opened(now);
+  tell([now = now_()](LineObserver& observer) { observer.opened(now); });
   ForwardingPort::open();
 }
 
 void TapPort::on_up() {
-  const Instant now = now_();
-  for (const auto& observer : observers_) observer->came_up(now);
+  tell([now = now_()](LineObserver& observer) { observer.came_up(now); });
   ForwardingPort::on_up();
 }
 
 void TapPort::close() {
   ForwardingPort::close();
   if (!std::exchange(open_, false)) return;
-  const Instant now = now_();
-  for (const auto& observer : observers_) observer->closed(now);
+  tell([now = now_()](LineObserver& observer) { observer.closed(now); });
 }
 
 void TapPort::write(ByteView data) {
@@ -120,8 +122,7 @@ void TapPort::on_dropped(std::uint64_t bytes, std::string_view why) {
 }
 
 void TapPort::request(RecorderRequest what) {
-  const Instant now = now_();
-  for (const auto& observer : observers_) observer->request(now, what);
+  tell([now = now_(), what](LineObserver& observer) { observer.request(now, what); });
 }
 
 void TapPort::finish() {
@@ -132,6 +133,7 @@ void TapPort::finish() {
 void TapPort::on_complete(int exit_status) {
   exit_status_ = exit_status;
   const Instant now = now_();
+  over_ = true;
   end_timer_.set_after(end_limit_);
   for (Observer& each : observers_) {
     each->finish(now, [this, &each](bool complete) {
@@ -161,16 +163,32 @@ void TapPort::complete_if_over() {
   if (!finishing_ || !std::ranges::all_of(observers_, &Observer::finished)) return;
   finishing_ = false;
   end_timer_.cancel();
+  if (tell_late() && exit_status_ == 0) exit_status_ = exit_status::kRuntime;
   ForwardingPort::on_complete(exit_status_);
 }
 
+// The observers have finished: too late for them.
+bool TapPort::tell_late() {
+  if (late_bytes_ == 0) return false;
+  log_->error("{}: {} bytes came after the end of its recording and are not in it", ForwardingPort::name(),
+              late_bytes_);
+  late_bytes_ = 0;
+  return true;
+}
+
+template <class Tell>
+void TapPort::tell(const Tell& what) {
+  if (over_) return;
+  for (const Observer& each : observers_) what(*each.observer);
+}
+
 void TapPort::block(Direction direction, Instant at, ByteView data) {
-  for (const auto& observer : observers_) observer->block(direction, at, data);
+  if (over_) late_bytes_ += data.size();
+  tell([=](LineObserver& observer) { observer.block(direction, at, data); });
 }
 
 void TapPort::note(const Event& event) {
-  const Instant now = now_();
-  for (const auto& observer : observers_) observer->note(now, event);
+  tell([now = now_(), &event](LineObserver& observer) { observer.note(now, event); });
 }
 
 void TapPort::note_flush(FlushQueue queue) {

@@ -15,7 +15,8 @@
 namespace porttape {
 
 // A port around another that tells observers what passes: stamps bytes and events, and passes them on first.
-// Owns them. With a TapeKeeper among them it records.
+// Owns them. With a TapeKeeper among them it records. Bytes that come once they finish are told in the log
+// alone.
 class TapPort final : public ForwardingPort, private Recorder {
  public:
   // How long finish() waits for the observers.
@@ -23,6 +24,7 @@ class TapPort final : public ForwardingPort, private Recorder {
 
   TapPort(const PortContext& context, std::unique_ptr<Port> inner, Instant (*now)() = &Loop::now,
           Nanos end_limit = kEndLimit);
+  ~TapPort() override;
 
   // Before anything else is called.
   void add(std::unique_ptr<LineObserver> observer);
@@ -63,16 +65,22 @@ class TapPort final : public ForwardingPort, private Recorder {
   void observer_finished(Observer& observer, bool complete);
   void give_up();
   void complete_if_over();
+  bool tell_late();
+  template <class Tell>
+  void tell(const Tell& what);
   void block(Direction direction, Instant at, ByteView data);
   void note(const Event& event);
   void note_flush(FlushQueue queue);
   void note_lost(const LineDown& down, bool hung_up);
 
+  std::shared_ptr<spdlog::logger> log_;
   Instant (*now_)();
   std::vector<Observer> observers_;
   Timer end_timer_;
   Nanos end_limit_;
+  bool over_ = false;       // nobody is told any more
   bool finishing_ = false;  // finish() of each was called
+  std::uint64_t late_bytes_ = 0;
   int exit_status_ = 0;
   bool open_ = false;
   bool writing_ended_ = false;  // in this session

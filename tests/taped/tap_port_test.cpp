@@ -97,5 +97,24 @@ TEST_F(TapPortTest, TheEndWaitsForNoneForEver) {
   EXPECT_EQ(other.text, "give_up ");
 }
 
+TEST_F(TapPortTest, AfterTheirFinishObserversAreToldNothingAndTheLogIsToldOfTheBytes) {
+  ASSERT_TRUE(tap.prepare().has_value());
+  tap.open();
+  tap.finish();
+  one.text.clear();
+  tap.recorder()->request(RecorderRequest::next_tape);
+  tap.write(as_bytes("four"));
+  device.send("three");
+  device.interrupt();
+  tap.recorder()->note_gap(2, "a test wants it");
+  EXPECT_EQ(one.text, "");
+  EXPECT_EQ(device.written, "four");
+  EXPECT_EQ(log.data, "three");
+  one.done(true);
+  other.done(true);
+  EXPECT_EQ(log.status, exit_status::kRuntime);
+  EXPECT_NE(book.text().find("memory: 9 bytes came after the end"), std::string::npos) << book.text();
+}
+
 }  // namespace
 }  // namespace porttape
