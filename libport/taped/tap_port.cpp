@@ -137,6 +137,7 @@ void TapPort::on_complete(int exit_status) {
   end_timer_.set_after(end_limit_);
   for (Observer& each : observers_) {
     each->finish(now, [this, &each](bool complete) {
+      if (each.finished) return;  // was given up
       observer_finished(each, complete);
       complete_if_over();
     });
@@ -153,8 +154,8 @@ void TapPort::observer_finished(Observer& observer, bool complete) {
 void TapPort::give_up() {
   for (Observer& each : observers_) {
     if (each.finished) continue;
-    each->give_up();
     observer_finished(each, false);
+    each->give_up();
   }
   complete_if_over();
 }

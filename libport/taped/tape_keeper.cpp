@@ -270,6 +270,7 @@ void TapeKeeper::finish(Instant now, std::function<void(bool)> done) {
 }
 
 void TapeKeeper::give_up() {
+  on_done_ = {};
   for (const Ending& ending : ending_) {
     const LiveTape::Status status = ending.tape->status();
     context_.log->error("tape {}: its disk did not answer in time; {} bytes and the end are not on it",

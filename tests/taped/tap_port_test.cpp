@@ -22,6 +22,7 @@ class Notes final : public LineObserver {
     std::string text;
     std::function<void(bool)> done;
     Result<void> ready;
+    bool done_when_given_up = false;
   };
   explicit Notes(Book& book) : book_(&book) {}
   [[nodiscard]] Result<void> check() const override { return book_->ready; }
@@ -34,7 +35,10 @@ class Notes final : public LineObserver {
   void note(Instant, const Event& event) override { book_->text += std::string(name_of(event)) + " "; }
   void request(Instant, RecorderRequest) override { book_->text += "next_tape "; }
   void finish(Instant, std::function<void(bool)> done) override { book_->done = std::move(done); }
-  void give_up() override { book_->text += "give_up "; }
+  void give_up() override {
+    book_->text += "give_up ";
+    if (book_->done_when_given_up) book_->done(true);
+  }
 
  private:
   Book* book_;
@@ -95,6 +99,14 @@ TEST_F(TapPortTest, TheEndWaitsForNoneForEver) {
   EXPECT_EQ(log.status, exit_status::kRuntime);
   EXPECT_EQ(one.text, "");
   EXPECT_EQ(other.text, "give_up ");
+}
+
+TEST_F(TapPortTest, OneThatWasGivenUpCannotSayAnyMoreThatItIsComplete) {
+  other.done_when_given_up = true;
+  tap.finish();
+  one.done(true);
+  run_until(loop, [this] { return log.status.has_value(); });
+  EXPECT_EQ(log.status, exit_status::kRuntime);
 }
 
 TEST_F(TapPortTest, AfterTheirFinishObserversAreToldNothingAndTheLogIsToldOfTheBytes) {
