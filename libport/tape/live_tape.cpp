@@ -60,7 +60,6 @@ struct LiveTape::Shared {
   void serve();
   void make(std::unique_lock<std::mutex>& lock);
   void write_batch(std::unique_lock<std::mutex>& lock);
-  void apply(Entry& entry, const RunBoth& beside);
   void take_stock();
   void give_up_queue();
   void abandon_queue();
@@ -152,8 +151,15 @@ void LiveTape::Shared::write_batch(std::unique_lock<std::mutex>& lock) {
   status.waits_since = begin;
   const RunBoth beside = last_batch >= kHungWrite ? RunBoth(run_both) : RunBoth();
   lock.unlock();
+  std::optional<Result<void>> finished;
   writer->begin_batch();
-  for (Entry& entry : batch) apply(entry, beside);
+  for (const Entry& entry : batch) {
+    if (entry.last) {
+      finished = writer->finish(entry.at, beside);
+    } else {
+      entry.work(*writer);
+    }
+  }
   writer->commit(beside);
   const auto took = std::chrono::duration_cast<milliseconds>(Clock::now() - begin);
   lock.lock();
@@ -163,14 +169,9 @@ void LiveTape::Shared::write_batch(std::unique_lock<std::mutex>& lock) {
   disks->release(bytes);
   room.notify_one();
   take_stock();
-}
-
-void LiveTape::Shared::apply(Entry& entry, const RunBoth& beside) {
-  if (!entry.last) return entry.work(*writer);
-  const Result<void> finished = writer->finish(entry.at, beside);
-  const std::lock_guard lock(mutex);
+  if (!finished) return;
   status.phase = Status::Phase::finished;
-  if (!finished) status.error = finished.error();
+  if (!*finished) status.error = finished->error();
 }
 
 void LiveTape::Shared::take_stock() {

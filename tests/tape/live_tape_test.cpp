@@ -251,6 +251,20 @@ TEST_F(LiveTapeTest, OverflowAtTheEndIsToldOnTheTapeToo) {
   EXPECT_THAT(records(), ElementsAre("r 10 12345678", "gap 50", "end 50"));
 }
 
+TEST_F(LiveTapeTest, WhoSeesItFinishedSeesAllThatIsOnIt) {
+  disk->hang();
+  const auto tape = make_tape();
+  tape->block(Direction::read, tape_time_us(10), as_bytes("four"));
+  tape->finish(tape_time_us(20));
+  std::optional<LiveTape::Status> seen;  // right behind the end, in the same batch
+  tape->note([&](TapeWriter&) { seen = tape->status(); });
+  disk->go_on();
+  wait_for_news([&] { return tape->status().over(); });
+  EXPECT_EQ(tape->status().bytes_written, 4U);
+  ASSERT_TRUE(seen.has_value());
+  EXPECT_TRUE(!seen->over() || seen->bytes_written == 4U);
+}
+
 TEST_F(LiveTapeTest, ATapeThatCannotBeMadeSaysWhyAndCountsWhatItMisses) {
   const test::TempDir dir;
   LiveTape::Options options{.paths = literal_tape(dir / "missing/t.log"), .header = {"device", "driver"}};
