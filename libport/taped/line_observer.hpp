@@ -26,7 +26,7 @@ class LineObserver {
   virtual void came_up(Instant at) = 0;
   virtual void closed(Instant at) = 0;
 
-  // As Direction has it: `read` is what the device sent. Valid during the call.
+  // As Direction has it: `read` is what the device sent. Never empty; valid during the call.
   virtual void block(Direction direction, Instant at, ByteView data) = 0;
   // An event, in its place among the blocks.
   virtual void note(Instant at, const Event& event) = 0;

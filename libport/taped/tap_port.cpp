@@ -184,6 +184,7 @@ void TapPort::tell(const Tell& what) {
 }
 
 void TapPort::block(Direction direction, Instant at, ByteView data) {
+  if (data.empty()) return;
   if (over_) late_bytes_ += data.size();
   tell([=](LineObserver& observer) { observer.block(direction, at, data); });
 }

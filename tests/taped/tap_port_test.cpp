@@ -77,6 +77,15 @@ TEST_F(TapPortTest, EveryObserverIsToldAllThatPasses) {
   EXPECT_EQ(log.data, "answerabc");
 }
 
+TEST_F(TapPortTest, NothingIsNoBlock) {
+  ASSERT_TRUE(tap.prepare().has_value());
+  tap.open();
+  tap.write({});
+  device.send("");
+  device.arrive("a", {0, 1});
+  EXPECT_EQ(one.text, "opened up r:a ");
+}
+
 TEST_F(TapPortTest, OneThatIsNotReadyKeepsTheLineFromComing) {
   other.ready = make_error(Errc::usage, "no place");
   EXPECT_FALSE(tap.prepare().has_value());
