@@ -299,5 +299,38 @@ TEST_F(LiveTapeTest, GoneAtOnceItLeavesASoundTapeThatSaysWhatIsMissing) {
   EXPECT_THAT(records(), ElementsAre("gap 10", "end 10"));
 }
 
+TEST_F(LiveTapeTest, GoneAtOnceItSaysWhatFoundNoRoomToo) {
+  disk->hang();  // before its thread can have made the files
+  auto tape = make_tape(10);
+  disk->wait_until_reached();
+  tape->lose(tape_time_us(5), 100, "a test wants it");
+  tape->block(Direction::read, tape_time_us(10), as_bytes("12345678"));
+  tape->block(Direction::read, tape_time_us(20), as_bytes("lost"));
+  tape->finish(tape_time_us(30));
+  EXPECT_EQ(tape->status().bytes_waiting, 8U);
+  EXPECT_EQ(tape->status().bytes_lost, 104U);
+  tape.reset();
+  disk->go_on();
+  while (disk->closed < 3) std::this_thread::yield();
+  const auto summary = summarize("t", {test::memory("r", disk->files[0]), test::memory("w", disk->files[1]),
+                                       test::memory("e", disk->files[2])});
+  ASSERT_TRUE(summary);
+  EXPECT_EQ(summary->events.gap_bytes, 112U);
+}
+
+TEST_F(LiveTapeTest, WhatWasLostBeforeItCameIsAGapInItsPlace) {
+  const auto tape = make_tape();
+  tape->block(Direction::read, tape_time_us(10), as_bytes("one"));
+  tape->lose(tape_time_us(20), 5, "a test wants it");
+  tape->block(Direction::read, tape_time_us(30), as_bytes("two"));
+  wait_until_direct(*tape);
+  tape->lose(tape_time_us(40), 6, "a test wants it");
+  tape->block(Direction::read, tape_time_us(50), as_bytes("three"));
+  EXPECT_EQ(tape->status().bytes_lost, 11U);
+  finish(*tape, 60);
+  EXPECT_EQ(tape->status().bytes_lost, 11U);
+  EXPECT_THAT(records(), ElementsAre("r 10 one", "gap 30", "r 30 two", "gap 50", "r 50 three", "end 60"));
+}
+
 }  // namespace
 }  // namespace porttape
