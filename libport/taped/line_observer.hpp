@@ -36,7 +36,8 @@ class LineObserver {
   // The last call but for give_up(): completes its work. `done` comes once, from within or later: with
   // whether it has kept everything that passed.
   virtual void finish(Instant at, std::function<void(bool complete)> done) = 0;
-  // finish() takes too long, TapPort waits no more: says what is missing, and does not call `done`.
+  // finish() takes too long, or will not come any more: says what is missing, and does not call `done`. It is
+  // destroyed next, or soon.
   virtual void give_up() = 0;
 };
 

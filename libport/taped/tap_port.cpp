@@ -12,10 +12,17 @@ TapPort::TapPort(const PortContext& context, std::unique_ptr<Port> inner, Instan
     : ForwardingPort(std::move(inner)),
       log_(context.log),
       now_(now),
-      end_timer_(*context.loop, [this] { give_up(); }),
+      end_timer_(*context.loop,
+                 [this] {
+                   give_up_observers();
+                   complete_if_over();
+                 }),
       end_limit_(end_limit) {}
 
-TapPort::~TapPort() { tell_late(); }
+TapPort::~TapPort() {
+  give_up_observers();
+  tell_late();
+}
 
 void TapPort::add(std::unique_ptr<LineObserver> observer) { observers_.push_back({std::move(observer)}); }
 
@@ -151,13 +158,12 @@ void TapPort::observer_finished(Observer& observer, bool complete) {
   if (!complete && exit_status_ == 0) exit_status_ = exit_status::kRuntime;
 }
 
-void TapPort::give_up() {
+void TapPort::give_up_observers() {
   for (Observer& each : observers_) {
     if (each.finished) continue;
     observer_finished(each, false);
     each->give_up();
   }
-  complete_if_over();
 }
 
 void TapPort::complete_if_over() {

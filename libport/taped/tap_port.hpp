@@ -24,7 +24,7 @@ class TapPort final : public ForwardingPort, private Recorder {
 
   TapPort(const PortContext& context, std::unique_ptr<Port> inner, Instant (*now)() = &Loop::now,
           Nanos end_limit = kEndLimit);
-  ~TapPort() override;
+  ~TapPort() override;  // gives up the observers that have not finished
 
   // Before anything else is called.
   void add(std::unique_ptr<LineObserver> observer);
@@ -63,7 +63,7 @@ class TapPort final : public ForwardingPort, private Recorder {
   };
 
   void observer_finished(Observer& observer, bool complete);
-  void give_up();
+  void give_up_observers();
   void complete_if_over();
   bool tell_late();
   template <class Tell>

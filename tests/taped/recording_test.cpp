@@ -170,6 +170,7 @@ TEST_F(RecordingTest, TheLineStaysUpWhenTheTapeCannotBeMade) {
   EXPECT_EQ(log.data, "answer");
   run_until_told("the line stays up");
   EXPECT_EQ(finish(), exit_status::kRuntime);
+  EXPECT_NE(book.text().find("9 bytes passed and are on no tape"), std::string::npos) << book.text();
 }
 
 TEST_F(RecordingTest, ATapeThatCouldNotBeMadeIsTriedAgainAndSaysWhatIsMissing) {

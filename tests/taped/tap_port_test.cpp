@@ -110,6 +110,20 @@ TEST_F(TapPortTest, TheEndWaitsForNoneForEver) {
   EXPECT_EQ(other.text, "give_up ");
 }
 
+TEST_F(TapPortTest, GoneBeforeItsEndItGivesUpThoseThatHaveNotFinished) {
+  auto sooner =
+      std::make_unique<TapPort>(PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(device));
+  sooner->add(std::make_unique<Notes>(one));
+  sooner->add(std::make_unique<Notes>(other));
+  sooner->listen(log);
+  sooner->finish();
+  one.done(true);
+  sooner.reset();
+  EXPECT_EQ(one.text, "");
+  EXPECT_EQ(other.text, "give_up ");
+  EXPECT_EQ(log.status, std::nullopt);
+}
+
 TEST_F(TapPortTest, OneThatWasGivenUpCannotSayAnyMoreThatItIsComplete) {
   other.done_when_given_up = true;
   tap.finish();

@@ -60,5 +60,22 @@ TEST_F(TapeKeeperTest, WhatItsTapeTellsAfterItWasGivenUpCompletesNothing) {
   EXPECT_EQ(complete, std::nullopt);
 }
 
+TEST_F(TapeKeeperTest, GivenUpItTellsHowManyBytesAreNotOnTheTape) {
+  keeper->opened(Loop::now());
+  keeper->block(Direction::read, Loop::now(), as_bytes("seven b"));
+  keeper->finish(Loop::now(), [](bool) {});
+  keeper->give_up();
+  EXPECT_NE(book.text().find("x.log: its disk did not answer in time; 7 bytes and the end are not on it"),
+            std::string::npos)
+      << book.text();
+}
+
+TEST_F(TapeKeeperTest, GivenUpWithoutAnEndItTellsThatToo) {
+  keeper->opened(Loop::now());
+  keeper->block(Direction::read, Loop::now(), as_bytes("seven b"));
+  keeper->give_up();
+  EXPECT_NE(book.text().find("7 bytes and the end are not on it"), std::string::npos) << book.text();
+}
+
 }  // namespace
 }  // namespace porttape
