@@ -2,10 +2,12 @@
 
 #include "libport/taped/tap_port.hpp"
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -23,6 +25,7 @@ class Notes final : public LineObserver {
     std::function<void(bool)> done;
     Result<void> ready;
     bool done_when_given_up = false;
+    bool finishes_at_once = false;
   };
   explicit Notes(Book& book) : book_(&book) {}
   [[nodiscard]] Result<void> check() const override { return book_->ready; }
@@ -34,7 +37,12 @@ class Notes final : public LineObserver {
   }
   void note(Instant, const Event& event) override { book_->text += std::string(name_of(event)) + " "; }
   void request(Instant, RecorderRequest) override { book_->text += "next_tape "; }
-  void finish(Instant, std::function<void(bool)> done) override { book_->done = std::move(done); }
+  void finish(Instant, std::function<void(bool)> done) override {
+    book_->done = std::move(done);
+    if (!book_->finishes_at_once) return;
+    book_->text += "finish ";
+    book_->done(true);
+  }
   void give_up() override {
     book_->text += "give_up ";
     if (book_->done_when_given_up) book_->done(true);
@@ -42,6 +50,48 @@ class Notes final : public LineObserver {
 
  private:
   Book* book_;
+};
+
+// Answers within write, and takes two bytes at most of one who waits in its calls.
+class Prompt final : public ForwardingPort {
+ public:
+  using ForwardingPort::ForwardingPort;
+  void write(ByteView data) override {
+    on_data(as_bytes("prompt"));
+    ForwardingPort::write(data);
+  }
+  [[nodiscard]] WaitingCalls* waiting() override { return this; }
+  std::size_t write_some(ByteView data) override { return std::min<std::size_t>(data.size(), 2); }
+};
+
+// Reads within whatever it is asked for, as ports do that look for what is left.
+class RereadingPort final : public ForwardingPort {
+ public:
+  RereadingPort(std::unique_ptr<Port> inner, std::function<void()> read)
+      : ForwardingPort(std::move(inner)), read_(std::move(read)) {}
+  void open() override { read_(); }
+  void close() override { read_(); }
+  void hang_up(bool) override { read_(); }
+  void read_pending() override { read_(); }
+  void set_reading(bool) override { read_(); }
+
+ private:
+  std::function<void()> read_;
+};
+
+// Does something once within on_data.
+class Busy final : public PortListener {
+ public:
+  void on_up() override {}
+  void on_data(ByteView) override {
+    if (const auto work = std::exchange(within_data, {})) work();
+  }
+  void on_drained() override {}
+  void on_down(const LineDown&) override {}
+  void on_finished(int) override {}
+  void on_complete(int) override { completed = true; }
+  std::function<void()> within_data;
+  bool completed = false;
 };
 
 class TapPortTest : public testing::Test {
@@ -75,6 +125,68 @@ TEST_F(TapPortTest, EveryObserverIsToldAllThatPasses) {
   EXPECT_EQ(other.text, one.text);
   EXPECT_EQ(device.written, "ask");
   EXPECT_EQ(log.data, "answerabc");
+}
+
+TEST_F(TapPortTest, WhatIsWrittenWithinOnDataIsToldBehindIt) {
+  Busy busy;
+  tap.listen(busy);
+  busy.within_data = [this] {
+    tap.write(as_bytes("more"));
+    device.send("at once");
+    tap.peer_flushed(FlushQueue::in);
+  };
+  device.send("answer");
+  device.send("next");
+  EXPECT_EQ(one.text, "r:answer w:more r:at once flush r:next ");
+  EXPECT_EQ(other.text, one.text);
+}
+
+TEST_F(TapPortTest, ACloseWithinOnDataIsToldBehindItAndTheEndToo) {
+  Busy busy;
+  tap.listen(busy);
+  tap.open();
+  one.finishes_at_once = other.finishes_at_once = true;
+  busy.within_data = [this] {
+    tap.finish();
+    EXPECT_EQ(one.text, "opened up ");
+  };
+  device.send("data");
+  EXPECT_EQ(one.text, "opened up r:data closed finish ");
+  EXPECT_TRUE(busy.completed);
+}
+
+TEST_F(TapPortTest, ADeviceThatAnswersWithinWriteAnswersBehindIt) {
+  TapPort around({&loop, book.log()}, std::make_unique<Prompt>(std::make_unique<MemoryPort>(device)));
+  around.add(std::make_unique<Notes>(one));
+  Busy busy;
+  around.listen(busy);
+  busy.within_data = [&] { EXPECT_EQ(around.waiting()->write_some(as_bytes("some")), 2U); };
+  around.write(as_bytes("ask"));
+  EXPECT_EQ(one.text, "w:ask r:prompt w:so ");
+}
+
+TEST_F(TapPortTest, AReadWithinOnDataDoesNotChangeWhatIsTold) {
+  std::string buffer;
+  TapPort around({&loop, book.log()},
+                 std::make_unique<RereadingPort>(std::make_unique<MemoryPort>(device), [&] {
+                   buffer.replace(0, 5, "other");
+                   device.send(buffer);
+                 }));
+  around.add(std::make_unique<Notes>(one));
+  Busy busy;
+  around.listen(busy);
+  const std::vector<std::function<void()>> calls = {
+      [&] { around.read_pending(); }, [&] { around.set_reading(true); }, [&] { around.hang_up(false); },
+      [&] { around.open(); },         [&] { around.close(); },
+  };
+  for (std::size_t i = 0; i < calls.size(); ++i) {
+    one.text.clear();
+    buffer = "first";
+    busy.within_data = calls[i];
+    device.send(buffer);
+    EXPECT_TRUE(one.text.starts_with("r:first ")) << i << ": " << one.text;
+    EXPECT_NE(one.text.find("r:other "), std::string::npos) << i << ": " << one.text;
+  }
 }
 
 TEST_F(TapPortTest, NothingIsNoBlock) {
