@@ -210,7 +210,7 @@ void LiveTape::Shared::sync() {
 
 LiveTape::LiveTape(Workers& workers, std::shared_ptr<Disks> disks, Options options)
     : workers_(workers),
-      disks_(std::move(disks)),
+      disks_(disks ? std::move(disks) : std::make_shared<Disks>()),
       shared_(std::make_shared<Shared>(std::move(options), disks_)) {
   shared_->busy = true;
   if (!workers_.post(strand_, [shared = shared_] { shared->serve(); })) shared_->serve();

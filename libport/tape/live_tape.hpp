@@ -79,7 +79,7 @@ class LiveTape {
     [[nodiscard]] bool over() const { return phase == Phase::not_made || phase == Phase::finished; }
   };
 
-  // `workers` outlives the tape.
+  // `workers` outlives the tape. Without `disks` it learns for itself alone.
   LiveTape(Workers& workers, std::shared_ptr<Disks> disks, Options options);
   ~LiveTape();
   LiveTape(const LiveTape&) = delete;

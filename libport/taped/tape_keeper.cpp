@@ -24,11 +24,6 @@ constexpr Nanos kWatchEvery = milliseconds(250);
 constexpr Nanos kSilence = seconds(1);
 constexpr Nanos kFailClosedSilence = milliseconds(700);
 
-PortContext with_disks(PortContext context) {
-  if (!context.disks) context.disks = std::make_shared<Disks>();
-  return context;
-}
-
 }  // namespace
 
 struct TapeKeeper::Ending {
@@ -37,7 +32,7 @@ struct TapeKeeper::Ending {
 };
 
 TapeKeeper::TapeKeeper(const PortContext& context, Options options, std::function<void()> on_must_end)
-    : context_(with_disks(context)),
+    : context_(context),
       options_(std::move(options)),
       on_must_end_(std::move(on_must_end)),
       retry_(options_.retry),

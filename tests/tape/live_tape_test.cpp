@@ -199,6 +199,15 @@ TEST_F(LiveTapeTest, AnotherTapeOfASlowDiskGoesOverAQueueToo) {
   EXPECT_FALSE(*disks->slow(8));
 }
 
+TEST_F(LiveTapeTest, WithoutAnyoneWhoKnowsTheDisksItLearnsForItself) {
+  disks.reset();
+  const auto tape = make_tape();
+  tape->block(Direction::read, tape_time_us(1), as_bytes("one"));
+  wait_until_direct(*tape);
+  finish(*tape, 2);
+  EXPECT_THAT(records(), ElementsAre("r 1 one", "end 2"));
+}
+
 TEST_F(LiveTapeTest, TheSyncsOfOneDiskRunInTurnAndHoldUpNoOther) {
   std::promise<void> go_on;
   std::promise<void> other_disk;
