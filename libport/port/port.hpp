@@ -189,7 +189,7 @@ class Port {
 
   // The end of the program is near: completes what belongs to the session (tape, report). on_complete()
   // follows once, from within or later; a disk that does not answer delays it 10 s at most. The port may not
-  // be opened again. Destroying it sooner gives up what is not complete.
+  // be opened again. Destroying it sooner gives up what is not complete, and tells that.
   virtual void finish() { listener().on_complete(0); }
 
   // What only some callers need, and only some ports have; null where it has nothing to do there.

@@ -39,31 +39,36 @@ Clock::time_point next_sync() { return std::chrono::floor<seconds>(Clock::now())
 
 }  // namespace
 
+// What waits in the queue.
+struct LiveTape::Entry {
+  Note work;
+  TapeTime at{};
+  std::size_t bytes = 0;
+  bool last = false;       // finishes the tape
+  std::uint64_t lost = 0;  // bytes that the writer is told to have been lost
+};
+
 // What the caller and a worker share. The writer is the worker's while `busy`, else the caller's.
 struct LiveTape::Shared {
-  struct Entry {
-    Note work;
-    TapeTime at{};
-    std::size_t bytes = 0;
-    bool last = false;  // finishes the tape
-  };
   struct Overflow {
     TapeTime at{};
     std::uint64_t bytes = 0;
   };
 
   Shared(Options given, std::shared_ptr<Disks> known) : options(std::move(given)), disks(std::move(known)) {}
-  ~Shared() { disks->release(status.bytes_waiting); }
+  ~Shared() {
+    abandon();
+    disks->release(status.bytes_waiting);
+  }
   Shared(const Shared&) = delete;
   Shared& operator=(const Shared&) = delete;
 
   void serve();
   void make(std::unique_lock<std::mutex>& lock);
   void write_batch(std::unique_lock<std::mutex>& lock);
-  void apply(Entry& entry, const RunBoth& beside);
   void take_stock();
   void give_up_queue();
-  void abandon_queue();
+  void abandon();
   void sync();
   void tell() const {
     if (options.on_news) options.on_news();
@@ -76,6 +81,7 @@ struct LiveTape::Shared {
   std::mutex mutex;  // guards the rest, but for the writer
   std::deque<Entry> queue;
   std::optional<Overflow> overflow;
+  std::uint64_t untold = 0;  // bytes lost that the writer does not know of: of the queue and the overflow
   bool busy = false;
   bool wanted = false;  // the caller waits for the writer
   std::condition_variable handed_over;
@@ -95,7 +101,6 @@ void LiveTape::Shared::serve() {
   const std::string failure = status.failure;
   if (status.phase == Status::Phase::being_made && !writer) make(lock);
   while (!queue.empty() && !abandoned && !wanted) write_batch(lock);
-  if (!queue.empty() && abandoned) abandon_queue();
   const bool news = failure != status.failure || status.over() || status.phase == Status::Phase::being_made;
   if (status.phase == Status::Phase::being_made) status.phase = Status::Phase::queued;
   status.waits_since.reset();
@@ -127,24 +132,28 @@ void LiveTape::Shared::make(std::unique_lock<std::mutex>& lock) {
 
 void LiveTape::Shared::give_up_queue() {
   for (const Entry& entry : queue) status.bytes_lost += entry.bytes;
-  if (overflow) status.bytes_lost += overflow->bytes;
+  status.bytes_lost += std::exchange(untold, 0);
   queue.clear();
   overflow.reset();
   disks->release(std::exchange(status.bytes_waiting, 0));
 }
 
-void LiveTape::Shared::abandon_queue() {
-  std::uint64_t bytes = 0;
+// Nobody writes any more what is left: the tape says so.
+void LiveTape::Shared::abandon() {
+  if (!writer || (queue.empty() && !overflow)) return;
+  std::uint64_t bytes = untold;
   for (const Entry& entry : queue) bytes += entry.bytes;
-  writer->lose(queue.front().at, bytes, "the recorder was ended at once");
-  queue.clear();
+  const TapeTime at = queue.empty() ? overflow->at : queue.front().at;
+  writer->lose(at, bytes, "the recorder was ended at once");
 }
 
 void LiveTape::Shared::write_batch(std::unique_lock<std::mutex>& lock) {
   std::deque<Entry> batch;
   std::uint64_t bytes = 0;
+  std::uint64_t lost = 0;
   while (!queue.empty() && bytes < kBatch) {
     bytes += queue.front().bytes;
+    lost += queue.front().lost;
     batch.push_back(std::move(queue.front()));
     queue.pop_front();
   }
@@ -152,25 +161,28 @@ void LiveTape::Shared::write_batch(std::unique_lock<std::mutex>& lock) {
   status.waits_since = begin;
   const RunBoth beside = last_batch >= kHungWrite ? RunBoth(run_both) : RunBoth();
   lock.unlock();
+  std::optional<Result<void>> finished;
   writer->begin_batch();
-  for (Entry& entry : batch) apply(entry, beside);
+  for (const Entry& entry : batch) {
+    if (entry.last) {
+      finished = writer->finish(entry.at, beside);
+    } else {
+      entry.work(*writer);
+    }
+  }
   writer->commit(beside);
   const auto took = std::chrono::duration_cast<milliseconds>(Clock::now() - begin);
   lock.lock();
   status.slowest = std::max(status.slowest, took);
   last_batch = took;
   status.bytes_waiting -= bytes;
+  untold -= lost;
   disks->release(bytes);
   room.notify_one();
   take_stock();
-}
-
-void LiveTape::Shared::apply(Entry& entry, const RunBoth& beside) {
-  if (!entry.last) return entry.work(*writer);
-  const Result<void> finished = writer->finish(entry.at, beside);
-  const std::lock_guard lock(mutex);
+  if (!finished) return;
   status.phase = Status::Phase::finished;
-  if (!finished) status.error = finished.error();
+  if (!*finished) status.error = finished->error();
 }
 
 void LiveTape::Shared::take_stock() {
@@ -198,7 +210,7 @@ void LiveTape::Shared::sync() {
 
 LiveTape::LiveTape(Workers& workers, std::shared_ptr<Disks> disks, Options options)
     : workers_(workers),
-      disks_(std::move(disks)),
+      disks_(disks ? std::move(disks) : std::make_shared<Disks>()),
       shared_(std::make_shared<Shared>(std::move(options), disks_)) {
   shared_->busy = true;
   if (!workers_.post(strand_, [shared = shared_] { shared->serve(); })) shared_->serve();
@@ -221,8 +233,8 @@ void LiveTape::block(Direction direction, TapeTime at, ByteView data) {
   if (direct()) {
     write([&](TapeWriter& writer) { write_to(writer, data); });
   } else {
-    put([write_to, bytes = Bytes(data.begin(), data.end())](TapeWriter& writer) { write_to(writer, bytes); },
-        at, data.size());
+    put({[write_to, bytes = Bytes(data.begin(), data.end())](TapeWriter& writer) { write_to(writer, bytes); },
+         at, data.size()});
   }
 }
 
@@ -230,13 +242,22 @@ void LiveTape::note(Note note) {
   if (direct()) {
     write(note);
   } else {
-    put(std::move(note), {}, 0);
+    put({std::move(note)});
+  }
+}
+
+void LiveTape::lose(TapeTime at, std::uint64_t bytes, std::string why) {
+  const auto tell = [at, bytes, why = std::move(why)](TapeWriter& writer) { writer.lose(at, bytes, why); };
+  if (direct()) {
+    write(tell);
+  } else {
+    put({.work = tell, .at = at, .lost = bytes});
   }
 }
 
 void LiveTape::finish(TapeTime at) {
   leave_direct();
-  put({}, at, 0, true);
+  put({.work = {}, .at = at, .last = true});
 }
 
 // Whether the writer is this thread's.
@@ -291,24 +312,29 @@ void LiveTape::write(const Work& work) {
   shared_->tell();
 }
 
-void LiveTape::put(Note work, TapeTime at, std::size_t bytes, bool last) {
+void LiveTape::put(Entry entry) {
   std::unique_lock lock(shared_->mutex);
   Status& status = shared_->status;
   if (status.over()) {
-    status.bytes_lost += bytes;
+    status.bytes_lost += entry.bytes + entry.lost;
     return;
   }
-  if (bytes > 0 && !make_room(lock, bytes)) {
-    if (!shared_->overflow) shared_->overflow = Shared::Overflow{at, 0};
-    shared_->overflow->bytes += bytes;
+  if (entry.bytes > 0 && !make_room(lock, entry.bytes)) {
+    if (!shared_->overflow) shared_->overflow = Shared::Overflow{entry.at, 0};
+    shared_->overflow->bytes += entry.bytes;
+    shared_->untold += entry.bytes;
     return;
   }
   if (const auto lost = std::exchange(shared_->overflow, std::nullopt)) {
     shared_->queue.push_back(
-        {[lost](TapeWriter& writer) { writer.lose(lost->at, lost->bytes, kQueueFull); }, lost->at, 0});
+        {.work = [lost](TapeWriter& writer) { writer.lose(lost->at, lost->bytes, kQueueFull); },
+         .at = lost->at,
+         .lost = lost->bytes});
   }
-  shared_->queue.push_back({std::move(work), at, bytes, last});
-  status.bytes_waiting += bytes;
+  const bool last = entry.last;
+  status.bytes_waiting += entry.bytes;
+  shared_->untold += entry.lost;
+  shared_->queue.push_back(std::move(entry));
   if (status.bytes_waiting > kMostBehind && !last) help(lock);
   call_worker(lock);
   sync_soon();
@@ -358,7 +384,9 @@ void LiveTape::sync_soon() {
 LiveTape::Status LiveTape::status() const {
   const std::lock_guard lock(shared_->mutex);
   if (direct_) shared_->take_stock();
-  return shared_->status;
+  Status status = shared_->status;
+  status.bytes_lost += shared_->untold;
+  return status;
 }
 
 bool LiveTape::failing() const { return direct_ && shared_->writer->failing(); }

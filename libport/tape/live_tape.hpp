@@ -69,7 +69,7 @@ class LiveTape {
     std::string failure;              // why the last block could not be written; empty when it was
     int sync_error = 0;               // the errno of the first sync that failed
     std::uint64_t bytes_written = 0;  // payload
-    std::uint64_t bytes_lost = 0;
+    std::uint64_t bytes_lost = 0;     // also those that no gap tells of yet
     std::uint64_t bytes_waiting = 0;  // in the queue
     std::chrono::milliseconds slowest{0};
     // A worker is at it since then and has not come back.
@@ -79,7 +79,7 @@ class LiveTape {
     [[nodiscard]] bool over() const { return phase == Phase::not_made || phase == Phase::finished; }
   };
 
-  // `workers` outlives the tape.
+  // `workers` outlives the tape. Without `disks` it learns for itself alone.
   LiveTape(Workers& workers, std::shared_ptr<Disks> disks, Options options);
   ~LiveTape();
   LiveTape(const LiveTape&) = delete;
@@ -89,6 +89,8 @@ class LiveTape {
   // An event, or whatever else a TapeWriter is to be told, in its place among the blocks.
   using Note = std::function<void(TapeWriter&)>;
   void note(Note note);
+  // As TapeWriter::lose().
+  void lose(TapeTime at, std::uint64_t bytes, std::string why);
   // The last call: `end` event, sync, close, on a worker. Then on_news, and status() is `finished`.
   void finish(TapeTime at);
 
@@ -100,12 +102,13 @@ class LiveTape {
 
  private:
   struct Shared;
+  struct Entry;
   bool direct();
   void leave_direct();
   [[nodiscard]] bool blocked(std::chrono::steady_clock::duration took);
   template <class Work>
   void write(const Work& work);
-  void put(Note work, TapeTime at, std::size_t bytes, bool last = false);
+  void put(Entry entry);
   void call_worker(std::unique_lock<std::mutex>& lock);
   void help(std::unique_lock<std::mutex>& lock);
   bool make_room(std::unique_lock<std::mutex>& lock, std::size_t bytes);

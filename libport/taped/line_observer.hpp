@@ -26,17 +26,18 @@ class LineObserver {
   virtual void came_up(Instant at) = 0;
   virtual void closed(Instant at) = 0;
 
-  // As Direction has it: `read` is what the device sent. Valid during the call.
+  // As Direction has it: `read` is what the device sent. Never empty; valid during the call.
   virtual void block(Direction direction, Instant at, ByteView data) = 0;
   // An event, in its place among the blocks.
   virtual void note(Instant at, const Event& event) = 0;
 
   // A user asks for something; what it does not know of is not for it.
   virtual void request(Instant at, RecorderRequest what) = 0;
-  // The last but one call: completes its work. `done` comes once, from within or later: with whether it has
-  // kept everything that passed.
+  // The last call but for give_up(): completes its work. `done` comes once, from within or later: with
+  // whether it has kept everything that passed.
   virtual void finish(Instant at, std::function<void(bool complete)> done) = 0;
-  // finish() takes too long, TapPort waits no more: says what is missing, and does not call `done`.
+  // finish() takes too long, or will not come any more: says what is missing, and does not call `done`. It is
+  // destroyed next, or soon.
   virtual void give_up() = 0;
 };
 

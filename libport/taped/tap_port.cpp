@@ -4,17 +4,108 @@
 #include <array>
 #include <utility>
 
+#include <spdlog/spdlog.h>
+
 namespace porttape {
+
+// What passes in one call, with where each arrival ends; one block where that is not said.
+struct TapPort::Blocks {
+  Direction direction;
+  Instant at;
+  ByteView data;
+  std::span<const std::size_t> ends = {};
+  Bytes kept = {};
+  std::vector<std::size_t> kept_ends = {};
+
+  // The views are valid until the port is called again: it may read into the same buffer.
+  void keep() {
+    if (!kept.empty()) return;
+    kept.assign(data.begin(), data.end());
+    kept_ends.assign(ends.begin(), ends.end());
+    data = kept;
+    ends = kept_ends;
+  }
+};
+
+// Only one at a time tells; what others have to tell waits.
+class TapPort::Turn {
+ public:
+  explicit Turn(TapPort& tap) : tap_(tap), mine_(!std::exchange(tap.turn_, true)) {}
+  ~Turn() {
+    if (mine_) tap_.turn_ = false;
+  }
+  Turn(const Turn&) = delete;
+  Turn& operator=(const Turn&) = delete;
+  [[nodiscard]] bool mine() const { return mine_; }
+
+ private:
+  TapPort& tap_;
+  const bool mine_;
+};
+
+// Blocks that are being passed on, to be told once they have. Those that come meanwhile keep their place.
+class TapPort::Passing {
+ public:
+  Passing(TapPort& tap, Direction direction, ByteView data, std::span<const std::size_t> ends = {})
+      : tap_(tap), turn_(tap), blocks_{direction, tap.now_(), data, ends} {
+    if (turn_.mine()) {
+      tap_.passed_ = this;
+    } else {
+      tap_.keep_passed();
+      blocks_.keep();
+      place_ = &tap_.waiting_.emplace_back();
+    }
+  }
+  ~Passing() {
+    if (turn_.mine()) tap_.passed_ = nullptr;
+  }
+  Passing(const Passing&) = delete;
+  Passing& operator=(const Passing&) = delete;
+
+  void keep() { blocks_.keep(); }
+
+  // So many bytes have passed.
+  void tell(std::size_t passed) {
+    blocks_.data = blocks_.data.first(passed);
+    if (turn_.mine()) {
+      tap_.tell_blocks(blocks_);
+      tap_.tell_waiting();
+    } else {
+      *place_ = [&tap = tap_, blocks = std::make_shared<Blocks>(std::move(blocks_))] {
+        tap.tell_blocks(*blocks);
+      };
+    }
+  }
+
+ private:
+  TapPort& tap_;
+  Turn turn_;
+  Blocks blocks_;
+  std::function<void()>* place_ = nullptr;
+};
 
 TapPort::TapPort(const PortContext& context, std::unique_ptr<Port> inner, Instant (*now)(), Nanos end_limit)
     : ForwardingPort(std::move(inner)),
+      log_(context.log),
       now_(now),
-      end_timer_(*context.loop, [this] { give_up(); }),
+      end_timer_(*context.loop,
+                 [this] {
+                   give_up_observers();
+                   complete_if_over();
+                 }),
       end_limit_(end_limit) {}
+
+TapPort::~TapPort() {
+  give_up_observers();
+  tell_late();
+}
 
 void TapPort::add(std::unique_ptr<LineObserver> observer) { observers_.push_back({std::move(observer)}); }
 
-void TapPort::must_end() { listener().on_finished(exit_status::kRuntime); }
+void TapPort::must_end() {
+  keep_passed();
+  listener().on_finished(exit_status::kRuntime);
+}
 
 Result<void> TapPort::prepare() {
   for (const auto& observer : observers_) {
@@ -24,52 +115,70 @@ Result<void> TapPort::prepare() {
 }
 
 void TapPort::open() {
+  keep_passed();
   open_ = true;
   writing_ended_ = false;
-  const Instant now = now_();
-  for (const auto& observer : observers_) observer->opened(now);
+  tell([now = now_()](LineObserver& observer) { observer.opened(now); });
   ForwardingPort::open();
 }
 
 void TapPort::on_up() {
-  const Instant now = now_();
-  for (const auto& observer : observers_) observer->came_up(now);
+  tell([now = now_()](LineObserver& observer) { observer.came_up(now); });
   ForwardingPort::on_up();
 }
 
 void TapPort::close() {
+  keep_passed();
   ForwardingPort::close();
   if (!std::exchange(open_, false)) return;
-  const Instant now = now_();
-  for (const auto& observer : observers_) observer->closed(now);
+  tell([now = now_()](LineObserver& observer) { observer.closed(now); });
 }
 
+// The time is that before it goes out: the answer must not be stamped earlier.
 void TapPort::write(ByteView data) {
-  const Instant at = now_();  // before it goes out: the answer must not be stamped earlier
+  Passing passing(*this, Direction::write, data);
   ForwardingPort::write(data);
-  block(Direction::write, at, data);
+  passing.tell(data.size());
 }
 
 std::size_t TapPort::write_some(ByteView data) {
-  const Instant at = now_();
+  Passing passing(*this, Direction::write, data);
   const std::size_t sent = ForwardingPort::write_some(data);
-  block(Direction::write, at, data.first(sent));
+  passing.tell(sent);
   return sent;
 }
 
 bool TapPort::discard() {
+  keep_passed();
   const bool dropped = ForwardingPort::discard();
   if (dropped) note_flush(FlushQueue::both);
   return dropped;
 }
 
 bool TapPort::end_writing() {
+  keep_passed();
   writing_ended_ = true;
   note(event::HalfClose{Side::driver});
   return ForwardingPort::end_writing();
 }
 
+void TapPort::set_reading(bool on) {
+  if (on) keep_passed();
+  ForwardingPort::set_reading(on);
+}
+
+void TapPort::hang_up(bool after_reading) {
+  keep_passed();
+  ForwardingPort::hang_up(after_reading);
+}
+
+void TapPort::read_pending() {
+  keep_passed();
+  ForwardingPort::read_pending();
+}
+
 void TapPort::peer_flushed(FlushQueue queue) {
+  keep_passed();
   note_flush(queue);
   ForwardingPort::peer_flushed(queue);
 }
@@ -79,16 +188,16 @@ void TapPort::note_gap(std::uint64_t bytes, std::string_view why) {
 }
 
 void TapPort::on_data(ByteView data) {
-  const Instant at = now_();
+  Passing passing(*this, Direction::read, data);
   ForwardingPort::on_data(data);
-  block(Direction::read, at, data);
+  passing.tell(data.size());
 }
 
 // Each arrival is a block of its own.
 void TapPort::on_arrivals(ByteView data, std::span<const std::size_t> ends) {
-  const Instant at = now_();
+  Passing passing(*this, Direction::read, data, ends);
   ForwardingPort::on_arrivals(data, ends);
-  for_each_arrival(data, ends, [&](ByteView arrival) { block(Direction::read, at, arrival); });
+  passing.tell(data.size());
 }
 
 void TapPort::on_down(const LineDown& down) {
@@ -120,8 +229,7 @@ void TapPort::on_dropped(std::uint64_t bytes, std::string_view why) {
 }
 
 void TapPort::request(RecorderRequest what) {
-  const Instant now = now_();
-  for (const auto& observer : observers_) observer->request(now, what);
+  tell([now = now_(), what](LineObserver& observer) { observer.request(now, what); });
 }
 
 void TapPort::finish() {
@@ -130,11 +238,21 @@ void TapPort::finish() {
 }
 
 void TapPort::on_complete(int exit_status) {
+  if (turn_) {
+    waiting_.emplace_back([this, exit_status] { end(exit_status); });
+  } else {
+    end(exit_status);
+  }
+}
+
+void TapPort::end(int exit_status) {
   exit_status_ = exit_status;
   const Instant now = now_();
+  over_ = true;
   end_timer_.set_after(end_limit_);
   for (Observer& each : observers_) {
     each->finish(now, [this, &each](bool complete) {
+      if (each.finished) return;  // was given up
       observer_finished(each, complete);
       complete_if_over();
     });
@@ -148,29 +266,76 @@ void TapPort::observer_finished(Observer& observer, bool complete) {
   if (!complete && exit_status_ == 0) exit_status_ = exit_status::kRuntime;
 }
 
-void TapPort::give_up() {
+void TapPort::give_up_observers() {
   for (Observer& each : observers_) {
     if (each.finished) continue;
-    each->give_up();
     observer_finished(each, false);
+    each->give_up();
   }
-  complete_if_over();
 }
 
 void TapPort::complete_if_over() {
   if (!finishing_ || !std::ranges::all_of(observers_, &Observer::finished)) return;
   finishing_ = false;
   end_timer_.cancel();
+  if (tell_late() && exit_status_ == 0) exit_status_ = exit_status::kRuntime;
   ForwardingPort::on_complete(exit_status_);
 }
 
-void TapPort::block(Direction direction, Instant at, ByteView data) {
-  for (const auto& observer : observers_) observer->block(direction, at, data);
+// The observers have finished: too late for them.
+bool TapPort::tell_late() {
+  if (late_bytes_ == 0) return false;
+  log_->error("{}: {} bytes came after the end of its recording and are not in it", ForwardingPort::name(),
+              late_bytes_);
+  late_bytes_ = 0;
+  return true;
+}
+
+template <class Tell>
+void TapPort::tell(const Tell& what) {
+  const Turn turn(*this);
+  if (turn.mine()) {
+    tell_each(what);
+    tell_waiting();
+  } else {
+    waiting_.emplace_back([this, what] { tell_each(what); });
+  }
+}
+
+template <class Tell>
+void TapPort::tell_each(const Tell& what) {
+  if (over_) return;
+  for (const Observer& each : observers_) what(*each.observer);
+}
+
+void TapPort::tell_blocks(const Blocks& blocks) {
+  if (over_) late_bytes_ += blocks.data.size();
+  tell_each([&blocks](LineObserver& observer) {
+    const auto tell_block = [&](ByteView data) {
+      if (!data.empty()) observer.block(blocks.direction, blocks.at, data);
+    };
+    if (blocks.ends.empty()) {
+      tell_block(blocks.data);
+    } else {
+      for_each_arrival(blocks.data, blocks.ends, tell_block);
+    }
+  });
+}
+
+void TapPort::tell_waiting() {
+  while (!waiting_.empty()) {
+    const std::function<void()> next = std::move(waiting_.front());
+    waiting_.pop_front();
+    if (next) next();  // nothing where passing it on failed
+  }
+}
+
+void TapPort::keep_passed() {
+  if (passed_ != nullptr) passed_->keep();
 }
 
 void TapPort::note(const Event& event) {
-  const Instant now = now_();
-  for (const auto& observer : observers_) observer->note(now, event);
+  tell([now = now_(), event](LineObserver& observer) { observer.note(now, event); });
 }
 
 void TapPort::note_flush(FlushQueue queue) {

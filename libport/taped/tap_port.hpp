@@ -2,6 +2,8 @@
 
 #include <chrono>
 #include <cstdint>
+#include <deque>
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -15,7 +17,9 @@
 namespace porttape {
 
 // A port around another that tells observers what passes: stamps bytes and events, and passes them on first.
-// Owns them. With a TapeKeeper among them it records.
+// Calls that come while one is passed on (a listener that answers or closes from on_data, a port that answers
+// within write) are told behind it, in the order in which they came. Owns the observers. With a TapeKeeper
+// among them it records. Bytes that come once they finish are told in the log alone.
 class TapPort final : public ForwardingPort, private Recorder {
  public:
   // How long finish() waits for the observers.
@@ -23,6 +27,7 @@ class TapPort final : public ForwardingPort, private Recorder {
 
   TapPort(const PortContext& context, std::unique_ptr<Port> inner, Instant (*now)() = &Loop::now,
           Nanos end_limit = kEndLimit);
+  ~TapPort() override;  // gives up the observers that have not finished
 
   // Before anything else is called.
   void add(std::unique_ptr<LineObserver> observer);
@@ -34,6 +39,9 @@ class TapPort final : public ForwardingPort, private Recorder {
   void close() override;
   void write(ByteView data) override;
   bool end_writing() override;
+  void set_reading(bool on) override;
+  void hang_up(bool after_reading) override;
+  void read_pending() override;
   void peer_flushed(FlushQueue queue) override;
   void finish() override;
   [[nodiscard]] Recorder* recorder() override { return this; }
@@ -54,6 +62,9 @@ class TapPort final : public ForwardingPort, private Recorder {
   void on_resumed() override;
   void on_dropped(std::uint64_t bytes, std::string_view why) override;
 
+  struct Blocks;
+  class Turn;
+  class Passing;
   struct Observer {
     std::unique_ptr<LineObserver> observer;
     bool finished = false;
@@ -61,18 +72,32 @@ class TapPort final : public ForwardingPort, private Recorder {
   };
 
   void observer_finished(Observer& observer, bool complete);
-  void give_up();
+  void give_up_observers();
   void complete_if_over();
-  void block(Direction direction, Instant at, ByteView data);
+  bool tell_late();
+  void end(int exit_status);
+  template <class Tell>
+  void tell(const Tell& what);
+  template <class Tell>
+  void tell_each(const Tell& what);
+  void tell_blocks(const Blocks& blocks);
+  void tell_waiting();
+  void keep_passed();
   void note(const Event& event);
   void note_flush(FlushQueue queue);
   void note_lost(const LineDown& down, bool hung_up);
 
+  std::shared_ptr<spdlog::logger> log_;
   Instant (*now_)();
   std::vector<Observer> observers_;
+  bool turn_ = false;                          // something is passed on or told just now
+  Passing* passed_ = nullptr;                  // the first of those that are passed on
+  std::deque<std::function<void()>> waiting_;  // to be told behind it
   Timer end_timer_;
   Nanos end_limit_;
+  bool over_ = false;       // nobody is told any more
   bool finishing_ = false;  // finish() of each was called
+  std::uint64_t late_bytes_ = 0;
   int exit_status_ = 0;
   bool open_ = false;
   bool writing_ended_ = false;  // in this session

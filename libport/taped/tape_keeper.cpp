@@ -24,11 +24,6 @@ constexpr Nanos kWatchEvery = milliseconds(250);
 constexpr Nanos kSilence = seconds(1);
 constexpr Nanos kFailClosedSilence = milliseconds(700);
 
-PortContext with_disks(PortContext context) {
-  if (!context.disks) context.disks = std::make_shared<Disks>();
-  return context;
-}
-
 }  // namespace
 
 struct TapeKeeper::Ending {
@@ -37,7 +32,7 @@ struct TapeKeeper::Ending {
 };
 
 TapeKeeper::TapeKeeper(const PortContext& context, Options options, std::function<void()> on_must_end)
-    : context_(with_disks(context)),
+    : context_(context),
       options_(std::move(options)),
       on_must_end_(std::move(on_must_end)),
       retry_(options_.retry),
@@ -81,8 +76,7 @@ void TapeKeeper::start() {
     tape_->note([at = tape_time(*open_since_)](TapeWriter& writer) { writer.event(at, event::Open{}); });
   }
   if (missed_bytes_ > 0) {
-    tape_->note([at = tape_time(*missed_since_), bytes = missed_bytes_,
-                 why = missed_why_](TapeWriter& writer) { writer.lose(at, bytes, why); });
+    tape_->lose(tape_time(*missed_since_), std::exchange(missed_bytes_, 0), missed_why_);
   }
 }
 
@@ -139,7 +133,6 @@ void TapeKeeper::look_at_current() {
   if (status.phase != Phase::being_made && !std::exchange(made_told_, true)) {
     context_.log->info("recording to {}", status.paths.name());
     retry_ = options_.retry;
-    missed_bytes_ = 0;
     missed_since_.reset();
     missed_why_.clear();
   }
@@ -236,11 +229,16 @@ void TapeKeeper::end_current(Instant now) {
   if (tape_) {
     tape_->finish(tape_time(now));
     ending_.push_back({std::move(tape_), sync_told_});
+  } else {
+    tell_missed();
   }
-  if (missed_bytes_ > 0 && !missed_why_.empty() && ending_.empty()) {
-    context_.log->error("{} bytes passed and are on no tape: {}", missed_bytes_, missed_why_);
-    missed_bytes_ = 0;
-  }
+}
+
+// Where no tape was there to tell it.
+void TapeKeeper::tell_missed() {
+  if (missed_bytes_ == 0) return;
+  context_.log->error("{} bytes passed and are on no tape: {}", missed_bytes_, missed_why_);
+  missed_bytes_ = 0;
 }
 
 void TapeKeeper::look_at_ending() {
@@ -251,7 +249,10 @@ void TapeKeeper::look_at_ending() {
       ++ending;
       continue;
     }
-    if (status.error) {
+    if (status.phase == Phase::not_made) {
+      incomplete_ = true;
+      context_.log->error("{}; {} bytes passed and are on no tape", status.error->message, status.bytes_lost);
+    } else if (status.error) {
       incomplete_ = true;
       context_.log->error("{}", status.error->message);
     } else {
@@ -270,12 +271,18 @@ void TapeKeeper::finish(Instant now, std::function<void(bool)> done) {
 }
 
 void TapeKeeper::give_up() {
-  for (const Ending& ending : ending_) {
-    const LiveTape::Status status = ending.tape->status();
-    context_.log->error("tape {}: its disk did not answer in time; {} bytes and the end are not on it",
-                        options_.tape.name(), status.bytes_waiting);
-  }
+  on_done_ = {};
+  for (const Ending& ending : ending_) tell_given_up(ending.tape->status());
   ending_.clear();
+  if (!tape_) return tell_missed();
+  // The one that finish() was not called for.
+  if (const LiveTape::Status status = tape_->status(); status.bytes_waiting > 0) tell_given_up(status);
+  tape_.reset();
+}
+
+void TapeKeeper::tell_given_up(const LiveTape::Status& status) const {
+  context_.log->error("tape {}: its disk did not answer in time; {} bytes and the end are not on it",
+                      options_.tape.name(), status.bytes_waiting + status.bytes_lost);
 }
 
 void TapeKeeper::complete_if_over() {

@@ -56,6 +56,8 @@ class TapeKeeper final : public LineObserver {
   void rotate(Instant now);
   void start();
   void end_current(Instant now);
+  void tell_given_up(const LiveTape::Status& status) const;
+  void tell_missed();
   void on_news();
   void look_at_current();
   void look_at_ending();
@@ -88,7 +90,7 @@ class TapeKeeper final : public LineObserver {
   bool failing_ = false;
   bool failure_told_ = false;
   Instant next_telling_{};
-  std::uint64_t missed_bytes_ = 0;  // while it could not be made
+  std::uint64_t missed_bytes_ = 0;  // while there is none, since it could not be made
   std::optional<Instant> missed_since_;
   std::string missed_why_;
   Nanos retry_{};

@@ -199,6 +199,15 @@ TEST_F(LiveTapeTest, AnotherTapeOfASlowDiskGoesOverAQueueToo) {
   EXPECT_FALSE(*disks->slow(8));
 }
 
+TEST_F(LiveTapeTest, WithoutAnyoneWhoKnowsTheDisksItLearnsForItself) {
+  disks.reset();
+  const auto tape = make_tape();
+  tape->block(Direction::read, tape_time_us(1), as_bytes("one"));
+  wait_until_direct(*tape);
+  finish(*tape, 2);
+  EXPECT_THAT(records(), ElementsAre("r 1 one", "end 2"));
+}
+
 TEST_F(LiveTapeTest, TheSyncsOfOneDiskRunInTurnAndHoldUpNoOther) {
   std::promise<void> go_on;
   std::promise<void> other_disk;
@@ -251,6 +260,20 @@ TEST_F(LiveTapeTest, OverflowAtTheEndIsToldOnTheTapeToo) {
   EXPECT_THAT(records(), ElementsAre("r 10 12345678", "gap 50", "end 50"));
 }
 
+TEST_F(LiveTapeTest, WhoSeesItFinishedSeesAllThatIsOnIt) {
+  disk->hang();
+  const auto tape = make_tape();
+  tape->block(Direction::read, tape_time_us(10), as_bytes("four"));
+  tape->finish(tape_time_us(20));
+  std::optional<LiveTape::Status> seen;  // right behind the end, in the same batch
+  tape->note([&](TapeWriter&) { seen = tape->status(); });
+  disk->go_on();
+  wait_for_news([&] { return tape->status().over(); });
+  EXPECT_EQ(tape->status().bytes_written, 4U);
+  ASSERT_TRUE(seen.has_value());
+  EXPECT_TRUE(!seen->over() || seen->bytes_written == 4U);
+}
+
 TEST_F(LiveTapeTest, ATapeThatCannotBeMadeSaysWhyAndCountsWhatItMisses) {
   const test::TempDir dir;
   LiveTape::Options options{.paths = literal_tape(dir / "missing/t.log"), .header = {"device", "driver"}};
@@ -283,6 +306,39 @@ TEST_F(LiveTapeTest, GoneAtOnceItLeavesASoundTapeThatSaysWhatIsMissing) {
   disk->go_on();
   while (disk->closed < 3) std::this_thread::yield();  // its worker lets it go behind everybody's back
   EXPECT_THAT(records(), ElementsAre("gap 10", "end 10"));
+}
+
+TEST_F(LiveTapeTest, GoneAtOnceItSaysWhatFoundNoRoomToo) {
+  disk->hang();  // before its thread can have made the files
+  auto tape = make_tape(10);
+  disk->wait_until_reached();
+  tape->lose(tape_time_us(5), 100, "a test wants it");
+  tape->block(Direction::read, tape_time_us(10), as_bytes("12345678"));
+  tape->block(Direction::read, tape_time_us(20), as_bytes("lost"));
+  tape->finish(tape_time_us(30));
+  EXPECT_EQ(tape->status().bytes_waiting, 8U);
+  EXPECT_EQ(tape->status().bytes_lost, 104U);
+  tape.reset();
+  disk->go_on();
+  while (disk->closed < 3) std::this_thread::yield();
+  const auto summary = summarize("t", {test::memory("r", disk->files[0]), test::memory("w", disk->files[1]),
+                                       test::memory("e", disk->files[2])});
+  ASSERT_TRUE(summary);
+  EXPECT_EQ(summary->events.gap_bytes, 112U);
+}
+
+TEST_F(LiveTapeTest, WhatWasLostBeforeItCameIsAGapInItsPlace) {
+  const auto tape = make_tape();
+  tape->block(Direction::read, tape_time_us(10), as_bytes("one"));
+  tape->lose(tape_time_us(20), 5, "a test wants it");
+  tape->block(Direction::read, tape_time_us(30), as_bytes("two"));
+  wait_until_direct(*tape);
+  tape->lose(tape_time_us(40), 6, "a test wants it");
+  tape->block(Direction::read, tape_time_us(50), as_bytes("three"));
+  EXPECT_EQ(tape->status().bytes_lost, 11U);
+  finish(*tape, 60);
+  EXPECT_EQ(tape->status().bytes_lost, 11U);
+  EXPECT_THAT(records(), ElementsAre("r 10 one", "gap 30", "r 30 two", "gap 50", "r 50 three", "end 60"));
 }
 
 }  // namespace

@@ -133,6 +133,18 @@ TEST_F(RecordingTest, RotationGoesOnWithTheNextName) {
   EXPECT_EQ(records(literal_tape((dir.path() / "x.2.log").string())), "open@0 w:two@5 close@10 end@10 ");
 }
 
+TEST_F(RecordingTest, ARotationThatComesAfterTheEndMakesNoTape) {
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  port->write(as_bytes("one"));
+  port->finish();  // whose end the loop tells
+  port->recorder()->request(RecorderRequest::next_tape);
+  run_until(loop, [this] { return log.status.has_value(); });
+  EXPECT_EQ(log.status, 0);
+  EXPECT_EQ(records(tape), "open@0 w:one@0 close@1 end@1 ");
+  EXPECT_FALSE(fs::exists(literal_tape((dir.path() / "x.2.log").string()).read));
+}
+
 TEST_F(RecordingTest, TheNextPartKnowsTheOneBefore) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
@@ -158,6 +170,7 @@ TEST_F(RecordingTest, TheLineStaysUpWhenTheTapeCannotBeMade) {
   EXPECT_EQ(log.data, "answer");
   run_until_told("the line stays up");
   EXPECT_EQ(finish(), exit_status::kRuntime);
+  EXPECT_NE(book.text().find("9 bytes passed and are on no tape"), std::string::npos) << book.text();
 }
 
 TEST_F(RecordingTest, ATapeThatCouldNotBeMadeIsTriedAgainAndSaysWhatIsMissing) {

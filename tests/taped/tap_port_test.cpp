@@ -2,10 +2,12 @@
 
 #include "libport/taped/tap_port.hpp"
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -22,6 +24,8 @@ class Notes final : public LineObserver {
     std::string text;
     std::function<void(bool)> done;
     Result<void> ready;
+    bool done_when_given_up = false;
+    bool finishes_at_once = false;
   };
   explicit Notes(Book& book) : book_(&book) {}
   [[nodiscard]] Result<void> check() const override { return book_->ready; }
@@ -33,11 +37,61 @@ class Notes final : public LineObserver {
   }
   void note(Instant, const Event& event) override { book_->text += std::string(name_of(event)) + " "; }
   void request(Instant, RecorderRequest) override { book_->text += "next_tape "; }
-  void finish(Instant, std::function<void(bool)> done) override { book_->done = std::move(done); }
-  void give_up() override { book_->text += "give_up "; }
+  void finish(Instant, std::function<void(bool)> done) override {
+    book_->done = std::move(done);
+    if (!book_->finishes_at_once) return;
+    book_->text += "finish ";
+    book_->done(true);
+  }
+  void give_up() override {
+    book_->text += "give_up ";
+    if (book_->done_when_given_up) book_->done(true);
+  }
 
  private:
   Book* book_;
+};
+
+// Answers within write, and takes two bytes at most of one who waits in its calls.
+class Prompt final : public ForwardingPort {
+ public:
+  using ForwardingPort::ForwardingPort;
+  void write(ByteView data) override {
+    on_data(as_bytes("prompt"));
+    ForwardingPort::write(data);
+  }
+  [[nodiscard]] WaitingCalls* waiting() override { return this; }
+  std::size_t write_some(ByteView data) override { return std::min<std::size_t>(data.size(), 2); }
+};
+
+// Reads within whatever it is asked for, as ports do that look for what is left.
+class RereadingPort final : public ForwardingPort {
+ public:
+  RereadingPort(std::unique_ptr<Port> inner, std::function<void()> read)
+      : ForwardingPort(std::move(inner)), read_(std::move(read)) {}
+  void open() override { read_(); }
+  void close() override { read_(); }
+  void hang_up(bool) override { read_(); }
+  void read_pending() override { read_(); }
+  void set_reading(bool) override { read_(); }
+
+ private:
+  std::function<void()> read_;
+};
+
+// Does something once within on_data.
+class Busy final : public PortListener {
+ public:
+  void on_up() override {}
+  void on_data(ByteView) override {
+    if (const auto work = std::exchange(within_data, {})) work();
+  }
+  void on_drained() override {}
+  void on_down(const LineDown&) override {}
+  void on_finished(int) override {}
+  void on_complete(int) override { completed = true; }
+  std::function<void()> within_data;
+  bool completed = false;
 };
 
 class TapPortTest : public testing::Test {
@@ -73,6 +127,77 @@ TEST_F(TapPortTest, EveryObserverIsToldAllThatPasses) {
   EXPECT_EQ(log.data, "answerabc");
 }
 
+TEST_F(TapPortTest, WhatIsWrittenWithinOnDataIsToldBehindIt) {
+  Busy busy;
+  tap.listen(busy);
+  busy.within_data = [this] {
+    tap.write(as_bytes("more"));
+    device.send("at once");
+    tap.peer_flushed(FlushQueue::in);
+  };
+  device.send("answer");
+  device.send("next");
+  EXPECT_EQ(one.text, "r:answer w:more r:at once flush r:next ");
+  EXPECT_EQ(other.text, one.text);
+}
+
+TEST_F(TapPortTest, ACloseWithinOnDataIsToldBehindItAndTheEndToo) {
+  Busy busy;
+  tap.listen(busy);
+  tap.open();
+  one.finishes_at_once = other.finishes_at_once = true;
+  busy.within_data = [this] {
+    tap.finish();
+    EXPECT_EQ(one.text, "opened up ");
+  };
+  device.send("data");
+  EXPECT_EQ(one.text, "opened up r:data closed finish ");
+  EXPECT_TRUE(busy.completed);
+}
+
+TEST_F(TapPortTest, ADeviceThatAnswersWithinWriteAnswersBehindIt) {
+  TapPort around({&loop, book.log()}, std::make_unique<Prompt>(std::make_unique<MemoryPort>(device)));
+  around.add(std::make_unique<Notes>(one));
+  Busy busy;
+  around.listen(busy);
+  busy.within_data = [&] { EXPECT_EQ(around.waiting()->write_some(as_bytes("some")), 2U); };
+  around.write(as_bytes("ask"));
+  EXPECT_EQ(one.text, "w:ask r:prompt w:so ");
+}
+
+TEST_F(TapPortTest, AReadWithinOnDataDoesNotChangeWhatIsTold) {
+  std::string buffer;
+  TapPort around({&loop, book.log()},
+                 std::make_unique<RereadingPort>(std::make_unique<MemoryPort>(device), [&] {
+                   buffer.replace(0, 5, "other");
+                   device.send(buffer);
+                 }));
+  around.add(std::make_unique<Notes>(one));
+  Busy busy;
+  around.listen(busy);
+  const std::vector<std::function<void()>> calls = {
+      [&] { around.read_pending(); }, [&] { around.set_reading(true); }, [&] { around.hang_up(false); },
+      [&] { around.open(); },         [&] { around.close(); },
+  };
+  for (std::size_t i = 0; i < calls.size(); ++i) {
+    one.text.clear();
+    buffer = "first";
+    busy.within_data = calls[i];
+    device.send(buffer);
+    EXPECT_TRUE(one.text.starts_with("r:first ")) << i << ": " << one.text;
+    EXPECT_NE(one.text.find("r:other "), std::string::npos) << i << ": " << one.text;
+  }
+}
+
+TEST_F(TapPortTest, NothingIsNoBlock) {
+  ASSERT_TRUE(tap.prepare().has_value());
+  tap.open();
+  tap.write({});
+  device.send("");
+  device.arrive("a", {0, 1});
+  EXPECT_EQ(one.text, "opened up r:a ");
+}
+
 TEST_F(TapPortTest, OneThatIsNotReadyKeepsTheLineFromComing) {
   other.ready = make_error(Errc::usage, "no place");
   EXPECT_FALSE(tap.prepare().has_value());
@@ -95,6 +220,47 @@ TEST_F(TapPortTest, TheEndWaitsForNoneForEver) {
   EXPECT_EQ(log.status, exit_status::kRuntime);
   EXPECT_EQ(one.text, "");
   EXPECT_EQ(other.text, "give_up ");
+}
+
+TEST_F(TapPortTest, GoneBeforeItsEndItGivesUpThoseThatHaveNotFinished) {
+  auto sooner =
+      std::make_unique<TapPort>(PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(device));
+  sooner->add(std::make_unique<Notes>(one));
+  sooner->add(std::make_unique<Notes>(other));
+  sooner->listen(log);
+  sooner->finish();
+  one.done(true);
+  sooner.reset();
+  EXPECT_EQ(one.text, "");
+  EXPECT_EQ(other.text, "give_up ");
+  EXPECT_EQ(log.status, std::nullopt);
+}
+
+TEST_F(TapPortTest, OneThatWasGivenUpCannotSayAnyMoreThatItIsComplete) {
+  other.done_when_given_up = true;
+  tap.finish();
+  one.done(true);
+  run_until(loop, [this] { return log.status.has_value(); });
+  EXPECT_EQ(log.status, exit_status::kRuntime);
+}
+
+TEST_F(TapPortTest, AfterTheirFinishObserversAreToldNothingAndTheLogIsToldOfTheBytes) {
+  ASSERT_TRUE(tap.prepare().has_value());
+  tap.open();
+  tap.finish();
+  one.text.clear();
+  tap.recorder()->request(RecorderRequest::next_tape);
+  tap.write(as_bytes("four"));
+  device.send("three");
+  device.interrupt();
+  tap.recorder()->note_gap(2, "a test wants it");
+  EXPECT_EQ(one.text, "");
+  EXPECT_EQ(device.written, "four");
+  EXPECT_EQ(log.data, "three");
+  one.done(true);
+  other.done(true);
+  EXPECT_EQ(log.status, exit_status::kRuntime);
+  EXPECT_NE(book.text().find("memory: 9 bytes came after the end"), std::string::npos) << book.text();
 }
 
 }  // namespace
