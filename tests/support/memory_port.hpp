@@ -87,6 +87,7 @@ class MemoryPort final : public Port, private Recorder {
   void set_reading(bool on) override { peer_->reading = on; }
   [[nodiscard]] std::optional<LineSettings> settings() const override { return peer_->settings; }
   Result<void> apply(const LineSettings& settings) override {
+    peer_->calls += "apply ";
     if (!peer_->takes_settings) return make_error(Errc::io, "no such rate");
     peer_->settings = settings;
     return {};
