@@ -78,9 +78,23 @@ TEST_F(SessionTest, TheDevicesLineFollowsTheDriversAsFarAsItIsSeen) {
   driver.set({.baud = 115200, .hw_flow = true});
   EXPECT_EQ(device.settings,
             (LineSettings{.baud = 115200, .data_bits = 7, .parity = Parity::even, .hw_flow = true}));
+}
+
+TEST_F(SessionTest, TheDriverFindsTheDevicesSettingsAtItsFirstOpen) {
+  device.settings = LineSettings{.baud = 4800};
+  start();
+  EXPECT_EQ(driver.settings, device.settings);
+  EXPECT_EQ(driver.calls, "apply prepare open ");
+}
+
+TEST_F(SessionTest, SettingsThatTheDeviceDoesNotTakeAreShownAsTheyAre) {
+  device.settings = LineSettings{.baud = 4800};
+  start();
+  driver.settings = LineSettings{.baud = 300};
   device.takes_settings = false;
   driver.set({.baud = 300});
-  EXPECT_EQ(device.settings->baud, 115200U);
+  EXPECT_EQ(device.settings->baud, 4800U);
+  EXPECT_EQ(driver.settings, device.settings);
   EXPECT_NE(book.text().find("no such rate"), std::string::npos);
 }
 
