@@ -34,6 +34,7 @@ PortContext with_disks(PortContext context) {
 struct TapeKeeper::Ending {
   std::unique_ptr<LiveTape> tape;
   bool sync_told = false;
+  std::uint64_t missed_bytes = 0;  // that passed before it and that it was to tell of
 };
 
 TapeKeeper::TapeKeeper(const PortContext& context, Options options, std::function<void()> on_must_end)
@@ -235,12 +236,17 @@ void TapeKeeper::end_current(Instant now) {
   watch_timer_.cancel();
   if (tape_) {
     tape_->finish(tape_time(now));
-    ending_.push_back({std::move(tape_), sync_told_});
+    ending_.push_back({std::move(tape_), sync_told_, missed_bytes_});
+  } else if (missed_bytes_ > 0) {
+    tell_missed(missed_bytes_, missed_why_);
   }
-  if (missed_bytes_ > 0 && !missed_why_.empty() && ending_.empty()) {
-    context_.log->error("{} bytes passed and are on no tape: {}", missed_bytes_, missed_why_);
-    missed_bytes_ = 0;
-  }
+  missed_bytes_ = 0;
+  missed_since_.reset();
+}
+
+void TapeKeeper::tell_missed(std::uint64_t bytes, const std::string& why) {
+  if (bytes == 0) return context_.log->error("{}", why);
+  context_.log->error("{} bytes passed and are on no tape: {}", bytes, why);
 }
 
 void TapeKeeper::look_at_ending() {
@@ -251,7 +257,10 @@ void TapeKeeper::look_at_ending() {
       ++ending;
       continue;
     }
-    if (status.error) {
+    if (status.phase == Phase::not_made) {
+      incomplete_ = true;
+      tell_missed(status.bytes_lost + ending->missed_bytes, status.error->message);
+    } else if (status.error) {
       incomplete_ = true;
       context_.log->error("{}", status.error->message);
     } else {

@@ -62,6 +62,7 @@ class TapeKeeper final : public LineObserver {
   void not_made(const LiveTape::Status& status);
   void tell_failure(const std::string& failure, std::uint64_t lost);
   void tell_sync_error(const LiveTape::Status& status, bool& told);
+  void tell_missed(std::uint64_t bytes, const std::string& why);
   void watch_disk();
   void must_end();
   void complete_if_over();
