@@ -505,8 +505,13 @@ WRAP(int, setsockopt, (int fd, int level, int name, const void* value, socklen_t
      (fd, level, name, value, size))
 
 WRAP(int, epoll_create1, (int flags) noexcept, (flags))
-WRAP(int, epoll_ctl, (int epoll, int operation, int fd, epoll_event* event) noexcept,
-     (epoll, operation, fd, event))
+int epoll_ctl(int epoll, int operation, int fd, epoll_event* event) noexcept {
+  static const auto real = next<int (*)(int, int, int, epoll_event*)>("epoll_ctl");
+  const char* const kind = operation == EPOLL_CTL_ADD   ? "epoll_ctl.add"
+                           : operation == EPOLL_CTL_DEL ? "epoll_ctl.del"
+                                                        : "epoll_ctl.mod";
+  return call(kind, __builtin_return_address(0), [&] { return real(epoll, operation, fd, event); });
+}
 WRAP(int, epoll_wait, (int epoll, epoll_event* events, int count, int timeout),
      (epoll, events, count, timeout))
 WRAP(int, eventfd, (unsigned value, int flags) noexcept, (value, flags))

@@ -100,12 +100,14 @@ class Trouble:
     def harmless(self):
         """Whether nobody may notice anything: the call is to be made again, or gave less than it could."""
         return (self.action in ("short", "clock") or self.count < FOR_EVER and
-                self.action == "errno" and self.number in (errno.EINTR, errno.EAGAIN) and self.kind not in MUST_SUCCEED)
+                self.action == "errno" and self.number in WAITS and self.kind not in MUST_SUCCEED)
 
     def environment(self, addresses):
         sites = ",".join(f"{address:x}" for address in addresses) or "*"
         return f"{self.kind} {sites} {self.first} {self.count} {self.action} {self.number}"
 
+
+WAITS = {errno.EINTR, errno.EAGAIN}
 
 # EAGAIN of these says that there is no room, or no lock.
 MUST_SUCCEED = {"fork", "pthread_create", "flock.file", "flock.slave", "fcntl.37", "connect", "getaddrinfo"}
@@ -117,6 +119,8 @@ ERRORS = {
     "read.slave": ["EIO", "EINTR", "EAGAIN", SHORT],
     "read.file": ["EIO", SHORT],
     "read.anonymous": ["EINTR", "EAGAIN"],
+    "read.pipe": [],  # a signal's, which nothing else touches
+    "write.pipe": [],
     "read": ["EINTR"],
     "pread": ["EIO", SHORT],
     "write.master": ["ENOMEM", "EINTR", "EAGAIN", SHORT],
@@ -148,7 +152,7 @@ ERRORS = {
     "fstatat": ["EACCES", "EIO"],
     "statfs": ["EIO"],
     "flock": ["ENOLCK", "EWOULDBLOCK"],
-    "fcntl.37": ["ENOLCK", "EAGAIN"],  # F_OFD_SETLK
+    "fcntl.37": ["ENOLCK"],  # F_OFD_SETLK
     "fcntl.1030": ["EMFILE"],  # F_DUPFD_CLOEXEC
     "fcntl": [],  # flags of a descriptor that is there: cannot fail
     "ioctl.FIONBIO": [],
@@ -168,7 +172,7 @@ ERRORS = {
     "utimensat": ["EPERM"],
     "tcflush": ["EIO"],
     "isatty": ["ENOTTY"],
-    "ioctl": ["EIO", "EINTR"],
+    "ioctl": ["EIO"],
     "ioctl.TIOCMBIS": ["EINVAL", "EIO"],
     "posix_openpt": ["ENOSPC", "EMFILE", "ENOENT"],
     "grantpt": ["EACCES"],
@@ -186,7 +190,8 @@ ERRORS = {
     "setsockopt": ["ENOMEM"],
     "getaddrinfo": ["EAGAIN"],
     "epoll_create1": ["EMFILE"],
-    "epoll_ctl": ["ENOSPC", "ENOMEM"],
+    "epoll_ctl.add": ["ENOSPC", "ENOMEM"],
+    "epoll_ctl": [],  # of what is there
     "epoll_wait": ["EINTR"],
     "eventfd": ["EMFILE"],
     "timerfd_create": ["EMFILE"],
@@ -235,7 +240,7 @@ def troubles_of(place, calls, most):
     for error in errors_of(kind):
         action, number = error if isinstance(error, tuple) else ("errno", getattr(errno, error))
         found += [Trouble(place, first, 1, action, number) for first in nth(calls, most)]
-        if error in STAYS and not (kind == "close" or kind.startswith("close.")):
+        if error in STAYS and not kind.startswith(("close", "write.master")):
             found += [Trouble(place, first, FOR_EVER, action, number) for first in sorted({1, (calls + 1) // 2})]
         if action == "short":
             found.append(Trouble(place, 1, FOR_EVER, action, number))

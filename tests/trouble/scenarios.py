@@ -29,7 +29,7 @@ def told_bytes(log):
 
 
 def tells(log):
-    return re.search(r" (warning|error) |^porttaped?: ", log, re.MULTILINE) is not None
+    return re.search(r" (warning|error) |^porttaped?: |a new pty takes its place", log, re.MULTILINE) is not None
 
 
 class World:
