@@ -37,6 +37,7 @@
 #include <sys/epoll.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
 #include <sys/random.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
@@ -304,6 +305,7 @@ void arm() {
   if (mapped == MAP_FAILED) return;
   places = static_cast<Place*>(mapped);
   (void)::dl_iterate_phdr(find_program, nullptr);
+  (void)::prctl(PR_SET_PDEATHSIG, SIGKILL);  // nothing is left running where the runner is ended
   if (const char* const text = ::getenv("TROUBLE")) {
     has_plan = std::sscanf(text, "%31s %511s %llu %llu %15s %ld", plan.kind.data(), plan.sites.data(),
                            &plan.first, &plan.count, plan.action.data(), &plan.number) >= 5;

@@ -45,7 +45,7 @@ class Device(threading.Thread):
             fd = self.fd if self.listener is None else connection.fileno() if connection else None
             reading = [self.stop_reading] + ([fd] if fd is not None else [self.listener])
             ready, writable, _ = select.select(reading, [fd] if self.pending and fd is not None else [], [])
-            if ready == [self.stop_reading] and not self.pending:
+            if ready == [self.stop_reading]:
                 break
             if self.listener in ready:
                 connection = self.listener.accept()[0]
@@ -87,6 +87,8 @@ class Device(threading.Thread):
         self.join()
         for fd in (self.stop_reading, self.stop_writing):
             os.close(fd)
+        if self.listener:
+            self.listener.close()
 
 
 class SerialDevice(Device):

@@ -29,6 +29,8 @@ class Program:
                            TROUBLE_PLACES=self.table, NOTIFY_SOCKET=world.path(f"notify{number}"), TMPDIR=world.folder)
         if trouble:
             environment["TROUBLE"] = trouble.environment(addresses)
+        if world.tapes:
+            environment["TROUBLE_TAPES"] = world.tapes
         if memory:
             environment["TROUBLE_MEMORY"] = "1"
         self.started = time.monotonic()
@@ -38,17 +40,14 @@ class Program:
         self.pid = self.process.pid
         self.pidfd = os.pidfd_open(self.pid)
 
-    def wait_ready(self, links, seconds):
-        """Until it says that it is ready and the links are there. False: it has ended, or takes too long."""
+    def wait_ready(self, there, seconds):
+        """Until `there()`, which is looked at often. False: it has ended, or takes too long."""
         end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            if all(os.path.lexists(link) for link in links):
+        while time.monotonic() < end and not self.wait(0):
+            if there():
                 return True
-            if select.select([self.pidfd, self.notify], [], [], 0.02)[0] == [self.pidfd]:
-                break
-            if self.wait(0):
-                return False
-        return not self.wait(0) and all(os.path.lexists(link) for link in links)
+            select.select([self.pidfd, self.notify], [], [], 0.02)
+        return False
 
     def wait(self, seconds):
         """Whether it has ended."""

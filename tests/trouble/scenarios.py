@@ -1,15 +1,22 @@
 """What is played while calls go wrong, and what must hold afterwards."""
 
+import dataclasses
+import json
 import os
 import re
+import shutil
 import signal
 import socket
+import struct
 import subprocess
+import sys
 import tempfile
+import threading
 import time
+from collections.abc import Callable
 
 from peers import Broken, Device, Driver, SerialDevice, Stuck, Wrong, question, text_of
-from places import FOR_EVER
+from places import FOR_EVER, Trouble, nth, troubles_of
 from program import Program
 from tapes import in_order, is_piece, tapes_in
 
@@ -35,13 +42,15 @@ def tells(log):
 class World:
     """One run of one scenario: a folder, the programs, and what was found wrong."""
 
-    def __init__(self, config, trouble=None, addresses=()):
-        self.config, self.trouble, self.addresses = config, trouble, addresses
+    expected = {}  # what verbs print without trouble
+
+    def __init__(self, config, trouble=None, addresses=(), memory=False):
+        self.config, self.trouble, self.addresses, self.memory = config, trouble, addresses, memory
+        self.tapes = None  # the folder whose tapes are meant by "tape"
         self.own = tempfile.TemporaryDirectory(prefix="porttape-trouble.", dir=os.environ.get("TMPDIR"))
         self.folder = os.path.realpath(self.own.name)
         os.mkdir(self.path("tapes"))
         self.findings, self.notes, self.programs, self.devices, self.count = [], [], [], [], 0
-        self.memory = False
 
     def path(self, *parts):
         return os.path.join(self.folder, *parts)
@@ -113,6 +122,16 @@ class World:
     def log_is_hit(self):
         """Whether the trouble is the log's: then nothing can be asked of it."""
         return self.trouble is not None and ("daemon/log" in self.trouble.place or "daemon/main" in self.trouble.place)
+
+    @property
+    def shared_is_hit(self):
+        """Whether the trouble is of what all channels have in common."""
+        return self.trouble is not None and (self.log_is_hit or any(
+            words in self.trouble.place for words in ("epoll", "signal_set", "eventfd", "file_events", "workers", "logger")))
+
+    @staticmethod
+    def injected_so_far(program):
+        return any(site.troubled for site in program.sites)
 
     @property
     def for_ever(self):
@@ -287,22 +306,42 @@ def left_behind(world, *names):
             world.find(f"{name} is left behind")
 
 
-def check_start(world, daemon, links):
+def there(*links):
+    return lambda: all(os.path.lexists(link) for link in links)
+
+
+def listens(table, words):
+    """Whether a table of /proc/net has such a line."""
+    def look():
+        with open(table, encoding="ascii", errors="replace") as file:
+            return re.search(words, file.read(), re.MULTILINE) is not None
+    return look
+
+
+def check_start(world, daemon, is_there):
     """Ready, or ended with a status and a word about it."""
-    if daemon.wait_ready(links, READY):
+    if daemon.wait_ready(is_there, READY):
         return True
     if not daemon.wait(0):
         if not tells(daemon.log) and not world.log_is_hit:
             world.find(f"it does not get ready within {READY} s, and says nothing: {daemon.log[-300:]}")
-        return False
-    if daemon.status == 0 and not world.kills:
+    elif daemon.status == 0 and not world.kills:
         world.find(f"it ended with status 0 before it was ready: {daemon.log[-300:]}")
     return False
 
 
-def recorded(world, line, links):
+def start_recording(world, name="tapes/t", *options):
+    """A recording of a serial device under a pty."""
+    device = world.keep(SerialDevice(Line.answers(LARGE)))
+    port = world.path("port")
+    daemon = world.daemon("record", "--device", f"serial:{device.path},baud=115200", "--driver", f"pty:{port}",
+                          "--tape", world.path(name), "--pidfile", world.path("pid"), *options)
+    return Line(world, daemon, device, lambda driver: driver.open_path(port), world.path("tapes")), port
+
+
+def play_recording(world, line, port):
     """Two sessions, and a next tape in the second."""
-    if check_start(world, line.daemon, links):
+    if check_start(world, line.daemon, there(port)):
         line.session(4)
         line.begin()
         line.ask(2)
@@ -311,17 +350,14 @@ def recorded(world, line, links):
         line.close()
         line.heal()
     line.stop()
-    line.check()
-    left_behind(world, *[os.path.basename(link) for link in links], "pid")
 
 
 def record(world):
-    """Records a serial device under a pty: two sessions, a next tape, a pidfile, a log file."""
-    device = world.keep(SerialDevice(Line.answers(LARGE)))
-    port = world.path("port")
-    daemon = world.daemon("record", "--device", f"serial:{device.path},baud=115200", "--driver", f"pty:{port}",
-                          "--tape", world.path("tapes/t"), "--pidfile", world.path("pid"))
-    recorded(world, Line(world, daemon, device, lambda driver: driver.open_path(port), world.path("tapes")), [port])
+    """Records a serial device under a pty: two sessions, a next tape, a pidfile."""
+    line, port = start_recording(world)
+    play_recording(world, line, port)
+    line.check()
+    left_behind(world, "port", "pid")
 
 
 def listen(family, address, kind=socket.SOCK_STREAM):
@@ -337,23 +373,11 @@ def free_port(kind=socket.SOCK_STREAM):
         return probe.getsockname()[1]
 
 
-def wait_bound(daemon, path, port):
-    """Until somebody listens there: the daemon says that it is ready, or ends."""
-    end = time.monotonic() + READY
-    while time.monotonic() < end and not daemon.wait(0.01):
-        with open(path, encoding="ascii") as file:
-            if re.search(rf":{port:04X} 00000000:0000 (0A|07)", file.read()):
-                return True
-    return False
-
-
-def socket_recorded(world, line, there):
-    if there:
+def play_sessions(world, line, is_there):
+    if check_start(world, line.daemon, is_there):
         line.session(4)
         line.session(4)
         line.heal()
-    elif not line.daemon.wait(0) and not tells(line.daemon.log):
-        world.find(f"it does not get ready, and says nothing: {line.daemon.log[-300:]}")
     line.stop()
     line.check()
 
@@ -367,7 +391,7 @@ def record_tcp(world):
                           f"tcp-listen:127.0.0.1:{port}", "--tape", world.path("tapes/t"))
     line = Line(world, daemon, device, lambda driver: driver.connect(socket.AF_INET, ("127.0.0.1", port)),
                 world.path("tapes"))
-    socket_recorded(world, line, wait_bound(daemon, "/proc/net/tcp", port))
+    play_sessions(world, line, listens("/proc/net/tcp", rf":{port:04X} 00000000:0000 0A"))
 
 
 def record_unix(world):
@@ -378,7 +402,7 @@ def record_unix(world):
     daemon = world.daemon("record", "--device", f"unix:{world.path('device')}", "--driver", f"unix-listen:{port}",
                           "--tape", world.path("tapes/t"))
     line = Line(world, daemon, device, lambda driver: driver.connect(socket.AF_UNIX, port), world.path("tapes"))
-    socket_recorded(world, line, daemon.wait_ready([port], READY))
+    play_sessions(world, line, listens("/proc/net/unix", rf" 00010000 .* {port}$"))
     left_behind(world, "port")
 
 
@@ -392,17 +416,293 @@ def record_udp(world):
     line = Line(world, daemon, device,
                 lambda driver: driver.connect(socket.AF_INET, ("127.0.0.1", port), socket.SOCK_DGRAM),
                 world.path("tapes"), SMALL)
-    there = wait_bound(daemon, "/proc/net/udp", port)
-    if there:
+    if check_start(world, daemon, listens("/proc/net/udp", rf":{port:04X} 00000000:0000 07")):
         line.session(6)
         line.heal()
     line.stop()
     line.check()
 
 
-SCENARIOS = {function.__name__: function for function in (record, record_tcp, record_unix, record_udp)}
+def make_tape(base, sizes):
+    """The tape of one session, as an older recorder would leave it: no events."""
+    with open(base + "r", "wb") as read, open(base + "w", "wb") as write:
+        at = 1000
+        for number, size in enumerate(sizes):
+            for file, text in ((write, question(1, number, size)), (read, text_of(b"A", 1, number, 2 * size))):
+                for i in range(0, len(text), 4096):
+                    part = text[i:i + 4096]
+                    file.write(struct.pack(">III", 0, at, len(part)) + part)
+                    at += 500
 
 
-def program_of(_name, config):
-    """The program that a scenario troubles."""
-    return config.porttaped
+def replay(world):
+    """Replays a tape under a pty, once, with a report."""
+    make_tape(world.path("tapes/t.log"), LARGE)
+    port, report = world.path("port"), world.path("report")
+    daemon = world.daemon("replay", "--tape", world.path("tapes/t"), "--driver", f"pty:{port}", "--report", report, "--once")
+    line = Line(world, daemon, world.keep(Device(None)), lambda driver: driver.open_path(port))
+    if check_start(world, daemon, there(port)):
+        line.session(len(LARGE))
+        line.daemon.wait(5)
+    line.stop()
+    verdict = None
+    if os.path.exists(report):
+        with open(report, encoding="utf-8") as file:
+            verdict = json.load(file)["verdict"]  # one that cannot be read is a finding
+    if line.broken and (daemon.status == 0 or verdict == "pass"):
+        world.find(f"status {daemon.status}, verdict {verdict}, but {line.broken}")
+    if world.harmless and (line.broken or daemon.status != 0 or verdict != "pass"):
+        world.find(f"nothing was wrong, but status {daemon.status}, verdict {verdict}, {line.broken}: {daemon.log[-400:]}")
+    if line.broken and daemon.status > 2 and not tells(daemon.log):
+        world.find(f"status {daemon.status}, and nothing is told of {line.broken}: {daemon.log[-400:]}")
+    left_behind(world, "port")
+
+
+ASKER = """
+import os, sys, tty
+fd = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
+tty.setraw(fd)
+asked, answers = open(sys.argv[2], "rb").read(), open(sys.argv[3], "rb").read()
+for number, question in enumerate(asked.splitlines(True)):
+    os.write(fd, question)
+    answer = answers.splitlines(True)[number]
+    while answer:
+        data = os.read(fd, len(answer))
+        if not data or not answer.startswith(data):
+            sys.exit(7)
+        answer = answer[len(data):]
+"""
+
+
+def test(world):
+    """`porttape test`: a command against a tape."""
+    make_tape(world.path("tapes/t.log"), SMALL)
+    with open(world.path("asked"), "wb") as asked, open(world.path("answers"), "wb") as answers:
+        for number, size in enumerate(SMALL):
+            asked.write(question(1, number, size))
+            answers.write(text_of(b"A", 1, number, 2 * size))
+    program = world.start(world.config.porttape, "test", "--tape", world.path("tapes/t"), "--timeout", "8", "--report",
+                          world.path("report"), "--", sys.executable, "-S", "-E", "-c", ASKER, "{port}", world.path("asked"),
+                          world.path("answers"))
+    if not program.wait(END):
+        world.find(f"it does not end within {END} s: {program.log[-400:]}")
+    elif world.harmless and program.status != 0:
+        world.find(f"nothing was wrong, but status {program.status}: {(program.out + program.log)[-400:]}")
+    elif program.status == 0 and "pass" not in program.out + program.log and "write.file" not in str(world.trouble):
+        world.find(f"status 0 without a verdict: {program.out}")
+    if strange := [name for name in os.listdir(world.folder) if name.startswith("porttape-")]:
+        if not world.trouble or not world.trouble.kind.startswith(("unlink", "rmdir", "readlink", "lstat", "stat")):
+            world.find(f"{strange} is left behind")
+
+
+def tools(verb):
+    """A verb that reads a sound tape: it says so only if it could read it."""
+    def scenario(world):
+        tape = os.path.join(world.config.source, "sample-logs/modbus_rtu.log")
+        program = world.start(world.config.porttape, verb, *(["--json"] if verb != "verify" else []), tape)
+        if not program.wait(END):
+            return world.find(f"it does not end within {END} s")
+        if world.harmless and program.status != 0:
+            world.find(f"nothing was wrong, but status {program.status}: {program.log}")
+        if world.injected_so_far(program) and not world.harmless and program.status == 0 and world.trouble.kind in (
+                "pread.file", "read.file", "open", "write.file") and world.expected.get(verb) != program.out:
+            world.find(f"status 0, and another output than without trouble: {program.out[-200:]}")
+        if not world.trouble:
+            world.expected[verb] = program.out
+        return None
+    scenario.__doc__ = f"`porttape {verb}` of a tape."
+    return scenario
+
+
+def channels(world):
+    """Two recordings in one process. What happens to the one is nothing to the other."""
+    lines, config = [], ""
+    for name in ("one", "two"):
+        os.mkdir(world.path(name))
+        device = world.keep(SerialDevice(Line.answers(LARGE)))
+        port = world.path(f"port.{name}")
+        config += f"[channel {name}]\ndevice=serial:{device.path}\ndriver=pty:{port}\ntape={world.path(name, 't')}\n"
+        lines.append(Line(world, None, device, lambda driver, port=port: driver.open_path(port), world.path(name), name=name))
+    with open(world.path("config"), "w", encoding="utf-8") as file:
+        file.write(config)
+    ports = [world.path("port.one"), world.path("port.two")]
+    world.tapes = world.path("one/")
+    daemon = world.daemon("run", world.path("config"))
+    for line in lines:
+        line.daemon = daemon
+    check_start(world, daemon, lambda: any(os.path.lexists(port) for port in ports))
+    if not daemon.wait(0):
+        for line in lines:
+            line.begin()
+        for _ in range(4):
+            for line in lines:
+                line.ask(1)
+        for line in lines:
+            line.close()
+            line.session(3)
+        for line in lines:
+            line.heal()
+    for line in lines:
+        line.stop()
+    for line in lines:
+        line.check()
+    aimed = world.trouble and world.trouble.kind.endswith((".tape", ".tapes"))
+    hurt = [line.name for line in lines if line.broken]
+    if aimed and "two" in hurt or len(hurt) > 1 and not world.for_ever and not world.shared_is_hit:
+        world.find(f"trouble of one channel, and {hurt} are hurt: {[line.broken for line in lines]}; {daemon.log[-600:]}")
+    left_behind(world, "port.one", "port.two")
+
+
+def crash(world):
+    """A recording is killed at a write; what is left can be used, and the next recording begins where it was."""
+    line, port = start_recording(world)
+    play_recording(world, line, port)
+    line.check()
+    for tape in tapes_in(world.path("tapes")):
+        if os.path.exists(tape.base + "r") or os.path.exists(tape.base + "w"):
+            check_leftover(world, tape)
+    line.device.end() if line.device.is_alive() else None
+    if not line.daemon.status < 0:
+        return
+    world.killed_before = True
+    device = world.keep(SerialDevice(Line.answers(LARGE)))
+    daemon = world.start(world.config.porttaped, "record", "--device", f"serial:{device.path}", "--driver", f"pty:{port}",
+                         "--tape", world.path("tapes/t"), "--on-existing", "next", "--pidfile", world.path("pid"),
+                         trouble=False)
+    again = Line(world, daemon, device, line.open_driver, name="the next recording")
+    if not daemon.wait_ready(lambda: os.path.lexists(port) and f"{port} is there" in daemon.log, READY):
+        world.find(f"the next recording does not begin: {daemon.log[-400:]}")
+    elif not again.session(3):
+        world.find(f"the next recording: {again.broken}")
+    again.stop()
+    if daemon.status != 0:
+        world.find(f"the next recording ended with {daemon.status}: {daemon.log[-400:]}")
+
+
+def check_leftover(world, tape):
+    """What a killed recording left: the tools end in order, and find each whole block."""
+    porttape = world.config.porttape
+    info = subprocess.run([porttape, "info", "--json", tape.base], capture_output=True, text=True, check=False)
+    cat = subprocess.run([porttape, "cat", "--blocks", "--json", tape.base], capture_output=True, text=True, check=False)
+    play = subprocess.run([porttape, "test", "--tape", tape.base, "--", "true"], capture_output=True, text=True, check=False)
+    for name, done in (("info", info), ("cat", cat), ("test", play)):
+        if done.returncode < 0 or done.returncode > 6:
+            world.find(f"{name} of what is left ended with {done.returncode}: {done.stderr[-300:]}")
+    if info.returncode == 0:
+        said = json.loads(info.stdout)
+        if (said["read"]["blocks"], said["write"]["blocks"]) != (len(tape.read), len(tape.write)):
+            world.find(f"info finds {said['read']['blocks']} and {said['write']['blocks']} blocks of {len(tape.read)} and "
+                       f"{len(tape.write)}")
+        if said["verdict"] == "sound" and (not tape.ended or tape.torn_bytes):
+            world.find("info calls it sound")
+
+
+def stopped(world):
+    """SIGSTOP of the daemon in the middle, and of nothing else: when it goes on, nothing is lost."""
+    line, port = start_recording(world)
+    if check_start(world, line.daemon, there(port)):
+        line.session(2)
+        line.daemon.signal(signal.SIGSTOP)
+        awake = threading.Timer(0.3, lambda: line.daemon.signal(signal.SIGCONT))
+        awake.start()
+        line.session(4)
+        awake.join()
+    line.stop()
+    line.check()
+
+
+def silent_driver(world):
+    """A driver that asks and reads nothing (SIGSTOP): the end comes within its bounds, and the loss is told."""
+    line, port = start_recording(world)
+    if check_start(world, line.daemon, there(port)):
+        line.begin()
+        for number in range(6):
+            text = question(1, number, LARGE[number % 4])
+            try:
+                os.write(line.driver.fd, text)
+                line.driver.sent += text
+            except BlockingIOError:
+                break
+    line.broken.append("the driver does not read")
+    line.stop()
+    line.driver.close()
+    line.check()
+    if not re.search(r"\d+ bytes reached nobody", line.daemon.log):
+        world.find(f"nothing is told of what was not read: {line.daemon.log[-400:]}")
+
+
+def folder_removed(world):
+    """The tapes' folder goes in the middle, and comes back: the line stays, and the loss is told."""
+    line, port = start_recording(world)
+    if check_start(world, line.daemon, there(port)):
+        line.session(2)
+        shutil.rmtree(world.path("tapes"))
+        line.session(4)
+        line.daemon.signal(signal.SIGUSR1)
+        line.session(2)
+        os.mkdir(world.path("tapes"))
+        line.session(2)
+    line.stop()
+    if line.broken or line.daemon.status != 1 or not tells(line.daemon.log):
+        world.find(f"status {line.daemon.status}, {line.broken}: {line.daemon.log[-600:]}")
+
+
+def all_troubles(place, calls, most):
+    return troubles_of(place, calls, most)
+
+
+def crashes(place, calls, most):
+    """A kill at every write, and at every other change of a file."""
+    kind = place.split("@")[0]
+    if "background" in place or "/log" in place or not kind.startswith(("writev", "write.file", "ftruncate", "openat", "rename",
+                                                                       "fdatasync")):
+        return []
+    actions = ["kill", "kill-after"] + ["torn"] * kind.startswith("write")
+    return [Trouble(place, n, 1, action) for action in actions for n in nth(calls, max(most, 64))]
+
+
+def hangs(place, calls, most):
+    """The first channel's disk does not come back for some time, or at all."""
+    if not place.startswith(("writev.tape", "fdatasync.tape", "openat.tapes", "close.tape")):
+        return []
+    return ([Trouble(place, n, 1, "hang", 1500) for n in nth(calls, min(most, 4))] +
+            [Trouble(place, n, FOR_EVER, "hang", 60000) for n in sorted({1, (calls + 1) // 2})])
+
+
+def troubles_of_channels(place, calls, most):
+    return hangs(place, calls, most) + all_troubles(place, calls, most)
+
+
+def memory(place, calls, most):
+    return troubles_of(place, calls, max(2, most // 4)) if place.startswith("new@") else []
+
+
+def nothing(_place, _calls, _most):
+    return []
+
+
+@dataclasses.dataclass(frozen=True)
+class Scenario:
+    play: Callable
+    troubles: Callable = all_troubles
+    program: str = "porttaped"
+    memory: bool = False
+
+
+SCENARIOS = {
+    "record": Scenario(record),
+    "record_tcp": Scenario(record_tcp),
+    "record_unix": Scenario(record_unix),
+    "record_udp": Scenario(record_udp),
+    "replay": Scenario(replay),
+    "channels": Scenario(channels, troubles_of_channels),
+    "crash": Scenario(crash, crashes),
+    "test": Scenario(test, program="porttape"),
+    "verify": Scenario(tools("verify"), program="porttape"),
+    "info": Scenario(tools("info"), program="porttape"),
+    "cat": Scenario(tools("cat"), program="porttape"),
+    "stopped": Scenario(stopped, nothing),
+    "silent_driver": Scenario(silent_driver, nothing),
+    "folder_removed": Scenario(folder_removed, nothing),
+    "memory": Scenario(record, memory, memory=True),
+}
