@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <functional>
 #include <string_view>
 #include <sys/file.h>
 #include <sys/wait.h>
@@ -31,6 +32,30 @@ bool is_pid_text(std::string_view text) {
   const std::size_t digits = text.find_first_not_of("0123456789");
   return text.empty() || (digits == text.size() - 1 && digits > 0 && text.back() == '\n') ||
          digits == std::string_view::npos;
+}
+
+using Refuse = std::function<Error(const std::string& why)>;
+
+Result<void> write_to(int fd, const Refuse& refuse) {
+  std::array<char, 64> old{};
+  const ssize_t size = ::read(fd, old.data(), old.size());
+  const std::string_view text(old.data(), size > 0 ? static_cast<std::size_t>(size) : 0);
+  if (size < 0 || !is_pid_text(text)) return refuse("is not a pidfile and is left alone");
+  // The lock goes with the process, however it ends, and numbers are used again: the number alone says
+  // nothing.
+  if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK) return refuse("cannot be locked: " + errno_text(errno));
+    return refuse(fmt::format("is that of process {}, which is running", text.substr(0, text.find('\n'))));
+  }
+  const std::string number = fmt::format("{}\n", ::getpid());
+  if (::ftruncate(fd, 0) != 0) return refuse("cannot be written: " + errno_text(errno));
+  for (std::size_t done = 0; done < number.size();) {
+    const ssize_t part = ::pwrite(fd, number.data() + done, number.size() - done, static_cast<off_t>(done));
+    if (part < 0 && errno == EINTR) continue;
+    if (part <= 0) return refuse("cannot be written: " + errno_text(part < 0 ? errno : ENOSPC));
+    done += static_cast<std::size_t>(part);
+  }
+  return {};
 }
 
 }  // namespace
@@ -64,21 +89,17 @@ Result<void> PidFile::write(const std::string& path) {
   const auto refuse = [&path](const std::string& why) {
     return make_error(Errc::usage, fmt::format("pidfile '{}' {}; name another file", path, why));
   };
-  UniqueFd fd(::open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0644));
+  const auto open_it = [&path](int how) {
+    return UniqueFd(::open(path.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC | how, 0644));
+  };
+  UniqueFd fd = open_it(O_CREAT | O_EXCL);
+  const bool made = static_cast<bool>(fd);
+  if (!fd && errno == EEXIST) fd = open_it(O_CREAT);
   if (!fd) return refuse("cannot be written: " + errno_text(errno));
-  std::array<char, 64> old{};
-  const ssize_t size = ::read(fd.get(), old.data(), old.size());
-  const std::string_view text(old.data(), size > 0 ? static_cast<std::size_t>(size) : 0);
-  if (size < 0 || !is_pid_text(text)) return refuse("is not a pidfile and is left alone");
-  // The lock goes with the process, however it ends, and numbers are used again: the number alone says
-  // nothing.
-  if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0) {
-    return refuse(fmt::format("is that of process {}, which is running", text.substr(0, text.find('\n'))));
-  }
-  const std::string number = fmt::format("{}\n", ::getpid());
-  if (::ftruncate(fd.get(), 0) != 0 ||
-      ::pwrite(fd.get(), number.data(), number.size(), 0) != static_cast<ssize_t>(number.size())) {
-    return refuse("cannot be written: " + errno_text(errno));
+  Result<void> written = write_to(fd.get(), refuse);
+  if (!written) {
+    if (made) (void)::unlink(path.c_str());
+    return written;
   }
   fd_ = std::move(fd);
   path_ = path;

@@ -31,11 +31,16 @@ std::size_t Outbox::write_some(ByteView data) {
 void Outbox::flush() {
   sent_ += send(ByteView(pending_).subspan(sent_));
   if (congested()) return;
-  discard();
+  forget_pending();
   if (!broken_) on_drained_();
 }
 
 void Outbox::discard() {
+  forget_pending();
+  broken_ = false;
+}
+
+void Outbox::forget_pending() {
   pending_.clear();
   sent_ = 0;
   watch_->watch_writable(false);
@@ -51,7 +56,7 @@ std::size_t Outbox::send(ByteView data) {
       sent += static_cast<std::size_t>(n);
     } else if (n < 0 && errno == EINTR) {
       continue;
-    } else if (n < 0 && errno != EAGAIN) {
+    } else if (n < 0 && errno != EAGAIN && errno != ENOMEM && errno != ENOBUFS) {
       broken_ = true;
       on_error_(errno, data.size() - sent);
       return data.size();  // a broken line takes everything and keeps nothing

@@ -69,8 +69,10 @@ Result<UniqueFd> UnixPort::make_listener() {
 Result<void> UnixPort::own_node() {
   const UniqueFd node(::open(path_.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
   struct stat status {};
-  if (!node || ::fstat(node.get(), &status) != 0 || !S_ISSOCK(status.st_mode) ||
-      status.st_uid != ::geteuid()) {
+  // What cannot be looked at is left where it is; the next listener finds that nobody answers there.
+  if ((!node && errno != ENOENT && errno != ELOOP) || (node && ::fstat(node.get(), &status) != 0))
+    return make_error(Errc::usage, fmt::format("socket '{}' cannot be made: {}", path_, errno_text(errno)));
+  if (!node || !S_ISSOCK(status.st_mode) || status.st_uid != ::geteuid()) {
     return make_error(Errc::usage, fmt::format("socket '{}' was replaced as it was made; choose a folder "
                                                "that nobody else writes to",
                                                path_));

@@ -29,6 +29,7 @@ constexpr Nanos kFailClosedSilence = milliseconds(700);
 struct TapeKeeper::Ending {
   std::unique_ptr<LiveTape> tape;
   bool sync_told = false;
+  std::uint64_t missed_bytes = 0;  // that passed before it and that it was to tell of
 };
 
 TapeKeeper::TapeKeeper(const PortContext& context, Options options, std::function<void()> on_must_end)
@@ -228,17 +229,17 @@ void TapeKeeper::end_current(Instant now) {
   watch_timer_.cancel();
   if (tape_) {
     tape_->finish(tape_time(now));
-    ending_.push_back({std::move(tape_), sync_told_});
-  } else {
-    tell_missed();
+    ending_.push_back({std::move(tape_), sync_told_, missed_bytes_});
+  } else if (missed_bytes_ > 0) {
+    tell_missed(missed_bytes_, missed_why_);
   }
+  missed_bytes_ = 0;
+  missed_since_.reset();
 }
 
-// Where no tape was there to tell it.
-void TapeKeeper::tell_missed() {
-  if (missed_bytes_ == 0) return;
-  context_.log->error("{} bytes passed and are on no tape: {}", missed_bytes_, missed_why_);
-  missed_bytes_ = 0;
+void TapeKeeper::tell_missed(std::uint64_t bytes, const std::string& why) {
+  if (bytes == 0) return context_.log->error("{}", why);
+  context_.log->error("{} bytes passed and are on no tape: {}", bytes, why);
 }
 
 void TapeKeeper::look_at_ending() {
@@ -251,7 +252,7 @@ void TapeKeeper::look_at_ending() {
     }
     if (status.phase == Phase::not_made) {
       incomplete_ = true;
-      context_.log->error("{}; {} bytes passed and are on no tape", status.error->message, status.bytes_lost);
+      tell_missed(status.bytes_lost + ending->missed_bytes, status.error->message);
     } else if (status.error) {
       incomplete_ = true;
       context_.log->error("{}", status.error->message);
@@ -272,17 +273,21 @@ void TapeKeeper::finish(Instant now, std::function<void(bool)> done) {
 
 void TapeKeeper::give_up() {
   on_done_ = {};
-  for (const Ending& ending : ending_) tell_given_up(ending.tape->status());
+  for (const Ending& ending : ending_) tell_given_up(ending.tape->status(), ending.missed_bytes);
   ending_.clear();
-  if (!tape_) return tell_missed();
+  if (!tape_) {
+    if (missed_bytes_ > 0) tell_missed(missed_bytes_, missed_why_);
+    return;
+  }
   // The one that finish() was not called for.
-  if (const LiveTape::Status status = tape_->status(); status.bytes_waiting > 0) tell_given_up(status);
+  if (const LiveTape::Status status = tape_->status(); status.bytes_waiting > 0)
+    tell_given_up(status, missed_bytes_);
   tape_.reset();
 }
 
-void TapeKeeper::tell_given_up(const LiveTape::Status& status) const {
+void TapeKeeper::tell_given_up(const LiveTape::Status& status, std::uint64_t missed) const {
   context_.log->error("tape {}: its disk did not answer in time; {} bytes and the end are not on it",
-                      options_.tape.name(), status.bytes_waiting + status.bytes_lost);
+                      options_.tape.name(), status.bytes_waiting + status.bytes_lost + missed);
 }
 
 void TapeKeeper::complete_if_over() {

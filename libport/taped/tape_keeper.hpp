@@ -56,14 +56,14 @@ class TapeKeeper final : public LineObserver {
   void rotate(Instant now);
   void start();
   void end_current(Instant now);
-  void tell_given_up(const LiveTape::Status& status) const;
-  void tell_missed();
+  void tell_given_up(const LiveTape::Status& status, std::uint64_t missed) const;
   void on_news();
   void look_at_current();
   void look_at_ending();
   void not_made(const LiveTape::Status& status);
   void tell_failure(const std::string& failure, std::uint64_t lost);
   void tell_sync_error(const LiveTape::Status& status, bool& told);
+  void tell_missed(std::uint64_t bytes, const std::string& why);
   void watch_disk();
   void must_end();
   void complete_if_over();

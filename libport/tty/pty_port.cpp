@@ -38,13 +38,13 @@ PtyPort::Line::Line(PtyPort& port, Pty made)
     : pty(std::move(made)),
       master_watch(
           *port.context_.loop, pty.master(), [&port] { port.on_readable(); }, [this] { outbox.flush(); }),
-      // A write fails only when the driver is gone, which the read side notices.
+      // A write fails only when the driver is gone; the read side sees to that.
       outbox(
           pty.master(), Outbox::Kind::file, master_watch,
           [&port] {
             if (port.up_) port.listener().on_drained();
           },
-          [](int, std::size_t) {}) {
+          [&port](int, std::size_t lost) { port.listener().on_dropped(lost, "they could not be sent"); }) {
   pty.on_events([&port] { port.on_event(); });
 }
 

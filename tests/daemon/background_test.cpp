@@ -1,7 +1,9 @@
 #include "daemon/background.hpp"
 
+#include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <gtest/gtest.h>
@@ -55,6 +57,40 @@ TEST(PidFile, OfADeadProcessIsReplacedWhoeverHasItsNumberNow) {
   std::ofstream(path) << ::getppid() << '\n';
   PidFile file;
   EXPECT_TRUE(file.write(path).has_value());
+}
+
+// A limit on the size of files, as on a full disk.
+class SmallFiles {
+ public:
+  SmallFiles() {
+    ::getrlimit(RLIMIT_FSIZE, &before_);
+    rlimit none = before_;
+    none.rlim_cur = 0;
+    ::setrlimit(RLIMIT_FSIZE, &none);
+  }
+  ~SmallFiles() {
+    ::setrlimit(RLIMIT_FSIZE, &before_);
+    (void)std::signal(SIGXFSZ, action_);
+  }
+  SmallFiles(const SmallFiles&) = delete;
+  SmallFiles& operator=(const SmallFiles&) = delete;
+
+ private:
+  rlimit before_{};
+  void (*action_)(int) = std::signal(SIGXFSZ, SIG_IGN);
+};
+
+TEST(PidFile, ThatCannotBeWrittenIsNotLeftBehind) {
+  const test::TempDir dir;
+  const std::string path = dir / "pid";
+  {
+    const SmallFiles limit;
+    PidFile file;
+    const Result<void> written = file.write(path);
+    ASSERT_FALSE(written.has_value());
+    EXPECT_NE(written.error().message.find("File too large"), std::string::npos) << written.error().message;
+  }
+  EXPECT_FALSE(std::filesystem::exists(path));
 }
 
 }  // namespace

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "libport/tape/tape_name.hpp"
@@ -31,6 +33,7 @@ class LiveChannel final : public Channel {
   void check_line();
   void check_tape(bool failed);
   [[nodiscard]] std::uint64_t told() const;
+  [[nodiscard]] std::uint64_t told_by(std::initializer_list<std::string_view> texts) const;
   [[nodiscard]] std::vector<TapePaths> tapes() const;
 
   bool records_;

@@ -173,6 +173,16 @@ TEST_F(RecordingTest, TheLineStaysUpWhenTheTapeCannotBeMade) {
   EXPECT_NE(book.text().find("9 bytes passed and are on no tape"), std::string::npos) << book.text();
 }
 
+TEST_F(RecordingTest, AnEndBeforeItIsKnownThatTheTapeCannotBeMadeTellsWhatIsOnNone) {
+  ASSERT_TRUE(port->prepare().has_value());
+  fs::remove_all(dir.path());
+  port->open();
+  port->write(as_bytes("ask"));
+  device.send("answer");
+  EXPECT_EQ(finish(), exit_status::kRuntime);
+  EXPECT_NE(book.text().find("9 bytes passed and are on no tape"), std::string::npos) << book.text();
+}
+
 TEST_F(RecordingTest, ATapeThatCouldNotBeMadeIsTriedAgainAndSaysWhatIsMissing) {
   ASSERT_TRUE(port->prepare().has_value());
   fs::remove_all(dir.path());
