@@ -55,7 +55,9 @@ struct LiveTape::Shared {
     std::uint64_t bytes = 0;
   };
 
-  Shared(Options given, std::shared_ptr<Disks> known) : options(std::move(given)), disks(std::move(known)) {}
+  Shared(Options given, std::shared_ptr<Disks> known) : options(std::move(given)), disks(std::move(known)) {
+    status.paths = options.paths;
+  }
   ~Shared() {
     abandon();
     disks->release(status.bytes_waiting);

@@ -66,7 +66,7 @@ class LiveTape {
   struct Status {
     enum class Phase : std::uint8_t { being_made, direct, queued, not_made, finished };
     Phase phase = Phase::being_made;
-    TapePaths paths;                  // once made
+    TapePaths paths;                  // as wanted; once made, its files
     std::string id;                   // of its header, once made
     std::optional<Error> error;       // not made, or finished and something is missing
     std::string failure;              // why the last block could not be written; empty when it was
