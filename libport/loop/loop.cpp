@@ -75,7 +75,8 @@ bool Loop::run_elsewhere(const Workers::Strand& strand, std::function<void()> jo
 
 void Loop::run() {
   Instant idle_since = now();
-  running_since_ = handler_began_ = idle_since;
+  running_since_ = idle_since;
+  handler_began_ = Instant::max();
   for (;;) {
     const bool polls = patience_.expects_soon(idle_since);
     const bool soon = polls && poll_from(idle_since);
@@ -150,7 +151,7 @@ Sampler& Loop::sampler() {
 void Loop::post(std::function<void()> task) { boost::asio::post(*io_, fenced(std::move(task))); }
 
 void Loop::within(const std::shared_ptr<Fence>& fence, const std::function<void()>& work) {
-  handler_began_ = now();
+  if (handler_began_ == Instant::max()) handler_began_ = now();  // else this is a part of a handler
   const std::shared_ptr<Fence> outer = std::exchange(fence_, fence);
   try {
     work();

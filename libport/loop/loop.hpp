@@ -101,7 +101,7 @@ class Loop {
   Patience patience_;
   Instant last_spin_{};
   StallWatch stalls_;
-  Instant handler_began_{};  // of the handler that runs, while run() does
+  Instant handler_began_ = Instant::max();  // of the handler that runs, once it is known, while run() does
   Instant running_since_ = Instant::max();
   std::shared_ptr<Fence> fence_;  // of what runs now
   std::shared_ptr<Gate> gate_;

@@ -10,8 +10,9 @@ Sampler::Sampler(Loop& loop) : loop_(&loop), timer_(loop, [this] { on_timer(); }
 
 void Sampler::add(const void* owner, std::function<void()> look) {
   const Instant now = Loop::now();
-  remove(owner);
-  members_[owner] = std::make_shared<Member>(Member{std::move(look), loop_->fence(), now + kYoung});
+  std::shared_ptr<Member>& member = members_[owner];
+  if (member) member->removed = true;  // its look may be what calls this
+  member = std::make_shared<Member>(Member{std::move(look), loop_->fence(), now + kYoung});
   if (!timer_.due() || *timer_.due() > now + kQuick) timer_.set(now + kQuick);
 }
 

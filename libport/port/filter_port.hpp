@@ -2,23 +2,36 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <deque>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string_view>
 
-#include "libport/loop/timer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/forwarding_port.hpp"
+#include "libport/port/lane.hpp"
 
 namespace porttape {
 
 // A port around another that changes, delays or drops what passes. Whatever way bytes take, each arrival is
 // one incoming(), each write one outgoing(); a subclass overrides these and passes on what it likes with
-// deliver() and send(), now or later, which keep the order. Events of the line keep their place among what
-// is delivered: it goes down after the last byte. As on any port bytes that wait to be sent make it
-// congested, and those that wait at a close are dropped and told.
+// deliver() and send(), now or later, which keep the order.
+//
+// What is held back:
+// - Events of the line, and flushes of either side, keep their place among the bytes: it goes down after the
+//   last one. Drops alone are told at once.
+// - It is congested while a write is held, since a session closes a line that is not: with delayed writes a
+//   caller has one on its way at a time.
+// - An end of writing, a hang-up and new settings wait for no `due`: held writes go out before them. Nor does
+//   the peer's end of writing, or read_pending(). Behind bytes that are not read, the inner port decides
+//   which answer to an ended peer is the last.
+// - While nothing is read bytes wait, and with them a line that its peer has closed, 10 s at most; one that
+//   breaks takes them with it, as the kernel's queue goes with a device.
+// - Held writes wait while the line is interrupted. They are dropped when it goes down, since they are not
+//   the next peer's, and at close() with all else.
+// What is dropped is told, except to the one who asks for it by discard().
+//
+// A subclass breaks the line by hang_up(), or by close() and listener().on_down(). drop() is for what this
+// program loses; what shall look like a loss of the line's own is just not passed on.
 class FilterPort : public ForwardingPort {
  public:
   // So many bytes may wait to be delivered; the inner port is not read meanwhile.
@@ -28,64 +41,55 @@ class FilterPort : public ForwardingPort {
 
   void close() final;
   void write(ByteView data) final { outgoing(data); }
-  [[nodiscard]] bool congested() const final;
+  [[nodiscard]] bool congested() const final { return !out_.empty() || ForwardingPort::congested(); }
   bool end_writing() final;
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const final;
+  Result<void> apply(const LineSettings& settings) final;
   void set_reading(bool on) final;
   void hang_up(bool after_reading) final;
   void read_pending() final;
+  void peer_flushed(FlushQueue queue) final;
+  void finish() final;
+  // Always: bytes may be held here.
+  [[nodiscard]] WaitingCalls* waiting() final { return this; }
 
  protected:
   virtual void incoming(ByteView arrival) { deliver(arrival); }
   virtual void outgoing(ByteView data) { send(data); }
-  // To the listener, and to the inner port: not before `due`, nor before what was given sooner. An end of
-  // writing, a hang-up and read_pending() do not wait for `due`.
+  // To the listener, and to the inner port: not before `due`, nor before what was given sooner.
   void deliver(ByteView arrival, Instant due = {});
   void send(ByteView data, Instant due = {});
   // Bytes that will not be delivered or sent.
-  void drop(std::uint64_t bytes, std::string_view why);
+  void drop(std::uint64_t bytes, std::string_view why) { ForwardingPort::on_dropped(bytes, why); }
 
  private:
-  struct Step {
-    Instant due;
-    Bytes data;                   // to be passed on, or
-    std::function<void()> event;  // to be told
-  };
-  struct Lane {
-    Timer timer;
-    std::deque<Step> steps = {};
-    std::size_t bytes = 0;
-  };
-  enum class When { due, now };
-
   void on_data(ByteView data) final { incoming(data); }
   void on_arrivals(ByteView data, std::span<const std::size_t> ends) final;
   void on_up() final;
   void on_drained() final;
   void on_down(const LineDown& down) final;
   Answers on_ended() final;
+  bool wants_rest() final;
   void on_interrupted(const LineDown& down) final;
   void on_resumed() final;
+  void on_flush(FlushQueue queue) final;
   void on_settings(const SeenSettings& settings) final;
-  void on_dropped(std::uint64_t bytes, std::string_view why) final;
 
   std::size_t write_some(ByteView data) final;
-  [[nodiscard]] std::size_t unsent() final { return ForwardingPort::unsent() + out_.bytes; }
+  [[nodiscard]] std::size_t unsent() final { return out_.bytes() + ForwardingPort::unsent(); }
   bool discard() final;
   [[nodiscard]] std::optional<Instant> next_due() final;
 
-  void tell(std::function<void()> event);
-  static void put(Lane& lane, Step step);
-  static Step take(Lane& lane);
-  static bool is_due(const Lane& lane, When when);
-  void run_in(When when);
-  void run_out(When when);
   void let_inner_read();
+  void drop_held(Lane& lane, std::string_view why);
 
   Lane in_;
   Lane out_;
   bool reading_ = true;
   bool inner_reads_ = true;
+  bool interrupted_ = false;  // the inner port's line, whether or not that is told yet
+  int downs_untold_ = 0;
+  unsigned closes_ = 0;
 };
 
 }  // namespace porttape

@@ -50,10 +50,26 @@ void ForwardingPort::on_dropped(std::uint64_t bytes, std::string_view why) {
   listener().on_dropped(bytes, why);
 }
 
-std::size_t ForwardingPort::write_some(ByteView data) { return inner_->waiting()->write_some(data); }
-std::size_t ForwardingPort::unsent() { return inner_->waiting()->unsent(); }
-bool ForwardingPort::discard() { return inner_->waiting()->discard(); }
-std::string ForwardingPort::awaits() { return inner_->waiting()->awaits(); }
-std::optional<Instant> ForwardingPort::next_due() { return inner_->waiting()->next_due(); }
+std::size_t ForwardingPort::write_some(ByteView data) {
+  if (WaitingCalls* const calls = inner_->waiting()) return calls->write_some(data);
+  inner_->write(data);
+  return data.size();
+}
+std::size_t ForwardingPort::unsent() {
+  WaitingCalls* const calls = inner_->waiting();
+  return calls != nullptr ? calls->unsent() : 0;
+}
+bool ForwardingPort::discard() {
+  WaitingCalls* const calls = inner_->waiting();
+  return calls == nullptr || calls->discard();
+}
+std::string ForwardingPort::awaits() {
+  WaitingCalls* const calls = inner_->waiting();
+  return calls != nullptr ? calls->awaits() : std::string();
+}
+std::optional<Instant> ForwardingPort::next_due() {
+  WaitingCalls* const calls = inner_->waiting();
+  return calls != nullptr ? calls->next_due() : std::nullopt;
+}
 
 }  // namespace porttape

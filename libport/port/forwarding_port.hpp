@@ -61,7 +61,7 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   void on_settings(const SeenSettings& settings) override;
   void on_dropped(std::uint64_t bytes, std::string_view why) override;
 
-  // Called only where the inner port has them.
+  // Where the inner port has none of them: what WaitingCalls says of such a port.
   std::size_t write_some(ByteView data) override;
   [[nodiscard]] std::size_t unsent() override;
   bool discard() override;

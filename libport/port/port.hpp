@@ -168,7 +168,9 @@ class Port {
   [[nodiscard]] virtual std::optional<std::size_t> unread_by_peer() const = 0;
   // The settings of a serial line; none where the line has no such thing.
   [[nodiscard]] virtual std::optional<LineSettings> settings() const { return std::nullopt; }
-  // Changes them, also while the line is up. Errc::usage where there are none; on an error they stay.
+  // Changes them, before prepare() or at any time after it. Errc::usage where there are none; on an error
+  // they stay. A line that is not up takes them when it comes up, or keeps the last that it took. On a
+  // driver's port they are what the driver finds there: a pty shows them, and is not made raw again.
   virtual Result<void> apply(const LineSettings&) {
     return make_error(Errc::usage, name() + " has no line settings");
   }

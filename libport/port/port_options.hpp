@@ -118,7 +118,8 @@ auto reads(Read read) {
 
 // The type with a wrapper for its ports: the wrapper's options besides the type's, which `read` makes a
 // struct of its own (a Result<std::optional<Options>>; none: no wrapper), and `around`, which gives the
-// wrapper of a port (context, port, Options).
+// wrapper of a port (context, port, Options). Given to each plain type before its recording type is made, so
+// that a tape has the line as the wrapper makes it.
 template <class Options, class Read, class Around>
 PortType wrapped(PortType type, std::span<const OptionSpec> options, Read read, Around around) {
   type.options.insert(type.options.end(), options.begin(), options.end());

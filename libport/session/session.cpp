@@ -99,9 +99,8 @@ Session::~Session() = default;
 Result<void> Session::start() {
   // The device first: a link that no device stands behind would only mislead.
   if (Result<void> ready = device_->prepare(); !ready) return ready;
+  show_settings();  // before a driver can find the line, whose own settings these would undo
   if (Result<void> ready = driver_->prepare(); !ready) return ready;
-  // A driver finds the line as the device's is, where its port can show that.
-  if (const auto settings = device_->settings()) (void)driver_->apply(*settings);
   driver_->open();
   return {};
 }
@@ -271,7 +270,9 @@ void Session::close_device() {
   device_state_ = DeviceState::closed;
   note_gap();
   device_->close();
-  read_device();  // only now: a tape that was held back would pour the rest into the closed line
+  // Only now: a tape that was held back would pour the rest into the closed line. A next driver may be there
+  // already, and have more than it takes.
+  if (!driver_up_ || !driver_->congested()) read_device();
   tell_dropped();
   if (driver_up_ && end_.running()) open_device();
   continue_end();
@@ -432,12 +433,19 @@ void Session::complete() {
   context_.loop->post([this] { on_end_(exit_status_); });
 }
 
-// The device's line follows the driver's.
+// A driver finds the line as the device's is, where its port can show that.
+void Session::show_settings() {
+  if (const auto settings = device_->settings()) (void)driver_->apply(*settings);
+}
+
+// The device's line follows the driver's. One that does not is shown to it.
 void Session::driver_settings(const SeenSettings& seen) {
   const std::optional<LineSettings> now = device_->settings();
   if (!now || seen.over(*now) == *now) return;
-  if (const Result<void> set = device_->apply(seen.over(*now)); !set)
+  if (const Result<void> set = device_->apply(seen.over(*now)); !set) {
     context_.log->warn("{}; the device keeps its settings", set.error().message);
+    show_settings();
+  }
 }
 
 void Session::driver_flushed(FlushQueue queue) {

@@ -116,6 +116,7 @@ class Session {
   void finished(int exit_status);
   void driver_flushed(FlushQueue queue);
   void driver_settings(const SeenSettings& seen);
+  void show_settings();
   void device_complete(int exit_status);
   void driver_complete();
 

@@ -55,7 +55,9 @@ PtyPort::PtyPort(const PortContext& context, PtyOptions options)
       renew_timer_(*context.loop, [this] { renew_line(); }),
       unread_timer_(*context.loop, [this] { on_unread_timer(); }) {}
 
-PtyPort::~PtyPort() { context_.loop->sampler().remove(this); }
+PtyPort::~PtyPort() {
+  if (peer_) context_.loop->sampler().remove(this);
+}
 
 Result<void> PtyPort::prepare() {
   if (Result<void> made = make_line(); !made) return made;

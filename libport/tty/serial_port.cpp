@@ -137,7 +137,7 @@ void SerialPort::try_open() {
   listener().on_up();
 }
 
-Result<UniqueFd> SerialPort::open_device() const {
+Result<UniqueFd> SerialPort::open_device() {
   UniqueFd fd(::open(options_.device.c_str(), access_mode(common_) | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   if (!fd)
     return missing(fmt::format("device '{}': {}; {}", options_.device, errno_text(errno), advice_for(errno)));
@@ -153,7 +153,19 @@ Result<UniqueFd> SerialPort::open_device() const {
   return fd;
 }
 
-Result<void> SerialPort::set_line(int fd) const {
+// A device that does not take what was given without it still does what it did before.
+void SerialPort::try_settings(int fd) {
+  const std::optional<LineSettings> wanted = std::exchange(untried_, std::nullopt);
+  if (!wanted) return;
+  if (const Result<std::string> set = apply_settings(fd, *wanted); set) {
+    options_.settings = *wanted;
+  } else {
+    context_.log->warn("{}: {}; it keeps its settings", name(), set.error().message);
+  }
+}
+
+Result<void> SerialPort::set_line(int fd) {
+  try_settings(fd);
   const Result<std::string> not_taken = apply_settings(fd, options_.settings);
   if (!not_taken) return not_taken.error();
   if (!not_taken->empty()) context_.log->warn("{}: the device did not take: {}", name(), *not_taken);
@@ -248,13 +260,15 @@ bool SerialPort::discard() {
 }
 
 Result<void> SerialPort::apply(const LineSettings& settings) {
-  if (line_) {
-    if (Result<std::string> set = apply_settings(line_->fd.get(), settings); !set) {
-      const Error error =
-          make_error(set.error().code, fmt::format("device '{}': {}", options_.device, set.error().message));
-      (void)apply_settings(line_->fd.get(), options_.settings);
-      return error;
-    }
+  if (!line_) {
+    untried_ = settings;
+    return {};
+  }
+  if (Result<std::string> set = apply_settings(line_->fd.get(), settings); !set) {
+    const Error error =
+        make_error(set.error().code, fmt::format("device '{}': {}", options_.device, set.error().message));
+    (void)apply_settings(line_->fd.get(), options_.settings);
+    return error;
   }
   options_.settings = settings;
   return {};

@@ -47,7 +47,9 @@ class SerialPort final : public Port, private WaitingCalls {
   [[nodiscard]] WaitingCalls* waiting() override { return this; }
   [[nodiscard]] bool passive() const override { return false; }
   [[nodiscard]] bool keeps_datagrams() const override { return false; }
-  [[nodiscard]] std::optional<LineSettings> settings() const override { return options_.settings; }
+  [[nodiscard]] std::optional<LineSettings> settings() const override {
+    return untried_.value_or(options_.settings);
+  }
   Result<void> apply(const LineSettings& settings) override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
@@ -66,8 +68,9 @@ class SerialPort final : public Port, private WaitingCalls {
     Outbox outbox;
   };
 
-  Result<UniqueFd> open_device() const;
-  Result<void> set_line(int fd) const;
+  Result<UniqueFd> open_device();
+  Result<void> set_line(int fd);
+  void try_settings(int fd);
   void set_modem(int fd, const char* option, int line, std::optional<bool> on) const;
   void begin_line(UniqueFd fd);
   void try_open();
@@ -82,7 +85,8 @@ class SerialPort final : public Port, private WaitingCalls {
 
   PortContext context_;
   const CommonOptions common_;
-  SerialOptions options_;
+  SerialOptions options_;                // with the last settings that a line took
+  std::optional<LineSettings> untried_;  // given while there was none
   std::unique_ptr<Line> line_;
   std::unique_ptr<PathWatch> waiting_;
   Workers::Strand closing_strand_;

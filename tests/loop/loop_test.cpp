@@ -80,6 +80,16 @@ TEST(LoopStalls, ATimerThatIsSetForThePastIsNone) {
   EXPECT_TRUE(loop.stalls_since(Instant{}).empty());
 }
 
+TEST(LoopStalls, AWaitForTheFirstEventIsNone) {
+  Loop loop;
+  bool done = false;
+  ASSERT_TRUE(loop.run_elsewhere(
+      Workers::Strand(), [] { std::this_thread::sleep_for(milliseconds(80)); }, [&done] { done = true; }));
+  loop.run();
+  EXPECT_TRUE(done);
+  EXPECT_TRUE(loop.stalls_since(Instant{}).empty());
+}
+
 // A regular file has no events: the kernel refuses to watch it.
 TEST(FdWatch, LooksItselfWhereTheKernelDoesNotWatch) {
   Loop loop;

@@ -1,5 +1,11 @@
 #include "libport/port/filter_port.hpp"
 
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
 #include <gtest/gtest.h>
 
 #include "tests/support/memory_port.hpp"
@@ -12,17 +18,31 @@ namespace {
 using std::chrono::hours;
 using std::chrono::milliseconds;
 
-// Holds back each way as long as the test says.
+// Holds back, or drops, each way as the test says.
 class Delays final : public FilterPort {
  public:
   using FilterPort::FilterPort;
   Nanos in{};
   Nanos out{};
+  bool loses = false;
 
  private:
-  void incoming(ByteView arrival) override { deliver(arrival, Loop::now() + in); }
-  void outgoing(ByteView data) override { send(data, Loop::now() + out); }
+  void incoming(ByteView arrival) override {
+    if (loses) return drop(arrival.size(), "a test wants it");
+    deliver(arrival, Loop::now() + in);
+  }
+  void outgoing(ByteView data) override {
+    if (loses) return drop(data.size(), "a test wants it");
+    send(data, Loop::now() + out);
+  }
 };
+
+void wait(Loop& loop, Nanos time) {
+  bool over = false;
+  Timer after(loop, [&over] { over = true; });
+  after.set_after(time);
+  run_until(loop, [&over] { return over; });
+}
 
 class FilterPortTest : public testing::Test {
  protected:
@@ -47,8 +67,16 @@ TEST_F(FilterPortTest, PassesOnAtOnceWhatIsDue) {
   EXPECT_FALSE(port.congested());
 }
 
+TEST_F(FilterPortTest, PassesOnWhenItIsTime) {
+  port.in = port.out = milliseconds(1);
+  device.send("a");
+  port.write(as_bytes("b"));
+  run_until(loop, [this] { return log.data == "a" && log.events == "drained "; });
+  EXPECT_EQ(device.written, "b");
+}
+
 TEST_F(FilterPortTest, KeepsTheOrderOfBytesAndEvents) {
-  port.in = milliseconds(2);
+  port.in = hours(1);
   device.send("a");
   port.in = {};
   device.arrive("bc", {1, 2});
@@ -57,33 +85,48 @@ TEST_F(FilterPortTest, KeepsTheOrderOfBytesAndEvents) {
   device.drop(3);
   device.down(LineDown::Reason::closed);
   EXPECT_EQ(log.data + log.events, "");
-  EXPECT_EQ(log.dropped, 0U);
-  run_until(loop, [this] { return log.events == "interrupted resumed closed "; });
+  EXPECT_EQ(log.dropped, 3U) << "told at once";
+  port.read_pending();
+  EXPECT_EQ(log.events, "interrupted resumed closed ");
   EXPECT_EQ(log.data, "abc");
-  EXPECT_EQ(log.dropped, 3U);
+}
+
+TEST_F(FilterPortTest, FlushesAndSettingsKeepTheirPlace) {
+  port.in = port.out = hours(1);
+  device.send("a");
+  device.flush(FlushQueue::in);
+  device.set({});
+  port.write(as_bytes("b"));
+  port.peer_flushed(FlushQueue::in);
+  device.calls.clear();
+  EXPECT_EQ(log.events + device.calls, "");
+  port.read_pending();
+  EXPECT_EQ(log.data, "a");
+  EXPECT_EQ(log.events, "flush_in settings ");
+  port.end_writing();
+  EXPECT_EQ(device.written, "b");
+  EXPECT_EQ(device.calls, "peer_flushed end_writing ");
 }
 
 TEST_F(FilterPortTest, IsCongestedWhileSomethingWaits) {
-  port.out = milliseconds(2);
+  port.out = hours(1);
   port.write(as_bytes("a"));
   port.out = {};
   port.write(as_bytes("b"));
   EXPECT_TRUE(port.congested());
   EXPECT_EQ(device.written, "");
-  run_until(loop, [this] { return log.events == "drained "; });
+  port.end_writing();
+  EXPECT_EQ(log.events, "drained ");
   EXPECT_EQ(device.written, "ab");
   EXPECT_EQ(device.writes, 2);
   EXPECT_FALSE(port.congested());
 }
 
 TEST_F(FilterPortTest, WritesNothingToACongestedPort) {
+  device.congested = true;
   port.out = milliseconds(1);
   port.write(as_bytes("a"));
-  device.congested = true;
-  bool later = false;
-  Timer after(loop, [&later] { later = true; });
-  after.set_after(milliseconds(5));
-  run_until(loop, [&later] { return later; });
+  wait(loop, milliseconds(5));
   EXPECT_EQ(device.written, "");
   device.drain();
   EXPECT_EQ(device.written, "a");
@@ -91,14 +134,11 @@ TEST_F(FilterPortTest, WritesNothingToACongestedPort) {
 }
 
 TEST_F(FilterPortTest, DeliversNothingWhileNotRead) {
-  port.in = milliseconds(1);
-  device.send("a");
   port.set_reading(false);
   EXPECT_FALSE(device.reading);
-  bool later = false;
-  Timer after(loop, [&later] { later = true; });
-  after.set_after(milliseconds(5));
-  run_until(loop, [&later] { return later; });
+  port.in = milliseconds(1);
+  device.send("a");
+  wait(loop, milliseconds(5));
   EXPECT_EQ(log.data, "");
   port.read_pending();
   EXPECT_EQ(log.data, "");
@@ -141,6 +181,275 @@ TEST_F(FilterPortTest, WhatWaitsAtACloseIsTold) {
   EXPECT_FALSE(port.congested());
   port.read_pending();
   EXPECT_EQ(log.data + log.events, "") << "nothing of it comes later";
+}
+
+TEST_F(FilterPortTest, NewSettingsComeAfterTheWritesBeforeThem) {
+  device.settings = LineSettings{.baud = 9600};
+  port.out = hours(1);
+  port.write(as_bytes("at 9600"));
+  EXPECT_TRUE(port.apply({.baud = 300}).has_value());
+  EXPECT_EQ(device.written, "at 9600");
+  EXPECT_EQ(device.settings, LineSettings{.baud = 300});
+}
+
+TEST_F(FilterPortTest, DropsAreToldWhateverIsHeld) {
+  port.in = hours(1);
+  device.send("abc");
+  port.loses = true;
+  device.send("de");
+  port.write(as_bytes("f"));
+  EXPECT_EQ(log.dropped, 3U);
+  port.close();
+  EXPECT_EQ(log.dropped, 6U);
+}
+
+TEST_F(FilterPortTest, WhatWaitsAtTheEndIsTold) {
+  port.in = hours(1);
+  port.close();
+  device.send("abc");
+  EXPECT_EQ(log.dropped, 0U);
+  port.finish();
+  EXPECT_EQ(log.dropped, 3U);
+  EXPECT_EQ(log.status, 0);
+}
+
+TEST_F(FilterPortTest, HeldWritesDoNotReachTheNextPeer) {
+  device.passive = true;
+  port.out = hours(1);
+  port.write(as_bytes("a"));
+  device.down(LineDown::Reason::closed);
+  EXPECT_EQ(log.dropped, 1U);
+  EXPECT_FALSE(port.congested());
+  device.up();
+  port.out = {};
+  port.write(as_bytes("b"));
+  EXPECT_EQ(device.written, "b");
+}
+
+TEST_F(FilterPortTest, WritesToALineThatIsDownUnseenAreDropped) {
+  device.passive = true;
+  port.in = hours(1);
+  device.send("last");
+  device.down(LineDown::Reason::closed);
+  device.up();
+  port.write(as_bytes("for the first peer"));
+  EXPECT_EQ(device.written, "");
+  EXPECT_EQ(log.dropped, 18U);
+  port.read_pending();
+  EXPECT_EQ(log.events, "closed up ");
+  port.write(as_bytes("b"));
+  EXPECT_EQ(device.written, "b");
+}
+
+TEST_F(FilterPortTest, WritesWaitWhileTheLineIsInterrupted) {
+  port.out = hours(1);
+  port.write(as_bytes("a"));
+  device.interrupt();
+  port.out = {};
+  port.write(as_bytes("b"));
+  port.end_writing();
+  EXPECT_EQ(device.written, "");
+  EXPECT_TRUE(port.congested());
+  device.resume();
+  EXPECT_EQ(log.events, "interrupted resumed ");
+  port.end_writing();
+  EXPECT_EQ(device.written, "ab");
+}
+
+TEST_F(FilterPortTest, WritesGoOnWhenTheLineIsResumed) {
+  device.interrupt();
+  port.write(as_bytes("a"));
+  EXPECT_EQ(device.written, "");
+  device.resume();
+  EXPECT_EQ(device.written, "a");
+  EXPECT_EQ(log.events, "interrupted resumed drained ");
+}
+
+TEST_F(FilterPortTest, ALineThatBreaksUnreadIsToldAndTakesItsBytes) {
+  port.in = hours(1);
+  device.send("abc");
+  port.set_reading(false);
+  device.down(LineDown::Reason::lost);
+  EXPECT_EQ(log.events, "lost ");
+  EXPECT_EQ(log.data, "");
+  EXPECT_EQ(log.dropped, 3U);
+}
+
+TEST_F(FilterPortTest, ALineThatIsInterruptedUnreadIsTold) {
+  port.in = hours(1);
+  device.send("abc");
+  device.interrupt();
+  port.set_reading(false);
+  run_until(loop, [this] { return log.events == "interrupted "; });
+  EXPECT_EQ(log.dropped, 3U);
+}
+
+TEST_F(FilterPortTest, ALineThatWasClosedWaitsToBeRead) {
+  port.in = hours(1);
+  device.send("abc");
+  port.set_reading(false);
+  device.down(LineDown::Reason::closed);
+  EXPECT_EQ(log.events + log.data, "");
+  const std::optional<Instant> limit = port.waiting()->next_due();
+  ASSERT_TRUE(limit.has_value());
+  EXPECT_LE(*limit, Loop::now() + std::chrono::seconds(10));
+  port.set_reading(true);
+  port.read_pending();
+  EXPECT_EQ(log.events, "closed ");
+  EXPECT_EQ(log.data, "abc");
+}
+
+TEST_F(FilterPortTest, AnEndedPeerIsToldBehindItsBytes) {
+  port.in = hours(1);
+  device.send("a");
+  port.set_reading(false);
+  EXPECT_EQ(device.end(), PortListener::Answers::until_it_is_quiet);
+  EXPECT_EQ(log.events, "");
+  port.set_reading(true);
+  port.read_pending();
+  EXPECT_EQ(log.events, "ended ");
+  EXPECT_EQ(log.data, "a");
+}
+
+TEST_F(FilterPortTest, ReadPendingReadsAllThoughFull) {
+  port.in = hours(1);
+  std::string rest(1000, 'x');
+  device.send(std::string(FilterPort::kMostWaiting, 'a'));
+  device.pending = [&] {
+    if (device.reading) device.send(std::exchange(rest, {}));
+  };
+  port.read_pending();
+  EXPECT_EQ(log.data.size(), FilterPort::kMostWaiting + 1000);
+  EXPECT_EQ(log.data.back(), 'x');
+  EXPECT_FALSE(port.waiting()->next_due().has_value());
+}
+
+TEST_F(FilterPortTest, TheRestIsWantedOfALineThatIsStoppedForWhatIsHeld) {
+  port.in = hours(1);
+  device.send(std::string(FilterPort::kMostWaiting, 'a'));
+  EXPECT_FALSE(device.reading);
+  EXPECT_TRUE(device.wants_rest());
+  port.set_reading(false);
+  EXPECT_FALSE(device.wants_rest());
+  log.wanted = true;
+  EXPECT_TRUE(device.wants_rest());
+}
+
+TEST_F(FilterPortTest, HeldBytesAreForWaitingCallsWhateverTheInnerPortHas) {
+  ASSERT_NE(port.waiting(), nullptr);
+  WaitingCalls& calls = *port.waiting();
+  port.in = port.out = hours(1);
+  EXPECT_EQ(calls.write_some(as_bytes("abc")), 3U);
+  EXPECT_EQ(calls.write_some(as_bytes("d")), 0U);
+  EXPECT_EQ(calls.unsent(), 3U);
+  EXPECT_EQ(calls.awaits(), "");
+  device.send("x");
+  EXPECT_TRUE(calls.next_due().has_value());
+  EXPECT_TRUE(calls.discard());
+  EXPECT_FALSE(calls.next_due().has_value());
+  EXPECT_EQ(calls.unsent(), 0U);
+  EXPECT_EQ(log.dropped, 0U);
+}
+
+// One that delivers from within set_reading(), as a tape does, and may refuse a discard().
+class Eager final : public Port, private WaitingCalls {
+ public:
+  Result<void> prepare() override { return {}; }
+  void open() override { listener().on_up(); }
+  void close() override {}
+  void write(ByteView) override {}
+  [[nodiscard]] bool congested() const override { return false; }
+  bool end_writing() override { return true; }
+  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return {}; }
+  void set_reading(bool on) override {
+    if (on && !rest.empty()) say(std::exchange(rest, {}));
+  }
+  void hang_up(bool) override {}
+  void read_pending() override {}
+  [[nodiscard]] WaitingCalls* waiting() override { return this; }
+  [[nodiscard]] bool passive() const override { return false; }
+  [[nodiscard]] bool keeps_datagrams() const override { return false; }
+  [[nodiscard]] std::string name() const override { return "eager"; }
+
+  void say(const std::string& text) { listener().on_data(as_bytes(text)); }
+  void say(const std::string& text, std::vector<std::size_t> ends) {
+    listener().on_arrivals(as_bytes(text), ends);
+  }
+  std::string rest;
+  bool discards = true;
+
+ private:
+  std::size_t write_some(ByteView data) override { return data.size(); }
+  [[nodiscard]] std::size_t unsent() override { return 0; }
+  bool discard() override {
+    if (discards) rest.clear();
+    return discards;
+  }
+};
+
+class FilterOfEager : public testing::Test {
+ protected:
+  FilterOfEager() : device(new Eager), port({&loop, book.log()}, std::unique_ptr<Port>(device)) {
+    port.listen(log);
+    port.open();
+  }
+  Loop loop;
+  LogBook book;
+  PortLog log;
+  Eager* device;
+  Delays port;
+};
+
+TEST_F(FilterOfEager, ARefusedDiscardLeavesWhatIsHeld) {
+  device->discards = false;
+  port.in = hours(1);
+  device->say("a");
+  EXPECT_FALSE(port.waiting()->discard());
+  port.read_pending();
+  EXPECT_EQ(log.data, "a");
+}
+
+TEST_F(FilterOfEager, ADiscardTakesTheInnerPortsRestToo) {
+  port.in = hours(1);
+  device->say(std::string(FilterPort::kMostWaiting, 'a'));
+  device->rest = "old";
+  EXPECT_TRUE(port.waiting()->discard());
+  port.read_pending();
+  EXPECT_EQ(log.data, "");
+}
+
+TEST_F(FilterOfEager, WhatComesWhenItIsReadAgainOvertakesNothing) {
+  port.in = hours(1);
+  device->say(std::string(FilterPort::kMostWaiting, 'a'));
+  device->rest = "b";
+  port.in = {};
+  port.read_pending();
+  EXPECT_EQ(log.data.size(), FilterPort::kMostWaiting + 1);
+  EXPECT_EQ(log.data.front(), 'a');
+  EXPECT_EQ(log.data.back(), 'b');
+}
+
+TEST_F(FilterOfEager, AfterACloseMidwayTheOtherArrivalsAreDropped) {
+  struct Closer final : PortListener {
+    void on_up() override {}
+    void on_data(ByteView bytes) override {
+      data += as_text(bytes);
+      port->close();
+    }
+    void on_drained() override {}
+    void on_down(const LineDown&) override {}
+    void on_finished(int) override {}
+    void on_complete(int) override {}
+    void on_dropped(std::uint64_t bytes, std::string_view) override { dropped += bytes; }
+    Port* port = nullptr;
+    std::string data;
+    std::uint64_t dropped = 0;
+  } closer;
+  closer.port = &port;
+  port.listen(closer);
+  device->say("abc", {1, 2, 3});
+  EXPECT_EQ(closer.data, "a");
+  EXPECT_EQ(closer.dropped, 2U);
 }
 
 }  // namespace

@@ -78,9 +78,23 @@ TEST_F(SessionTest, TheDevicesLineFollowsTheDriversAsFarAsItIsSeen) {
   driver.set({.baud = 115200, .hw_flow = true});
   EXPECT_EQ(device.settings,
             (LineSettings{.baud = 115200, .data_bits = 7, .parity = Parity::even, .hw_flow = true}));
+}
+
+TEST_F(SessionTest, TheDriverFindsTheDevicesSettingsAtItsFirstOpen) {
+  device.settings = LineSettings{.baud = 4800};
+  start();
+  EXPECT_EQ(driver.settings, device.settings);
+  EXPECT_EQ(driver.calls, "apply prepare open ");
+}
+
+TEST_F(SessionTest, SettingsThatTheDeviceDoesNotTakeAreShownAsTheyAre) {
+  device.settings = LineSettings{.baud = 4800};
+  start();
+  driver.settings = LineSettings{.baud = 300};
   device.takes_settings = false;
   driver.set({.baud = 300});
-  EXPECT_EQ(device.settings->baud, 115200U);
+  EXPECT_EQ(device.settings->baud, 4800U);
+  EXPECT_EQ(driver.settings, device.settings);
   EXPECT_NE(book.text().find("no such rate"), std::string::npos);
 }
 
@@ -129,6 +143,20 @@ TEST_F(SessionTest, LastBytesReachASlowDeviceBeforeItIsClosed) {
   EXPECT_EQ(device.calls, "prepare open ");
   device.drain();
   EXPECT_EQ(device.calls, "prepare open close ");
+}
+
+TEST_F(SessionTest, ASlowNewDriverStopsTheDeviceWhenTheLastOnesBytesHaveGone) {
+  start();
+  driver.up();
+  device.congested = true;
+  driver.send("last");
+  driver.down(Reason::closed);
+  driver.up();
+  driver.congested = true;
+  device.send("much");
+  device.drain();
+  EXPECT_EQ(device.calls, "prepare open close open ");
+  EXPECT_FALSE(device.reading);
 }
 
 TEST_F(SessionTest, ANewDriverWaitsForTheLastOnesBytes) {

@@ -12,8 +12,8 @@ class Disk {
  public:
   enum class Call { open, write, sync, truncate };
   struct Trouble {
-    Kernel::Moment takes{};    // before it comes back
-    int error = 0;             // errno; none: it is done
+    Kernel::Moment takes{};                    // before it comes back
+    int error = 0;                             // errno; none: it is done
     std::size_t most_bytes = ~std::size_t{0};  // that a write takes
   };
   using Policy = std::function<Trouble(Call)>;

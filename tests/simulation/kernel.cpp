@@ -21,8 +21,25 @@
 #include <utility>
 #include <vector>
 
+#include <boost/asio/detail/call_stack.hpp>
+#include <boost/asio/detail/thread_context.hpp>
+#include <boost/asio/detail/thread_info_base.hpp>
+
 namespace porttape::simulation {
 namespace {
+
+// Asio knows by a thread_local variable which thread runs a loop, and wakes the loop for the others only. The
+// threads here are one to the system, so each has that variable's value kept for it. Private names may be
+// used where a template is instantiated.
+using AsioThreads = boost::asio::detail::call_stack<boost::asio::detail::thread_context,
+                                                    boost::asio::detail::thread_info_base>;
+using AsioThread = boost::asio::detail::tss_ptr<AsioThreads::context>;
+template <AsioThread* Variable>
+struct Access {
+  friend AsioThread& asio_thread() { return *Variable; }
+};
+AsioThread& asio_thread();
+template struct Access<&AsioThreads::top_>;
 
 using Moment = Kernel::Moment;
 using std::chrono::microseconds;
@@ -31,11 +48,13 @@ using std::chrono::seconds;
 
 // What reading the clock and a poll cost; a program that polls until a moment would never get there else.
 constexpr Moment kTick = nanoseconds(40);
-constexpr Moment kPoll = microseconds(1);
+constexpr Moment kPoll = microseconds(5);
 constexpr Moment kYield = microseconds(2);
 // The monotonic clock at a seed's start, and the wall clock's.
 constexpr Moment kBoot = seconds(1000);
 constexpr Moment kWall = seconds(1'700'000'000);
+// How often a thread that reads the clock or takes a lock lets others go first, one time in so many.
+constexpr std::uint64_t kTurns = 16;
 constexpr std::size_t kStack = std::size_t{256} << 10;
 
 template <class Function>
@@ -54,6 +73,7 @@ struct Thread {
   void* (*start)(void*) = nullptr;
   void* argument = nullptr;
   void* result = nullptr;
+  AsioThreads::context* asio = nullptr;
   bool ended = false;
   bool detached = false;
   // What it waits for; none of them: it is ready.
@@ -77,11 +97,12 @@ struct Thread {
 struct Kernel::Parts {
   explicit Parts(std::uint64_t seed) : random(seed) { threads.push_back(std::make_unique<Thread>()); }
 
-  std::mt19937_64 random;
+  Random random;
   Moment time{};
   Moment wall_step{};
   std::uint64_t wake_ups = 0;
   bool threads_refused = false;
+  bool may_have_events = true;  // a descriptor that the system watches: something was done to one
   std::vector<std::unique_ptr<Thread>> threads;
   Thread* running = nullptr;
   std::vector<void*> stacks;  // free ones
@@ -167,7 +188,11 @@ void Kernel::Parts::end_running() {
 
 void Kernel::Parts::switch_to(Thread& next) {
   Thread* const last = std::exchange(running, &next);
-  if (last != &next) ::swapcontext(&last->context, &next.context);
+  if (last != &next) {
+    last->asio = asio_thread();
+    asio_thread() = next.asio;
+    ::swapcontext(&last->context, &next.context);
+  }
   // Here again: those that have ended since leave their stacks.
   std::erase_if(threads, [this](const std::unique_ptr<Thread>& each) {
     if (!each->ended || !each->detached || each.get() == running) return false;
@@ -203,10 +228,9 @@ bool Kernel::Parts::advance() {
   time = std::max(time, *first);
   for (const auto& each : threads) {
     if (each->ended) continue;
-    const bool timer_due =
-        each->in_epoll && std::ranges::any_of(timers, [this](const TimerFd& timer) {
-          return timer.watched && timer.due && *timer.due <= time;
-        });
+    const bool timer_due = each->in_epoll && std::ranges::any_of(timers, [this](const TimerFd& timer) {
+                             return timer.watched && timer.due && *timer.due <= time;
+                           });
     if (timer_due || (each->deadline && *each->deadline <= time)) each->wake();
   }
   return true;
@@ -240,8 +264,10 @@ void Kernel::Parts::yield() {
 }
 
 int Kernel::Parts::poll_now(int epoll_fd, epoll_event* events, int most) {
-  long count = ::syscall(SYS_epoll_pwait, epoll_fd, events, most, 0, nullptr, 8);
+  long count = 0;
+  if (may_have_events) count = ::syscall(SYS_epoll_pwait, epoll_fd, events, most, 0, nullptr, 8);
   if (count < 0) return -1;
+  may_have_events = count > 0;
   for (const TimerFd& timer : timers) {
     if (count >= most || !timer.watched || !timer.due || *timer.due > time) continue;
     events[count].events = EPOLLIN;
@@ -285,7 +311,7 @@ Kernel::~Kernel() {
 Kernel* Kernel::current() { return the_face; }
 Moment Kernel::now() const { return parts_->time; }
 std::uint64_t Kernel::wake_ups() const { return parts_->wake_ups; }
-std::mt19937_64& Kernel::random() { return parts_->random; }
+Random& Kernel::random() { return parts_->random; }
 void Kernel::refuse_threads(bool refused) { parts_->threads_refused = refused; }
 void Kernel::step_clock(Moment by) { parts_->wall_step += by; }
 
@@ -313,8 +339,8 @@ bool Kernel::run_down() {
 // The functions of the C library that the program calls; those of the process itself outside a seed.
 
 using porttape::simulation::kernel;
-using porttape::simulation::Thread;
 using porttape::simulation::real;
+using porttape::simulation::Thread;
 
 extern "C" {
 
@@ -322,6 +348,7 @@ int clock_gettime(clockid_t clock, timespec* time) noexcept {
   auto* const parts = kernel();
   if (parts == nullptr) return static_cast<int>(::syscall(SYS_clock_gettime, clock, time));
   parts->tick(porttape::simulation::kTick);
+  if (parts->pick(porttape::simulation::kTurns) == 0) parts->yield();
   porttape::simulation::Moment now = parts->monotonic();
   if (clock == CLOCK_REALTIME) now = porttape::simulation::kWall + parts->time + parts->wall_step;
   time->tv_sec = now / std::chrono::seconds(1);
@@ -385,7 +412,7 @@ int pthread_mutex_lock(pthread_mutex_t* mutex) noexcept {
   static const auto try_lock = real<decltype(&pthread_mutex_trylock)>("pthread_mutex_trylock");
   auto* const parts = kernel();
   if (parts == nullptr || parts->threads.size() == 1) return lock(mutex);
-  if (parts->pick(16) == 0) parts->yield();
+  if (parts->pick(porttape::simulation::kTurns) == 0) parts->yield();
   while (true) {
     const int error = try_lock(mutex);
     if (error != EBUSY) return error;
@@ -412,8 +439,8 @@ int pthread_cond_clockwait(pthread_cond_t* condition, pthread_mutex_t* mutex, cl
     static const auto call = real<decltype(&pthread_cond_clockwait)>("pthread_cond_clockwait");
     return call(condition, mutex, clock, until);
   }
-  const auto origin = clock == CLOCK_REALTIME ? porttape::simulation::kWall + parts->wall_step
-                                              : porttape::simulation::kBoot;
+  const auto origin =
+      clock == CLOCK_REALTIME ? porttape::simulation::kWall + parts->wall_step : porttape::simulation::kBoot;
   const auto deadline = porttape::simulation::moment(*until) - origin;
   parts->running->condition = condition;
   parts->running->deadline = deadline;
@@ -501,7 +528,13 @@ int epoll_ctl(int epoll_fd, int operation, int fd, epoll_event* event) noexcept 
     if (event != nullptr) timer->data = event->data;
     return 0;
   }
+  if (parts != nullptr) parts->may_have_events = true;
   return static_cast<int>(::syscall(SYS_epoll_ctl, epoll_fd, operation, fd, event));
+}
+
+ssize_t write(int fd, const void* data, std::size_t size) {
+  if (auto* const parts = kernel()) parts->may_have_events = true;
+  return ::syscall(SYS_write, fd, data, size);
 }
 
 int epoll_wait(int epoll_fd, epoll_event* events, int most, int timeout) {

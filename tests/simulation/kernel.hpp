@@ -2,9 +2,27 @@
 
 #include <chrono>
 #include <cstdint>
-#include <random>
+#include <limits>
 
 namespace porttape::simulation {
+
+// Chance from a seed, the same with every library (SplitMix64).
+class Random {
+ public:
+  using result_type = std::uint64_t;
+  explicit Random(std::uint64_t seed) : state_(seed * 0x9e3779b97f4a7c15U) {}
+  static constexpr result_type min() { return 0; }
+  static constexpr result_type max() { return std::numeric_limits<result_type>::max(); }
+  result_type operator()() {
+    std::uint64_t z = state_ += 0x9e3779b97f4a7c15U;
+    z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9U;
+    z = (z ^ (z >> 27U)) * 0x94d049bb133111ebU;
+    return z ^ (z >> 31U);
+  }
+
+ private:
+  std::uint64_t state_;
+};
 
 // What stands in for the system while a seed runs: its clock, its threads, its timers and its disk.
 //
@@ -36,7 +54,7 @@ class Kernel {
   // The wall clock is set.
   void step_clock(Moment by);
 
-  std::mt19937_64& random();
+  Random& random();
   // The one that exists; null outside a seed.
   static Kernel* current();
 

@@ -39,7 +39,8 @@ void Line::open() {
 
 void Line::close() {
   if (!open_) return;
-  world_->trace("{}: the far end closes it, {} bytes unread, {} unsent", name_, to_far_.size(), to_near_.size());
+  world_->trace("{}: the far end closes it, {} bytes unread, {} unsent", name_, to_far_.size(),
+                to_near_.size());
   open_ = false;
   closing_ = port_ != nullptr && port_->up_;
   if (!closing_) to_near_.clear();
@@ -117,7 +118,6 @@ LinePort::~LinePort() {
 void LinePort::open() {
   world_->trace("{}: open()", line_->name_);
   accepting_ = true;
-  reading_ = true;
   if (passive()) return soon();
   if (line_->open_ || line_->kind_.always_open) {
     line_->near_ended_ = false;
@@ -138,7 +138,7 @@ void LinePort::close() {
   if (!std::exchange(up_, false)) return;
   drop_unsent();
   timer_.cancel();
-  leaving_ = asked_ = interrupted_ = false;
+  leaving_ = asked_ = interrupted_ = was_congested_ = false;
   answers_.reset();
   gone_since_.reset();
   const std::size_t rest = line_->to_near_.size();
@@ -168,6 +168,8 @@ void LinePort::write(ByteView data) {
   line_->bytes_out += data.size();
   line_->passed.push_back({false, Bytes(data.begin(), data.end())});
   world_->trace("{}: write() of {} bytes", line_->name_, data.size());
+  if (up_ && was_congested_) world_->wrong("{}: bytes are written to it while it is congested", line_->name_);
+  if (interrupted_) world_->wrong("{}: bytes are written to it while it is interrupted", line_->name_);
   if (!up_ || interrupted_) {
     line_->bytes_dropped += data.size();
     listener().on_dropped(data.size(), "the line is not up");
@@ -175,7 +177,8 @@ void LinePort::write(ByteView data) {
   }
   line_->to_far_.insert(line_->to_far_.end(), data.begin(), data.end());
   was_congested_ = was_congested_ || congested();
-  if (congested()) line_->most_kept = std::max(line_->most_kept, line_->to_far_.size() - line_->kind_.capacity);
+  if (congested())
+    line_->most_kept = std::max(line_->most_kept, line_->to_far_.size() - line_->kind_.capacity);
   quiet_since_ = Loop::now();
   line_->on_readable();
 }
@@ -215,13 +218,12 @@ void LinePort::soon() { timer_.set(Loop::now()); }
 
 void LinePort::come_up() {
   up_ = true;
-  reading_ = true;
   was_congested_ = false;
   listener().on_up();
 }
 
 void LinePort::go_down(LineDown::Reason reason) {
-  up_ = leaving_ = asked_ = interrupted_ = false;
+  up_ = leaving_ = asked_ = interrupted_ = was_congested_ = false;
   answers_.reset();
   gone_since_.reset();
   line_->closing_ = false;
@@ -274,7 +276,8 @@ void LinePort::look() {
   if (gone) {
     drop_unsent();
     if (!gone_since_) gone_since_ = Loop::now();
-    const bool kept = !line_->to_near_.empty() && listener().wants_rest() && Loop::now() - *gone_since_ < kRestLimit;
+    const bool kept =
+        !line_->to_near_.empty() && listener().wants_rest() && Loop::now() - *gone_since_ < kRestLimit;
     if (kept) return timer_.set_after(kLook);
     return go_down(LineDown::Reason::closed);
   }
@@ -286,7 +289,8 @@ void LinePort::look() {
       if (*answers_ == PortListener::Answers::none) return go_down(LineDown::Reason::closed);
     }
     const bool ends = answers_ == PortListener::Answers::until_it_is_quiet;
-    if (ends && !congested() && Loop::now() - quiet_since_ >= kQuiet) return go_down(LineDown::Reason::closed);
+    if (ends && !congested() && Loop::now() - quiet_since_ >= kQuiet)
+      return go_down(LineDown::Reason::closed);
     if (ends) timer_.set_after(kLook);
   }
 }

@@ -19,10 +19,10 @@ class LinePort;
 class Line {
  public:
   struct Kind {
-    bool passive = false;        // it is a driver's line, or a device that connects
-    bool half_closes = false;    // as sockets do
-    bool knows_unread = false;   // unread_by_peer() tells
-    bool always_open = false;    // an interruption is mended by the port
+    bool passive = false;       // it is a driver's line, or a device that connects
+    bool half_closes = false;   // as sockets do
+    bool knows_unread = false;  // unread_by_peer() tells
+    bool always_open = false;   // an interruption is mended by the port
     bool datagrams = false;
     std::size_t capacity = 4096;  // bytes that the system takes on the way to the far end, and from it
   };

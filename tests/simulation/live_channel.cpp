@@ -2,12 +2,16 @@
 
 #include <algorithm>
 #include <charconv>
+#include <filesystem>
+#include <map>
 #include <span>
+#include <sys/stat.h>
 #include <utility>
 #include <variant>
 
 #include "libport/tape/judgement.hpp"
 #include "libport/tape/tape_reader.hpp"
+#include "libport/tape/tape_writer.hpp"
 #include "tests/simulation/catalog.hpp"
 
 namespace porttape::simulation {
@@ -65,14 +69,17 @@ std::vector<Line::Passed> in_runs(const std::vector<Line::Passed>& passed) {
 }  // namespace
 
 LiveChannel::LiveChannel(World& world, std::string name, bool records, bool disk_fails)
-    : world_(&world),
-      name_(std::move(name)),
+    : Channel(world, std::move(name)),
       records_(records),
       disk_fails_(disk_fails),
+      next_tape_(world.chance(0.5)),
+      fail_closed_(next_tape_ && world.chance(0.3)),
+      driver_acts_left_(1 << world.between(1, 8)),
+      device_acts_left_(1 << world.between(1, 8)),
       pace_(world.some_time(seconds(5)) + milliseconds(1)),
       most_bytes_(static_cast<std::size_t>(world.between(1, 1 << world.between(1, 14)))),
-      driver_(world, name_ + "-driver", driver_kind(world)),
-      device_(world, name_ + "-device", device_kind(world)) {
+      driver_(world, this->name() + "-driver", driver_kind(world)),
+      device_(world, this->name() + "-device", device_kind(world)) {
   put_up(world, driver_);
   put_up(world, device_);
   driver_.on_readable = [this] { reads_soon(driver_, driver_stalls_, driver_reads_); };
@@ -83,26 +90,30 @@ ChannelSpec LiveChannel::spec() const {
   ChannelSpec spec;
   spec.mode = records_ ? ChannelMode::record : ChannelMode::bridge;
   spec.values = {{"driver", "memory:" + driver_.name()}, {"device", "memory:" + device_.name()}};
-  if (records_) spec.values["tape"] = (world_->folder() / (name_ + ".log")).string();
+  if (!records_) return spec;
+  spec.values["tape"] = (world().folder() / (name() + ".log")).string();
+  if (next_tape_) spec.values["on-existing"] = "next";
+  if (fail_closed_) spec.values["fail-closed"] = "1";
   return spec;
 }
 
 void LiveChannel::start() {
-  if (world_->chance(0.9)) device_.open();
-  world_->after(world_->some_time(pace_), [this] { driver_acts(); });
-  world_->after(world_->some_time(pace_), [this] { device_acts(); });
+  if (world().chance(0.9)) device_.open();
+  world().after(world().some_time(pace_), [this] { driver_acts(); });
+  world().after(world().some_time(pace_), [this] { device_acts(); });
 }
 
 void LiveChannel::reads_soon(Line& line, bool& stalls, bool& planned) {
   if (stalls || std::exchange(planned, true)) return;
-  world_->after(world_->some_time(milliseconds(50)), [this, &line, &stalls, &planned] {
+  world().after(world().some_time(milliseconds(50)), [this, &line, &stalls, &planned] {
     planned = false;
     if (stalls) return;
-    const std::size_t most = world_->chance(0.3) ? 1 : 1 << 20;
+    const std::size_t most = world().chance(0.3) ? 1 : 1 << 20;
     line.read(calm_ ? line.unread() : most);
     // A device that was sent the end of its input ends too.
     if (&line == &device_ && line.near_ended() && line.unread() == 0) {
-      if (world_->chance(0.5)) (void)line.send(world_->some_bytes(static_cast<std::size_t>(world_->between(1, 100))));
+      if (world().chance(0.5))
+        (void)line.send(world().some_bytes(static_cast<std::size_t>(world().between(1, 100))));
       return line.close();
     }
     if (line.unread() > 0) reads_soon(line, stalls, planned);
@@ -110,12 +121,13 @@ void LiveChannel::reads_soon(Line& line, bool& stalls, bool& planned) {
 }
 
 void LiveChannel::driver_acts() {
-  if (calm_) return;
-  const auto act = world_->between(0, 99);
+  if (calm_ || driver_acts_left_-- == 0) return;
+  const auto act = world().between(0, 99);
   if (!driver_.is_open()) {
     driver_.open();
   } else if (act < 60) {
-    (void)driver_.send(world_->some_bytes(static_cast<std::size_t>(world_->between(1, static_cast<std::int64_t>(most_bytes_)))));
+    (void)driver_.send(world().some_bytes(
+        static_cast<std::size_t>(world().between(1, static_cast<std::int64_t>(most_bytes_)))));
   } else if (act < 68) {
     driver_stalls_ = !driver_stalls_;
     if (!driver_stalls_) reads_soon(driver_, driver_stalls_, driver_reads_);
@@ -125,17 +137,20 @@ void LiveChannel::driver_acts() {
     driver_.flush_input();
   } else if (act < 88) {
     driver_.close();
+  } else if (act < 89 && records_ && !disk_fails_) {
+    replace_tape();
   }
-  world_->after(world_->some_time(pace_), [this] { driver_acts(); });
+  world().after(world().some_time(pace_), [this] { driver_acts(); });
 }
 
 void LiveChannel::device_acts() {
-  if (calm_) return;
-  const auto act = world_->between(0, 99);
+  if (calm_ || device_acts_left_-- == 0) return;
+  const auto act = world().between(0, 99);
   if (!device_.is_open()) {
     if (act < 50) device_.plug_in();
   } else if (act < 70) {
-    (void)device_.send(world_->some_bytes(static_cast<std::size_t>(world_->between(1, static_cast<std::int64_t>(most_bytes_)))));
+    (void)device_.send(world().some_bytes(
+        static_cast<std::size_t>(world().between(1, static_cast<std::int64_t>(most_bytes_)))));
   } else if (act < 80) {
     device_stalls_ = !device_stalls_;
     if (!device_stalls_) reads_soon(device_, device_stalls_, device_reads_);
@@ -144,7 +159,30 @@ void LiveChannel::device_acts() {
   } else if (act < 86 && !device_.kind().always_open) {
     device_.close();
   }
-  world_->after(world_->some_time(pace_), [this] { device_acts(); });
+  world().after(world().some_time(pace_), [this] { device_acts(); });
+}
+
+// What another recorder would do that is to overwrite: a tape that is being written is not to be had.
+void LiveChannel::replace_tape() {
+  const std::string recording = name() + ": recording to ";
+  const auto latest = std::find_if(world().logged().rbegin(), world().logged().rend(),
+                                   [&](const std::string& line) { return line.starts_with(recording); });
+  if (latest == world().logged().rend()) return;
+  const std::string tape = latest->substr(recording.size());
+  const bool ending = std::any_of(world().logged().rbegin(), latest, [&](const std::string& line) {
+    return line.find(tape) != std::string::npos && line.find("complete") != std::string::npos;
+  });
+  if (ending) return;
+  world().trace("{}: another recorder wants {}", name(), tape);
+  const auto inode = [&tape] {
+    struct stat file {};
+    return ::stat(literal_tape(tape).read.c_str(), &file) == 0 ? file.st_ino : 0;
+  };
+  const ino_t before = inode();
+  const Result<TapeWriter> taken =
+      TapeWriter::create(literal_tape(tape), {}, {.on_existing = OnExisting::overwrite});
+  if (taken || inode() != before)
+    world().wrong("{}: {} was replaced while it was being written", name(), tape);
 }
 
 void LiveChannel::calm() {
@@ -157,18 +195,20 @@ void LiveChannel::calm() {
 
 void LiveChannel::check_calm() {
   if (driver_.is_open() && device_.is_open()) {
-    if (driver_.unsent() > 0) world_->wrong("{}: {} bytes of the driver are not read for a minute", name_, driver_.unsent());
-    if (device_.unsent() > 0) world_->wrong("{}: {} bytes of the device are not read for a minute", name_, device_.unsent());
+    if (driver_.unsent() > 0)
+      world().wrong("{}: {} bytes of the driver are not read for a minute", name(), driver_.unsent());
+    if (device_.unsent() > 0)
+      world().wrong("{}: {} bytes of the device are not read for a minute", name(), device_.unsent());
   }
 }
 
 // What the log tells of bytes that reached nobody.
 std::uint64_t LiveChannel::told() const {
   std::uint64_t sum = 0;
-  for (const std::string& line : world_->logged()) {
-    if (!line.starts_with(name_ + ": ") || line.find("bytes reached nobody") == std::string::npos) continue;
+  for (const std::string& line : world().logged()) {
+    if (!line.starts_with(name() + ": ") || line.find("bytes reached nobody") == std::string::npos) continue;
     std::uint64_t bytes = 0;
-    std::from_chars(line.data() + name_.size() + 2, line.data() + line.size(), bytes);
+    std::from_chars(line.data() + name().size() + 2, line.data() + line.size(), bytes);
     sum += bytes;
   }
   return sum;
@@ -182,37 +222,53 @@ void LiveChannel::check_end(bool failed) {
 void LiveChannel::check_line() {
   const auto passes = [this](const Line& from, const Line& to) {
     if (!is_subsequence(joined(to.passed, false), joined(from.passed, true)))
-      world_->wrong("{}: what {} was given is not what {} gave, in order", name_, to.name(), from.name());
+      world().wrong("{}: what {} was given is not what {} gave, in order", name(), to.name(), from.name());
   };
   passes(driver_, device_);
   passes(device_, driver_);
   const std::uint64_t lost = driver_.bytes_in - device_.bytes_out + device_.bytes_in - driver_.bytes_out +
                              driver_.bytes_dropped + device_.bytes_dropped + driver_.bytes_unread;
-  if (lost != told())
-    world_->wrong("{}: {} bytes reached nobody, told were {}", name_, lost, told());
+  if (lost != told()) world().wrong("{}: {} bytes reached nobody, told were {}", name(), lost, told());
   constexpr std::size_t kMostKept = 64 << 10;
   for (const Line* line : {&driver_, &device_}) {
     if (line->most_kept > kMostKept)
-      world_->wrong("{}: {} bytes were kept for {}, which did not take them", name_, line->most_kept, line->name());
+      world().wrong("{}: {} bytes were kept for {}, which did not take them", name(), line->most_kept,
+                    line->name());
   }
+}
+
+// In the order in which they were begun; a number is had when a tape is made.
+std::vector<TapePaths> LiveChannel::tapes() const {
+  const TapePaths first = literal_tape((world().folder() / (name() + ".log")).string());
+  std::multimap<std::uint64_t, TapePaths> found;
+  for (unsigned number = 1; number < 100; ++number) {
+    const TapePaths paths = number == 1 ? first : numbered_tape(first, number);
+    if (!std::filesystem::exists(paths.events)) continue;
+    const Result<TapeSummary> summary = summarize(paths);
+    if (!summary || !summary->events.header || !summary->events.header->zero) {
+      world().wrong("{} is no tape", paths.name());
+    } else {
+      found.emplace(summary->events.header->zero->monotonic_us, paths);
+    }
+  }
+  std::vector<TapePaths> tapes;
+  for (const auto& [zero, paths] : found) tapes.push_back(paths);
+  return tapes;
 }
 
 void LiveChannel::check_tape(bool failed) {
   std::vector<Line::Passed> taped;
   std::uint64_t gaps = 0;
-  const TapePaths first = literal_tape((world_->folder() / (name_ + ".log")).string());
-  for (unsigned number = 1;; ++number) {
-    const TapePaths paths = number == 1 ? first : numbered_tape(first, number);
-    if (!std::filesystem::exists(paths.events)) break;
+  for (const TapePaths& paths : tapes()) {
     Result<TapeReader> reader = TapeReader::open(paths);
-    if (!reader) return world_->wrong("{}: {}", name_, reader.error().message);
+    if (!reader) return world().wrong("{}: {}", name(), reader.error().message);
     TapeTime last{};
     for (;;) {
       const Result<std::optional<Record>> next = reader->next();
-      if (!next) return world_->wrong("{}: {}", paths.name(), next.error().message);
+      if (!next) return world().wrong("{}: {}", paths.name(), next.error().message);
       if (!*next) break;
       const Record& record = **next;
-      if (record.at < last) world_->wrong("{}: time goes back at {}", paths.name(), to_us(record.at));
+      if (record.at < last) world().wrong("{}: time goes back at {}", paths.name(), to_us(record.at));
       last = record.at;
       if (record.kind == RecordKind::read || record.kind == RecordKind::write)
         taped.push_back({record.kind == RecordKind::read, Bytes(record.data.begin(), record.data.end())});
@@ -220,11 +276,11 @@ void LiveChannel::check_tape(bool failed) {
       if (gap != nullptr) gaps += gap->bytes;
     }
     const Result<TapeSummary> summary = summarize(paths);
-    if (!summary) return world_->wrong("{}: {}", name_, summary.error().message);
+    if (!summary) return world().wrong("{}: {}", name(), summary.error().message);
     const Judgement judgement = judge(*summary);
     if (!disk_fails_ && judgement.verdict == Judgement::Verdict::damaged)
-      world_->wrong("{} is damaged: {}", paths.name(), judgement.damages.front());
-    if (!disk_fails_ && !summary->events.ended) world_->wrong("{} has no end", paths.name());
+      world().wrong("{} is damaged: {}", paths.name(), judgement.damages.front());
+    if (!disk_fails_ && !summary->events.ended) world().wrong("{} has no end", paths.name());
   }
   const std::uint64_t of_line = driver_.bytes_in - device_.bytes_out + driver_.bytes_dropped +
                                 device_.bytes_dropped + driver_.bytes_unread;
@@ -237,17 +293,17 @@ void LiveChannel::check_tape(bool failed) {
     const bool same = std::ranges::equal(tape_runs, line_runs, [](const auto& one, const auto& other) {
       return one.to_listener == other.to_listener && one.data == other.data;
     });
-    if (!same) world_->wrong("{}: the tape is not the line", name_);
+    if (!same) world().wrong("{}: the tape is not the line", name());
   }
-  if (!disk_fails_ && missing != 0) world_->wrong("{}: {} bytes are not on the tape", name_, missing);
+  if (!disk_fails_ && missing != 0) world().wrong("{}: {} bytes are not on the tape", name(), missing);
   if (!disk_fails_ && gaps != of_line)
-    world_->wrong("{}: {} bytes of the line reached nobody, the tape's gaps tell {}", name_, of_line, gaps);
+    world().wrong("{}: {} bytes of the line reached nobody, the tape's gaps tell {}", name(), of_line, gaps);
   if (missing != 0 && gaps < of_line + missing && !failed)
-    world_->wrong("{}: {} bytes are not on the tape, its gaps tell {}, and the daemon ended with 0", name_, missing,
-                  gaps);
+    world().wrong("{}: {} bytes are not on the tape, its gaps tell {}, and the daemon ended with 0", name(),
+                  missing, gaps);
   for (const bool reads : {true, false}) {
     if (!is_subsequence(joined(taped, reads), joined(device_.passed, reads)))
-      world_->wrong("{}: the tape has bytes that did not pass, or not in their order", name_);
+      world().wrong("{}: the tape has bytes that did not pass, or not in their order", name());
   }
 }
 

@@ -11,6 +11,7 @@
 #include "tests/simulation/catalog.hpp"
 #include "tests/simulation/disk.hpp"
 #include "tests/simulation/live_channel.hpp"
+#include "tests/simulation/replay_channel.hpp"
 
 namespace porttape::simulation {
 namespace {
@@ -26,13 +27,26 @@ constexpr std::uint64_t kMostWakeUps = 30;  // a minute
 // The daemon's life: trouble, maybe a calm minute, the end.
 class Life {
  public:
-  Life(World& world, std::vector<std::unique_ptr<LiveChannel>>& channels)
+  Life(World& world, std::vector<std::unique_ptr<Channel>>& channels)
       : world_(&world), channels_(&channels) {}
 
   void plan() {
     const Nanos trouble = world_->some_time(seconds(30)) + seconds(1);
     for (auto signals = world_->between(0, 3); signals > 0; --signals) {
       world_->after(Nanos(world_->between(0, trouble.count())), [this] { signal(SIGUSR1); });
+    }
+    for (auto steps = world_->between(0, 2); steps > 0; --steps) {
+      world_->after(Nanos(world_->between(0, trouble.count())), [this] {
+        const Nanos by = (world_->chance(0.5) ? 1 : -1) * world_->some_time(std::chrono::hours(10'000));
+        world_->trace("the wall clock is set, by {} s", std::chrono::duration_cast<seconds>(by).count());
+        world_->kernel().step_clock(by);
+      });
+    }
+    if (world_->chance(0.1)) {
+      world_->after(Nanos(world_->between(0, trouble.count())), [this] {
+        world_->trace("no thread is to be had");
+        world_->kernel().refuse_threads(true);
+      });
     }
     for (const auto& channel : *channels_) channel->start();
     if (world_->chance(0.6)) {
@@ -53,6 +67,7 @@ class Life {
   void calm() {
     world_->trace("calm");
     calms_ = true;
+    world_->kernel().refuse_threads(false);
     for (const auto& channel : *channels_) channel->calm();
     world_->after(minutes(1), [this] { wake_ups_ = world_->kernel().wake_ups(); });
     world_->after(minutes(2), [this] {
@@ -67,13 +82,14 @@ class Life {
     signal(SIGTERM);
     if (world_->chance(0.2)) world_->after(world_->some_time(seconds(5)), [this] { signal(SIGTERM); });
     world_->after(kEndLimit, [this] {
-      world_->wrong("the daemon has not ended {} s after SIGTERM", std::chrono::duration_cast<seconds>(kEndLimit).count());
+      world_->wrong("the daemon has not ended {} s after SIGTERM",
+                    std::chrono::duration_cast<seconds>(kEndLimit).count());
       world_->loop().stop();
     });
   }
 
   World* world_;
-  std::vector<std::unique_ptr<LiveChannel>>* channels_;
+  std::vector<std::unique_ptr<Channel>>* channels_;
   std::uint64_t wake_ups_ = 0;
   bool calms_ = false;
 };
@@ -98,12 +114,16 @@ Disk::Trouble disk_trouble(World& world, const Life& life, double rate) {
 }
 
 void live(World& world, bool disk_fails) {
-  std::vector<std::unique_ptr<LiveChannel>> channels;
+  std::vector<std::unique_ptr<Channel>> channels;
   std::map<std::string, ChannelSpec> specs;
   for (auto count = world.between(1, 3); count > 0; --count) {
     // With one channel alone the log has no channel's name.
     const std::string name = fmt::format("ch{}", count);
-    channels.push_back(std::make_unique<LiveChannel>(world, name, world.chance(0.8), disk_fails));
+    if (world.chance(0.3)) {
+      channels.push_back(std::make_unique<ReplayChannel>(world, name));
+    } else {
+      channels.push_back(std::make_unique<LiveChannel>(world, name, world.chance(0.8), disk_fails));
+    }
     specs[name] = channels.back()->spec();
   }
   int status = 0;
@@ -117,8 +137,9 @@ void live(World& world, bool disk_fails) {
     disk.emplace([&](Disk::Call call) {
       const Disk::Trouble trouble = disk_fails ? disk_trouble(world, life, rate) : Disk::Trouble{};
       if (trouble.error != 0 || trouble.takes.count() > 0 || trouble.most_bytes != ~std::size_t{0})
-        world.trace("disk: {} takes {} ms, error {}, {} bytes", name_of(call), trouble.takes.count() / 1'000'000,
-                    trouble.error, static_cast<std::int64_t>(trouble.most_bytes));
+        world.trace("disk: {} takes {} ms, error {}, {} bytes", name_of(call),
+                    trouble.takes.count() / 1'000'000, trouble.error,
+                    static_cast<std::int64_t>(trouble.most_bytes));
       return trouble;
     });
     if (const Result<void> started = daemon->start(specs); !started) {

@@ -1,22 +1,172 @@
+// Runs seeds of the simulation, see --help.
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
 #include <cstdlib>
+#include <filesystem>
+#include <fmt/format.h>
+#include <fstream>
 #include <iostream>
+#include <optional>
+#include <string>
+#include <sys/wait.h>
+#include <thread>
+#include <unistd.h>
+#include <vector>
+
+#include <boost/program_options.hpp>
 
 #include "tests/simulation/seed.hpp"
 
-int main(int argc, char** argv) {
-  const std::uint64_t first = argc > 1 ? std::strtoull(argv[1], nullptr, 10) : 1;
-  const std::uint64_t last = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : first;
-  const std::filesystem::path folder = "/dev/shm/porttape-sim";
-  double seconds = 0;
-  int bad = 0;
-  for (std::uint64_t seed = first; seed <= last; ++seed) {
-    const auto result = porttape::simulation::run_seed(seed, folder, argc > 3);
-    seconds += result.seconds;
-    for (const auto& line : result.trace) std::cout << line << '\n';
+namespace {
+
+using porttape::simulation::run_seed;
+using porttape::simulation::SeedResult;
+
+constexpr int kMostFindings = 20;
+
+struct Options {
+  std::uint64_t first = 1;
+  std::uint64_t last = 2000;
+  unsigned jobs = 1;
+  bool trace = false;
+  bool stop = false;
+};
+
+struct Sum {
+  std::uint64_t seeds = 0;
+  std::uint64_t findings = 0;
+  double seconds = 0;  // simulated
+};
+
+// In memory where that can be had: a seed makes and removes some files.
+std::filesystem::path make_folder() {
+  const char* const given = std::getenv("TMPDIR");
+  const bool memory = given == nullptr && ::access("/dev/shm", W_OK) == 0;
+  std::string name = fmt::format("{}/porttape-simulation.XXXXXX", memory             ? "/dev/shm"
+                                                                  : given != nullptr ? given
+                                                                                     : "/tmp");
+  if (::mkdtemp(name.data()) == nullptr) {
+    std::cerr << "simulate: cannot make " << name << '\n';
+    std::exit(2);
+  }
+  return name;
+}
+
+// Every `step`th seed from `first` on.
+Sum run_share(const Options& options, std::uint64_t first, std::uint64_t step, const char* program) {
+  const std::filesystem::path folder = make_folder();
+  Sum sum;
+  for (std::uint64_t seed = first; seed <= options.last; seed += step) {
+    const SeedResult result = run_seed(seed, folder / "seed", options.trace);
+    ++sum.seeds;
+    sum.seconds += result.seconds;
+    std::string text;
+    for (const std::string& line : result.trace) text += line + '\n';
     if (!result.trouble.empty()) {
-      std::cout << "seed " << seed << ": " << result.trouble << '\n';
-      if (++bad > 20) break;
+      ++sum.findings;
+      text += fmt::format("seed {}: {}\n  {} --seed {} --trace\n", seed, result.trouble, program, seed);
+    }
+    std::cout << text << std::flush;
+    if (sum.findings >= kMostFindings || (options.stop && sum.findings > 0)) break;
+  }
+  std::filesystem::remove_all(folder);
+  return sum;
+}
+
+// One process a job, since one process has one simulated system. None when a job died.
+std::optional<Sum> run_jobs(const Options& options, const char* program) {
+  if (options.jobs == 1) return run_share(options, options.first, 1, program);
+  struct Job {
+    pid_t pid;
+    int from;
+  };
+  std::vector<Job> jobs;
+  for (unsigned n = 0; n < options.jobs; ++n) {
+    int ends[2];
+    if (::pipe(ends) != 0) return std::nullopt;
+    const pid_t pid = ::fork();
+    if (pid == 0) {
+      const Sum sum = run_share(options, options.first + n, options.jobs, program);
+      const bool told = ::write(ends[1], &sum, sizeof sum) == sizeof sum;
+      ::_exit(told ? 0 : 1);
+    }
+    ::close(ends[1]);
+    if (pid > 0) jobs.push_back({pid, ends[0]});
+  }
+  std::optional<Sum> all = Sum{};
+  if (jobs.size() < options.jobs) all.reset();
+  for (const Job& job : jobs) {
+    Sum sum;
+    const bool told = ::read(job.from, &sum, sizeof sum) == sizeof sum;
+    ::close(job.from);
+    int status = 0;
+    ::waitpid(job.pid, &status, 0);
+    if (!told || status != 0) {
+      std::cout << (WIFSIGNALED(status) ? fmt::format("a job died of signal {}", WTERMSIG(status))
+                                        : "a job died")
+                << "; --jobs 1 shows the seed\n";
+      all.reset();
+    } else if (all) {
+      all->seeds += sum.seeds;
+      all->findings += sum.findings;
+      all->seconds += sum.seconds;
     }
   }
-  std::cout << seconds << " s simulated\n";
+  return all;
+}
+
+std::optional<int> read_options(int argc, char** argv, Options& options) {
+  namespace po = boost::program_options;
+  std::string seeds = "1..2000";
+  po::options_description known("Options");
+  known.add_options()("seeds", po::value(&seeds)->value_name("A..B"), "which ones; 1..2000 unless given")(
+      "seed", po::value<std::uint64_t>()->value_name("N"), "one seed")(
+      "trace", "prints what happens in each seed")("jobs", po::value(&options.jobs)->value_name("N"),
+                                                   "processes; one a processor unless given")(
+      "stop", "ends a job at its first finding")("help,h", "this text");
+  options.jobs = std::max(1U, std::thread::hardware_concurrency());
+  po::variables_map given;
+  try {
+    po::store(po::parse_command_line(argc, argv, known), given);
+    po::notify(given);
+    if (given.contains("help")) {
+      std::cout << "usage: simulate [--seeds A..B] [--jobs N] [--stop]\n"
+                   "       simulate --seed N [--trace]\n\n"
+                   "Runs a whole daemon in a simulated world, once a seed: what drivers, devices, disks and "
+                   "users do is\n"
+                   "chance, time is simulated, and what must always hold is checked. Exit status 0: it held "
+                   "in all seeds,\n"
+                   "1: it did not; the seed and the command that repeats it are printed.\n\n"
+                << known;
+      return 0;
+    }
+    const std::size_t dots = seeds.find("..");
+    if (dots == std::string::npos) throw std::invalid_argument("seeds");
+    options.first = given.contains("seed") ? given["seed"].as<std::uint64_t>() : std::stoull(seeds);
+    options.last = given.contains("seed") ? options.first : std::stoull(seeds.substr(dots + 2));
+  } catch (const std::exception& error) {
+    std::cerr << "simulate: " << error.what() << "; see --help\n";
+    return 2;
+  }
+  options.trace = given.contains("trace");
+  options.stop = given.contains("stop");
+  if (options.first == options.last || options.jobs == 0) options.jobs = 1;
+  return std::nullopt;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options options;
+  if (const std::optional<int> status = read_options(argc, argv, options)) return *status;
+  const auto begin = std::chrono::steady_clock::now();
+  const std::optional<Sum> sum = run_jobs(options, argv[0]);
+  if (!sum) return 1;
+  const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  std::cout << fmt::format("{} seeds, {:.1f} simulated hours in {:.1f} s ({:.0f} seeds/s): {} findings\n",
+                           sum->seeds, sum->seconds / 3600, took, static_cast<double>(sum->seeds) / took,
+                           sum->findings);
+  return sum->findings == 0 ? 0 : 1;
 }

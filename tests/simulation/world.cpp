@@ -47,7 +47,7 @@ World::World(std::uint64_t seed, std::filesystem::path folder, bool tracing)
       loop_(std::make_unique<Loop>()),
       log_(std::make_shared<spdlog::logger>("channel", std::make_shared<LogSink>(*this))),
       later_(std::make_unique<Later>(*loop_)) {
-  log_->set_level(tracing ? spdlog::level::debug : spdlog::level::info);
+  log_->set_level(spdlog::level::debug);
 }
 
 World::~World() = default;
@@ -59,7 +59,8 @@ void World::close_loop() {
 }
 
 Nanos World::some_time(Nanos most) {
-  const double exponent = static_cast<double>(between(0, 1'000'000)) / 1e6 * std::log(static_cast<double>(most.count()) / 1e3);
+  const double exponent =
+      static_cast<double>(between(0, 1'000'000)) / 1e6 * std::log(static_cast<double>(most.count()) / 1e3);
   return Nanos(static_cast<std::int64_t>(std::exp(exponent) * 1e3));
 }
 

@@ -2,12 +2,12 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <fmt/format.h>
 #include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
-#include <fmt/format.h>
 #include <spdlog/logger.h>
 
 #include "libport/base/bytes.hpp"
@@ -32,7 +32,8 @@ class World {
 
   bool chance(double probability) { return static_cast<double>(between(0, 999'999)) < probability * 1e6; }
   std::int64_t between(std::int64_t least, std::int64_t most) {
-    return least + static_cast<std::int64_t>(kernel_.random()() % static_cast<std::uint64_t>(most - least + 1));
+    return least +
+           static_cast<std::int64_t>(kernel_.random()() % static_cast<std::uint64_t>(most - least + 1));
   }
   // Mostly short ones, and each order of magnitude up to `most` as often.
   Nanos some_time(Nanos most);

@@ -48,6 +48,7 @@ class MemoryPort final : public Port, private Recorder {
       port->listener().on_down({.reason = reason, .error = make_error(Errc::device_lost, std::move(why))});
     }
     PortListener::Answers end() { return port->listener().on_ended(); }
+    bool wants_rest() { return port->listener().wants_rest(); }
     void interrupt() { port->listener().on_interrupted({.reason = LineDown::Reason::lost, .error = {}}); }
     void resume() { port->listener().on_resumed(); }
     void drop(std::uint64_t bytes) { port->listener().on_dropped(bytes, "a test wants it"); }
@@ -86,6 +87,7 @@ class MemoryPort final : public Port, private Recorder {
   void set_reading(bool on) override { peer_->reading = on; }
   [[nodiscard]] std::optional<LineSettings> settings() const override { return peer_->settings; }
   Result<void> apply(const LineSettings& settings) override {
+    peer_->calls += "apply ";
     if (!peer_->takes_settings) return make_error(Errc::io, "no such rate");
     peer_->settings = settings;
     return {};

@@ -39,6 +39,10 @@ class PortLog final : public PortListener {
     error = down.error;
   }
   void on_resumed() override { events += "resumed "; }
+  void on_settings(const SeenSettings& seen) override {
+    events += "settings ";
+    settings = seen;
+  }
   void on_dropped(std::uint64_t bytes, std::string_view) override { dropped += bytes; }
   void on_finished(int exit_status) override { events += "finished" + std::to_string(exit_status) + " "; }
 
@@ -51,6 +55,7 @@ class PortLog final : public PortListener {
   std::optional<int> status;  // once complete
   std::string data;
   Error error;
+  SeenSettings settings;  // the last that on_settings told
   std::uint64_t dropped = 0;
   Answers answers = Answers::until_it_is_quiet;  // what on_ended gives
   bool wanted = false;                           // what wants_rest gives

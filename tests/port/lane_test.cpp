@@ -1,0 +1,130 @@
+#include "libport/port/lane.hpp"
+
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/port_log.hpp"
+
+namespace porttape {
+namespace {
+
+using std::chrono::hours;
+using std::chrono::milliseconds;
+
+class LaneTest : public testing::Test {
+ protected:
+  LaneTest()
+      : lane(loop, {.open = [this](bool at_once) { return open || (at_once && opens_at_once); },
+                    .pass = [this](ByteView bytes) { told += as_text(bytes); },
+                    .given_up = [this](std::size_t bytes) { told += "-" + std::to_string(bytes); },
+                    .less = [this] { told += "|"; }}) {}
+  void put(const char* text, Nanos delay = {}) { lane.put(as_bytes(text), Loop::now() + delay); }
+  void put_event(Instant waits_until = Instant::max()) {
+    lane.put([this] { told += "!"; }, waits_until);
+  }
+
+  Loop loop;
+  bool open = true;
+  bool opens_at_once = false;
+  std::string told;
+  Lane lane;
+};
+
+TEST_F(LaneTest, HoldsNothingThatIsDue) {
+  put("a");
+  put_event();
+  EXPECT_EQ(told, "a!");
+  EXPECT_TRUE(lane.empty());
+  EXPECT_FALSE(lane.next_due().has_value());
+}
+
+TEST_F(LaneTest, DoesWhatItHoldsWhenItIsTime) {
+  put("a", milliseconds(1));
+  put_event();
+  run_until(loop, [this] { return lane.empty(); });
+  EXPECT_EQ(told, "a!|");
+}
+
+TEST_F(LaneTest, NothingOvertakesWhatWasPutSooner) {
+  put("a", hours(2));
+  put_event();
+  put("b");
+  put("c", hours(1));
+  EXPECT_EQ(told, "");
+  EXPECT_EQ(lane.bytes(), 3U);
+  EXPECT_GT(*lane.next_due(), Loop::now() + hours(1));
+  lane.run(true);
+  EXPECT_EQ(told, "a!bc|");
+}
+
+TEST_F(LaneTest, AtOnceWaitsForNoMoment) {
+  put("a", hours(1));
+  put("b", hours(2));
+  lane.run();
+  EXPECT_EQ(told, "");
+  lane.run(true);
+  EXPECT_EQ(told, "ab|");
+  EXPECT_FALSE(lane.next_due().has_value());
+}
+
+TEST_F(LaneTest, InAHurryNothingIsHeld) {
+  put("a", hours(1));
+  lane.hurry(true);
+  put("b", hours(1));
+  lane.hurry(false);
+  put("c", hours(1));
+  EXPECT_EQ(told, "a|b");
+}
+
+TEST_F(LaneTest, BytesAndTheEventsBehindThemWaitWhileClosed) {
+  open = false;
+  put_event();
+  put("a");
+  put_event();
+  EXPECT_EQ(told, "!");
+  EXPECT_FALSE(lane.next_due().has_value());
+  opens_at_once = true;
+  lane.run();
+  EXPECT_EQ(told, "!");
+  lane.run(true);
+  EXPECT_EQ(told, "!a!|");
+}
+
+TEST_F(LaneTest, AnEventThatWaitsNoLongerGivesUpTheBytesBeforeIt) {
+  open = false;
+  put("abc");
+  put_event(Loop::now() + milliseconds(1));
+  put("d");
+  run_until(loop, [this] { return !told.empty(); });
+  EXPECT_EQ(told, "-3!|");
+  EXPECT_EQ(lane.bytes(), 1U);
+}
+
+TEST_F(LaneTest, ADropLeavesNothingButTellsTheEvents) {
+  put("abc", hours(1));
+  put_event();
+  put("d");
+  EXPECT_EQ(lane.drop(), 4U);
+  EXPECT_EQ(told, "!");
+  EXPECT_TRUE(lane.empty());
+  EXPECT_FALSE(lane.next_due().has_value());
+}
+
+TEST_F(LaneTest, WhatItCallsMayDropAll) {
+  Lane own(loop, {.open = [](bool) { return true; },
+                  .pass =
+                      [&](ByteView bytes) {
+                        told += as_text(bytes);
+                        (void)own.drop();
+                      },
+                  .given_up = [](std::size_t) {},
+                  .less = [this] { told += "|"; }});
+  own.put(as_bytes("a"), Loop::now() + hours(1));
+  own.put(as_bytes("b"), {});
+  own.run(true);
+  EXPECT_EQ(told, "a");
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,177 @@
+#include "tests/simulation/replay_channel.hpp"
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <utility>
+
+#include "libport/tape/tape_writer.hpp"
+#include "tests/simulation/catalog.hpp"
+
+namespace porttape::simulation {
+namespace {
+
+using std::chrono::milliseconds;
+
+Line::Kind driver_kind(World& world) {
+  return {.passive = true,
+          .half_closes = world.chance(0.3),
+          .knows_unread = world.chance(0.6),
+          .capacity = static_cast<std::size_t>(world.between(1, 4096))};
+}
+
+}  // namespace
+
+ReplayChannel::ReplayChannel(World& world, std::string name)
+    : Channel(world, std::move(name)),
+      driver_does_(static_cast<Driver>(std::max<std::int64_t>(0, world.between(-3, 2)))),
+      driver_(world, this->name() + "-driver", driver_kind(world)) {
+  put_up(world, driver_);
+  make_tape();
+  driver_.on_read = [this](ByteView data) { take_in(data); };
+  driver_.on_readable = [this] { act(); };
+}
+
+ChannelSpec ReplayChannel::spec() const {
+  return {ChannelMode::replay,
+          {{"driver", "memory:" + driver_.name()},
+           {"tape", (world().folder() / (name() + ".log")).string()},
+           {"report", report().string()},
+           {"once", "1"}}};
+}
+
+void ReplayChannel::make_tape() {
+  Result<TapeWriter> tape = TapeWriter::create(literal_tape((world().folder() / (name() + ".log")).string()),
+                                               {.device = "simulated", .driver = "simulated"}, {});
+  if (!tape) return world().wrong("{}", tape.error().message);
+  TapeTime at{};
+  tape->event(at, event::Open{});
+  for (auto count = world().between(1, 12); count > 0; --count) {
+    at += std::chrono::duration_cast<Micros>(world().some_time(milliseconds(300)));
+    Step step{world().chance(0.5),
+              world().some_bytes(static_cast<std::size_t>(world().between(1, 1 << world().between(0, 12))))};
+    tape->block(step.reads ? Direction::read : Direction::write, at, step.data);
+    if (step.reads) expected_.insert(expected_.end(), step.data.begin(), step.data.end());
+    steps_.push_back(std::move(step));
+  }
+  tape->event(at + Micros(1000), event::Close{});
+  if (const Result<void> done = tape->finish(at + Micros(1000)); !done)
+    world().wrong("{}", done.error().message);
+  leaves_at_ = static_cast<std::size_t>(world().between(0, static_cast<std::int64_t>(steps_.size()) - 1));
+  if (driver_does_ == Driver::one_byte_wrong) {
+    const auto wrong = std::ranges::find(steps_, false, &Step::reads);
+    if (wrong == steps_.end()) {
+      driver_does_ = Driver::as_recorded;
+    } else {
+      wrong->data[static_cast<std::size_t>(
+          world().between(0, static_cast<std::int64_t>(wrong->data.size()) - 1))] ^= Byte{1};
+    }
+  }
+  if (driver_does_ == Driver::leaves_early &&
+      std::none_of(steps_.begin() + static_cast<std::ptrdiff_t>(leaves_at_), steps_.end(),
+                   [](const Step& step) { return !step.reads; })) {
+    driver_does_ = Driver::as_recorded;  // it leaves out nothing that is checked
+  }
+}
+
+void ReplayChannel::start() {
+  world().after(world().some_time(milliseconds(500)), [this] {
+    driver_.open();
+    act();
+  });
+}
+
+// Later, and once.
+void ReplayChannel::act() {
+  if (std::exchange(acting_, true)) return;
+  world().after(world().some_time(milliseconds(20)), [this] {
+    acting_ = false;
+    write_on();
+  });
+}
+
+void ReplayChannel::write_on() {
+  driver_.read(world().chance(0.2) ? 1 : 1 << 20);
+  if (driver_.unread() > 0) act();
+  if (!driver_.is_open()) return;
+  if (!to_write_.empty()) {
+    const std::size_t taken = driver_.send(ByteView(to_write_).first(
+        std::min(to_write_.size(), static_cast<std::size_t>(world().between(1, 4096)))));
+    to_write_.erase(to_write_.begin(), to_write_.begin() + static_cast<std::ptrdiff_t>(taken));
+    written_ += taken;
+    return act();
+  }
+  if (driver_does_ == Driver::leaves_early && step_ == leaves_at_) {
+    left_ = true;
+    return driver_.close();
+  }
+  if (step_ == steps_.size()) {
+    if (read_ == expected_.size()) driver_.close();
+    return;
+  }
+  const Step& step = steps_[step_];
+  if (!step.reads) {
+    to_write_ = step.data;
+    ++step_;
+    return act();
+  }
+  std::size_t wanted = 0;
+  for (std::size_t n = 0; n <= step_; ++n) wanted += steps_[n].reads ? steps_[n].data.size() : 0;
+  if (read_ < wanted) return;  // on_readable calls again
+  ++step_;
+  act();
+}
+
+// How much of the device's bytes may have come by now: none that follows a byte which is not written.
+std::size_t ReplayChannel::released() const {
+  std::uint64_t writes = 0;
+  std::size_t reads = 0;
+  for (const Step& step : steps_) {
+    if (step.reads) {
+      reads += step.data.size();
+    } else if ((writes += step.data.size()) > written_) {
+      break;
+    }
+  }
+  return reads;
+}
+
+void ReplayChannel::take_in(ByteView data) {
+  const bool same =
+      read_ + data.size() <= expected_.size() &&
+      std::equal(data.begin(), data.end(), expected_.begin() + static_cast<std::ptrdiff_t>(read_));
+  read_ += data.size();
+  if (!same) world().wrong("{}: the driver got what is not on the tape, before byte {}", name(), read_);
+  if (driver_does_ == Driver::as_recorded && read_ > released())
+    world().wrong("{}: byte {} came before what it answers was written", name(), read_);
+}
+
+void ReplayChannel::calm() { act(); }
+
+void ReplayChannel::check_calm() {
+  if (driver_does_ != Driver::as_recorded) return;
+  if (step_ < steps_.size() || read_ < expected_.size())
+    world().wrong("{}: the driver waits for a minute, at step {} of {}, {} of {} bytes read", name(), step_,
+                  steps_.size(), read_, expected_.size());
+}
+
+void ReplayChannel::check_end(bool) {
+  std::ifstream file(report());
+  const std::string text((std::istreambuf_iterator<char>(file)), {});
+  const auto verdict = [&text](std::string_view wanted) {
+    return text.find("\"verdict\":\"" + std::string(wanted) + "\"") != std::string::npos;
+  };
+  if (text.empty()) return world().wrong("{}: there is no report", name());
+  bool all_written = to_write_.empty();
+  for (std::size_t n = step_; n < steps_.size(); ++n) all_written = all_written && steps_[n].reads;
+  const bool done =
+      driver_does_ == Driver::as_recorded && step_ == steps_.size() && read_ == expected_.size();
+  if (verdict("pass") && (!all_written || driver_does_ != Driver::as_recorded))
+    world().wrong("{}: the verdict is pass, and the driver did not do as recorded", name());
+  if (done && driver_.unsent() == 0 && !verdict("pass"))
+    world().wrong("{}: the driver did as recorded: {}", name(), text);
+  if (driver_does_ == Driver::leaves_early && left_ && !verdict("incomplete"))
+    world().wrong("{}: the driver left early: {}", name(), text);
+}
+
+}  // namespace porttape::simulation

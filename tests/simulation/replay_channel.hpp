@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "tests/simulation/channel.hpp"
+#include "tests/simulation/line.hpp"
+
+namespace porttape::simulation {
+
+// A channel that replays a tape to a driver which does what the recorded one did, or does one thing wrong.
+class ReplayChannel final : public Channel {
+ public:
+  ReplayChannel(World& world, std::string name);
+
+  [[nodiscard]] ChannelSpec spec() const override;
+  void start() override;
+  void calm() override;
+  void check_calm() override;
+  void check_end(bool failed) override;
+
+ private:
+  enum class Driver { as_recorded, one_byte_wrong, leaves_early };
+  struct Step {
+    bool reads = false;
+    Bytes data;
+  };
+
+  void make_tape();
+  void act();
+  void write_on();
+  void take_in(ByteView data);
+  [[nodiscard]] std::size_t released() const;
+  [[nodiscard]] std::filesystem::path report() const { return world().folder() / (name() + ".json"); }
+
+  Driver driver_does_;
+  Line driver_;
+  std::vector<Step> steps_;
+  std::size_t step_ = 0;       // of the driver
+  std::size_t leaves_at_ = 0;  // step
+  Bytes to_write_;             // of this step
+  std::uint64_t written_ = 0;
+  Bytes expected_;  // all that the tape's device sent
+  std::size_t read_ = 0;
+  bool acting_ = false;
+  bool left_ = false;
+};
+
+}  // namespace porttape::simulation
