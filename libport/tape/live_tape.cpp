@@ -55,7 +55,9 @@ struct LiveTape::Shared {
     std::uint64_t bytes = 0;
   };
 
-  Shared(Options given, std::shared_ptr<Disks> known) : options(std::move(given)), disks(std::move(known)) {}
+  Shared(Options given, std::shared_ptr<Disks> known) : options(std::move(given)), disks(std::move(known)) {
+    status.paths = options.paths;
+  }
   ~Shared() {
     abandon();
     disks->release(status.bytes_waiting);
@@ -115,6 +117,7 @@ void LiveTape::Shared::make(std::unique_lock<std::mutex>& lock) {
   lock.unlock();
   Result<TapeWriter> made = options.make ? options.make(options)
                                          : TapeWriter::create(options.paths, options.header, options.writer);
+  if (made && options.fill) options.fill(*made);
   struct stat folder {};
   const bool known = made && ::stat(made->paths().read.c_str(), &folder) == 0;
   lock.lock();
@@ -128,6 +131,7 @@ void LiveTape::Shared::make(std::unique_lock<std::mutex>& lock) {
   status.paths = writer->paths();
   status.id = writer->id();
   if (known) device = folder.st_dev;
+  take_stock();
 }
 
 void LiveTape::Shared::give_up_queue() {

@@ -56,6 +56,9 @@ class LiveTape {
     std::size_t queue_bytes = std::size_t{64} << 20;
     // status() has something new: a phase, slowness, a failure in the queue or of a sync. From any thread.
     std::function<void()> on_news = {};
+    // What is known before the tape is: is written first, on a worker, once the tape is made. Owns what it
+    // needs. Many blocks at once belong in a batch.
+    std::function<void(TapeWriter&)> fill = {};
     // Makes the writer; TapeWriter::create unless a test wants another disk.
     std::function<Result<TapeWriter>(const Options&)> make = {};
   };
@@ -63,7 +66,7 @@ class LiveTape {
   struct Status {
     enum class Phase : std::uint8_t { being_made, direct, queued, not_made, finished };
     Phase phase = Phase::being_made;
-    TapePaths paths;                  // once made
+    TapePaths paths;                  // as wanted; once made, its files
     std::string id;                   // of its header, once made
     std::optional<Error> error;       // not made, or finished and something is missing
     std::string failure;              // why the last block could not be written; empty when it was

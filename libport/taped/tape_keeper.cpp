@@ -1,7 +1,6 @@
 #include "libport/taped/tape_keeper.hpp"
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
 #include <utility>
 
@@ -26,16 +25,12 @@ constexpr Nanos kFailClosedSilence = milliseconds(700);
 
 }  // namespace
 
-struct TapeKeeper::Ending {
-  std::unique_ptr<LiveTape> tape;
-  bool sync_told = false;
-  std::uint64_t missed_bytes = 0;  // that passed before it and that it was to tell of
-};
-
 TapeKeeper::TapeKeeper(const PortContext& context, Options options, std::function<void()> on_must_end)
     : context_(context),
       options_(std::move(options)),
       on_must_end_(std::move(on_must_end)),
+      ending_(
+          context, [this] { on_news(); }, [this] { must_end(); }),
       retry_(options_.retry),
       retry_timer_(*context.loop, [this] { start(); }),
       watch_timer_(*context.loop, [this] { watch_disk(); }) {}
@@ -63,13 +58,8 @@ void TapeKeeper::start() {
                          .header = std::move(header),
                          .writer = {.on_existing = options_.on_existing, .first_number = first_number_},
                          .queue_bytes = options_.queue_bytes,
-                         .on_news = {},
+                         .on_news = ending_.news(),
                          .make = options_.make};
-  live.on_news = [post = context_.loop->poster(), this, alive = std::weak_ptr<int>(alive_)] {
-    post([this, alive] {
-      if (!alive.expired()) on_news();
-    });
-  };
   made_told_ = slow_told_ = sync_told_ = silence_told_ = failing_ = failure_told_ = false;
   tape_ = std::make_unique<LiveTape>(context_.loop->workers(), context_.disks, std::move(live));
   watch_timer_.set_after(kWatchEvery);
@@ -123,11 +113,6 @@ void TapeKeeper::closed(Instant at) {
 }
 
 void TapeKeeper::on_news() {
-  look_at_current();
-  look_at_ending();
-}
-
-void TapeKeeper::look_at_current() {
   if (!tape_) return;
   const LiveTape::Status status = tape_->status();
   if (status.phase == Phase::not_made) return not_made(status);
@@ -142,7 +127,11 @@ void TapeKeeper::look_at_current() {
         "tape {}: its disk took {} ms for a write; what is recorded goes over a queue from now on",
         options_.tape.name(), status.slowest.count());
   }
-  tell_sync_error(status, sync_told_);
+  if (status.sync_error != 0 && !std::exchange(sync_told_, true)) {
+    incomplete_ = true;
+    context_.log->error("{}", sync_error_text(status));
+    must_end();
+  }
   if (status.failure.empty() != !failing_) tell_failure(status.failure, status.bytes_lost);
 }
 
@@ -177,15 +166,6 @@ void TapeKeeper::tell_failure(const std::string& failure, std::uint64_t lost) {
   must_end();
 }
 
-void TapeKeeper::tell_sync_error(const LiveTape::Status& status, bool& told) {
-  if (status.sync_error == 0 || std::exchange(told, true)) return;
-  incomplete_ = true;
-  context_.log->error("tape {}: what was written may not be on the disk: {}", status.paths.name(),
-                      status.sync_error == ENOENT ? "its files were removed; SIGUSR1 begins the next tape"
-                                                  : errno_text(status.sync_error));
-  must_end();
-}
-
 void TapeKeeper::must_end() {
   if (options_.fail_closed) on_must_end_();
 }
@@ -212,9 +192,7 @@ void TapeKeeper::request(Instant at, RecorderRequest what) {
 void TapeKeeper::rotate(Instant now) {
   if (!begun_) return;
   if (tape_) {
-    const LiveTape::Status status = tape_->status();
-    const TapePaths& paths = status.id.empty() ? options_.tape : status.paths;  // not made yet
-    options_.header.previous = PreviousTape{id_, paths.file_name()};
+    options_.header.previous = PreviousTape{id_, tape_->status().paths.file_name()};
   }
   end_current(now);
   options_.on_existing = OnExisting::next;
@@ -228,71 +206,34 @@ void TapeKeeper::end_current(Instant now) {
   retry_timer_.cancel();
   watch_timer_.cancel();
   if (tape_) {
-    tape_->finish(tape_time(now));
-    ending_.push_back({std::move(tape_), sync_told_, missed_bytes_});
-  } else if (missed_bytes_ > 0) {
-    tell_missed(missed_bytes_, missed_why_);
+    ending_.finish(std::move(tape_), tape_time(now), {sync_told_, missed_bytes_});
+  } else {
+    tell_missed();
   }
   missed_bytes_ = 0;
   missed_since_.reset();
 }
 
-void TapeKeeper::tell_missed(std::uint64_t bytes, const std::string& why) {
-  if (bytes == 0) return context_.log->error("{}", why);
-  context_.log->error("{} bytes passed and are on no tape: {}", bytes, why);
-}
-
-void TapeKeeper::look_at_ending() {
-  for (auto ending = ending_.begin(); ending != ending_.end();) {
-    const LiveTape::Status status = ending->tape->status();
-    tell_sync_error(status, ending->sync_told);
-    if (!status.over()) {
-      ++ending;
-      continue;
-    }
-    if (status.phase == Phase::not_made) {
-      incomplete_ = true;
-      tell_missed(status.bytes_lost + ending->missed_bytes, status.error->message);
-    } else if (status.error) {
-      incomplete_ = true;
-      context_.log->error("{}", status.error->message);
-    } else {
-      context_.log->info("{} is complete: {} bytes", status.paths.name(), status.bytes_written);
-    }
-    ending = ending_.erase(ending);
-  }
-  complete_if_over();
+// Where no tape was there to tell it.
+void TapeKeeper::tell_missed() {
+  if (missed_bytes_ > 0) context_.log->error("{}", missed_text(missed_bytes_, missed_why_));
+  missed_bytes_ = 0;
 }
 
 void TapeKeeper::finish(Instant now, std::function<void(bool)> done) {
   closed(now);
   end_current(now);
-  on_done_ = std::move(done);
-  look_at_ending();
+  ending_.when_over([this, done = std::move(done)](bool complete) { done(complete && !incomplete_); });
 }
 
 void TapeKeeper::give_up() {
-  on_done_ = {};
-  for (const Ending& ending : ending_) tell_given_up(ending.tape->status(), ending.missed_bytes);
-  ending_.clear();
   if (!tape_) {
-    if (missed_bytes_ > 0) tell_missed(missed_bytes_, missed_why_);
-    return;
+    tell_missed();
+  } else if (tape_->status().bytes_waiting > 0) {  // finish() was not called
+    end_current(Loop::now());
   }
-  // The one that finish() was not called for.
-  if (const LiveTape::Status status = tape_->status(); status.bytes_waiting > 0)
-    tell_given_up(status, missed_bytes_);
   tape_.reset();
-}
-
-void TapeKeeper::tell_given_up(const LiveTape::Status& status, std::uint64_t missed) const {
-  context_.log->error("tape {}: its disk did not answer in time; {} bytes and the end are not on it",
-                      options_.tape.name(), status.bytes_waiting + status.bytes_lost + missed);
-}
-
-void TapeKeeper::complete_if_over() {
-  if (!ending_.empty() || !on_done_) return;
-  std::exchange(on_done_, {})(!incomplete_);
+  ending_.give_up();
 }
 
 }  // namespace porttape

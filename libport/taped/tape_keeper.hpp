@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <functional>
-#include <list>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,6 +9,7 @@
 #include "libport/loop/timer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/tape/live_tape.hpp"
+#include "libport/taped/ending_tapes.hpp"
 #include "libport/taped/line_observer.hpp"
 
 namespace porttape {
@@ -50,23 +50,16 @@ class TapeKeeper final : public LineObserver {
   void give_up() override;
 
  private:
-  struct Ending;
-
   void begin();
   void rotate(Instant now);
   void start();
   void end_current(Instant now);
-  void tell_given_up(const LiveTape::Status& status, std::uint64_t missed) const;
+  void tell_missed();
   void on_news();
-  void look_at_current();
-  void look_at_ending();
   void not_made(const LiveTape::Status& status);
   void tell_failure(const std::string& failure, std::uint64_t lost);
-  void tell_sync_error(const LiveTape::Status& status, bool& told);
-  void tell_missed(std::uint64_t bytes, const std::string& why);
   void watch_disk();
   void must_end();
-  void complete_if_over();
   [[nodiscard]] TapeTime tape_time(Instant at) const;
 
   PortContext context_;
@@ -74,7 +67,7 @@ class TapeKeeper final : public LineObserver {
   unsigned first_number_ = 1;  // of the names that the next tape may take
   std::function<void()> on_must_end_;
   std::unique_ptr<LiveTape> tape_;  // null before begin(), and while it cannot be made
-  std::list<Ending> ending_;        // tapes that are being finished
+  EndingTapes ending_;              // those before it
   std::optional<Instant> first_open_;
   Instant zero_{};
   std::optional<Instant> open_since_;
@@ -96,8 +89,6 @@ class TapeKeeper final : public LineObserver {
   Nanos retry_{};
   Timer retry_timer_;
   Timer watch_timer_;
-  std::function<void(bool)> on_done_;
-  std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
 };
 
 }  // namespace porttape

@@ -93,9 +93,11 @@ class LiveTapeTest : public testing::Test {
     int count = 0;
   };
 
-  std::unique_ptr<LiveTape> make_tape(std::size_t queue_bytes = 1000) {
-    LiveTape::Options options{
-        .paths = literal_tape("memory"), .header = {"device", "driver"}, .queue_bytes = queue_bytes};
+  std::unique_ptr<LiveTape> make_tape(std::size_t queue_bytes = 1000, LiveTape::Note fill = {}) {
+    LiveTape::Options options{.paths = literal_tape("memory"),
+                              .header = {"device", "driver"},
+                              .queue_bytes = queue_bytes,
+                              .fill = std::move(fill)};
     options.on_news = [news = news] {
       const std::lock_guard lock(news->mutex);
       ++news->count;
@@ -197,6 +199,32 @@ TEST_F(LiveTapeTest, AnotherTapeOfASlowDiskGoesOverAQueueToo) {
   disks->note_slow(7);
   EXPECT_TRUE(*disks->slow(7));
   EXPECT_FALSE(*disks->slow(8));
+}
+
+TEST_F(LiveTapeTest, WhatItIsFilledWithComesFirstAndHoldsUpNobody) {
+  disk->hang();
+  std::atomic<bool> here = false;
+  const auto tape = make_tape(1000, [&here, caller = std::this_thread::get_id()](TapeWriter& writer) {
+    here = std::this_thread::get_id() == caller;
+    writer.begin_batch();
+    writer.read_block(tape_time_us(1), as_bytes("kept"));
+    writer.write_block(tape_time_us(2), as_bytes("so far"));
+    writer.commit();
+  });
+  tape->block(Direction::read, tape_time_us(3), as_bytes("new"));
+  tape->finish(tape_time_us(4));
+  disk->go_on();
+  wait_for_news([&] { return tape->status().over(); });
+  EXPECT_THAT(records(), ElementsAre("r 1 kept", "w 2 so far", "r 3 new", "end 4"));
+  EXPECT_EQ(tape->status().bytes_written, 13U);
+  EXPECT_FALSE(here);
+}
+
+TEST_F(LiveTapeTest, WhatItIsFilledWithIsCountedAtOnce) {
+  const auto tape =
+      make_tape(1000, [](TapeWriter& writer) { writer.read_block(tape_time_us(1), as_bytes("kept")); });
+  wait_for_news([&] { return tape->status().phase != Phase::being_made; });
+  EXPECT_EQ(tape->status().bytes_written, 4U);
 }
 
 TEST_F(LiveTapeTest, WithoutAnyoneWhoKnowsTheDisksItLearnsForItself) {
