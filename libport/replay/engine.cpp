@@ -114,7 +114,7 @@ bool Engine::Impl::work_on(Input& input) {
     case Input::Kind::write:
       return work_on_write(input);
     case Input::Kind::writing_ended:
-      run.end_writing();
+      run.end_writing(now);
       return true;
     case Input::Kind::flush:
       return !driver_open || run.flush(now);
@@ -189,6 +189,8 @@ bool Engine::Impl::close(Input& input) {
   driver_open = false;
   if (!run.goes_on()) return true;
   if (!input.begun) {
+    run.pause(now);
+    if (!run.goes_on()) return true;
     closing = meaning_of_close();
     if (!closing.known) return false;
     input.begun = true;
@@ -219,6 +221,7 @@ Engine::Impl::Close Engine::Impl::meaning_of_close() {
 }
 
 bool Engine::Impl::finish() {
+  run.pause(now);
   if (driver_open && run.goes_on() && !run.judge(now)) return false;
   if (run.goes_on()) run.end(now);
   return finished = true;
@@ -281,7 +284,7 @@ std::size_t Engine::backlog() const { return impl_->backlog; }
 std::optional<Instant> Engine::next_deadline() const {
   if (impl_->dirty) return impl_->now;
   if (!impl_->run.goes_on() || !impl_->driver_open) return std::nullopt;
-  return impl_->run.player().wake();
+  return impl_->run.wake();
 }
 
 ReplayActions Engine::advance(Instant now, std::size_t max_bytes) { return impl_->advance(now, max_bytes); }

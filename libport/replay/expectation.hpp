@@ -19,11 +19,17 @@ namespace porttape {
 // longer is taken by using bytes that came and none of the tape's until its end shows; one that came shorter,
 // by using the tape's and none that came. Behind a gap the place is found by equal bytes alone (GapSearch),
 // whatever may vary.
+//
+// Where the latest bytes were taken so, and none of the tape's with them, the field is *open*. It may have no
+// end but the write's own: when the driver then pauses (for `burst_gap`), writes no more or closes, hold() is
+// called with no bytes, again while it uses the tape's, up to the block's end at most. A rule that waits for
+// what the tape has behind the field uses nothing then: that is no difference, and its bytes may come later.
 class Expectation {
  public:
   // Recorded bytes in a row, all of one block; never empty.
   struct Stretch {
     ByteView bytes;
+    ByteView before;             // what the block has before them, as far as it is at hand
     std::uint64_t offset = 0;    // of the first of them in the tape's stream of writes
     std::uint32_t in_block = 0;  // of the first of them in its block
     bool ends_block = false;
@@ -41,7 +47,7 @@ class Expectation {
 
   virtual ~Expectation() = default;
 
-  // `came` is never empty.
+  // `came` is empty at a pause of the driver alone.
   [[nodiscard]] virtual Held hold(const Stretch& recorded, ByteView came) const = 0;
 
   // Nothing may vary.

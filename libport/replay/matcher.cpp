@@ -16,6 +16,7 @@ void Matcher::rewind() {
   stream_.rewind();
   comparing_ = true;
   arrival_open_ = false;
+  open_ = false;
   surplus_ = false;
   written_ = 0;
   matched_ = 0;
@@ -93,11 +94,32 @@ Matcher::Step Matcher::compare(Instant now, ByteView data, std::optional<TapeTim
   return step;
 }
 
-Expectation::Held Matcher::hold(ByteView came) const {
+Expectation::Held Matcher::hold(ByteView came) {
   if (expectation_ == nullptr) return Expectation::exactly(stream_.front(), came);
   Expectation::Held held = expectation_->hold(stream_.stretch(), came);
   held.differs = held.differs || (held.recorded == 0 && held.came == 0);
+  open_ = held.recorded == 0 && !held.differs;
   return held;
+}
+
+Matcher::Step Matcher::pause() {
+  Step step;
+  while (open_) {
+    if (stream_.look() == WriteStream::State::later) {
+      step.outcome = Outcome::later;
+      break;
+    }
+    const std::size_t recorded = expectation_->hold(stream_.stretch(), {}).recorded;
+    const bool piece_done = recorded == stream_.front().size();
+    const bool block_done = piece_done && stream_.front_ends_block();
+    open_ = recorded > 0 && !block_done;
+    step.at = stream_.front_at();
+    stream_.consume(recorded);
+    matched_ += recorded;
+    if (block_done) step.outcome = Outcome::block;
+    if (piece_done) complete({position(), written_, last_write_});
+  }
+  return step;
 }
 
 // The gaps that end before the next recorded byte.
@@ -161,7 +183,7 @@ void Matcher::remember(ByteView matched) {
 
 bool Matcher::same_arrival(Instant now) const { return arrival_open_ && now - last_write_ < arrival_gap_; }
 
-void Matcher::diverge() { comparing_ = false; }
+void Matcher::diverge() { comparing_ = open_ = false; }
 
 void Matcher::count(Instant now, std::size_t bytes) {
   arrived_ += bytes;
@@ -222,6 +244,7 @@ void Matcher::compare_again() {
   completions_.clear();
   recent_.clear();
   comparing_ = true;
+  open_ = false;
   surplus_ = true;
   realigned_ = true;
   search_.end();

@@ -74,6 +74,13 @@ class Matcher {
   Step write(Instant now, ByteView data, std::optional<TapeTime> until = {});
   void diverge();
 
+  // When the driver's silence ends a field that is open (see Expectation); nothing: none is.
+  [[nodiscard]] std::optional<Instant> pause_due() const {
+    return open_ ? std::optional(last_write_ + arrival_gap_) : std::nullopt;
+  }
+  // The driver pauses: ends it. `block` or `later` (call again), as of write(); else `taken`.
+  Step pause();
+
   // Something was delivered: what the driver writes next is a new arrival.
   void answered();
 
@@ -119,7 +126,7 @@ class Matcher {
   };
 
   Step compare(Instant now, ByteView data, std::optional<TapeTime> until);
-  [[nodiscard]] Expectation::Held hold(ByteView came) const;
+  [[nodiscard]] Expectation::Held hold(ByteView came);
   bool search(Instant now, ByteView rest, bool ended, Step& step);
   void reach_gaps(bool ended);
   void count(Instant now, std::size_t bytes);
@@ -134,6 +141,7 @@ class Matcher {
   Nanos arrival_gap_;
   bool comparing_ = true;
   bool arrival_open_ = false;  // nothing was delivered since the last write
+  bool open_ = false;          // the latest bytes are of a field whose end has not shown
   bool surplus_ = false;       // the arrival that opened the last gate may still go on
   Instant last_write_{};
   std::uint64_t written_ = 0;

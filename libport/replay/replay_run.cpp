@@ -53,6 +53,11 @@ void ReplayRun::begin(Instant now) {
 
 void ReplayRun::begin_session() { exchanged_ = writing_ended_ = device_gone_ = false; }
 
+void ReplayRun::end_writing(Instant now) {
+  writing_ended_ = true;
+  pause(now);
+}
+
 bool ReplayRun::take_writing_ended() { return std::exchange(writing_ended_, false); }
 
 void ReplayRun::set_blocked(bool blocked) {
@@ -74,6 +79,7 @@ std::size_t ReplayRun::write(Instant now, ByteView data, bool counted) {
   if (!ledger_) return data.size();
   if (!counted) ledger_->written(data.size());
   exchanged_ = true;
+  pause_if_due(now);
   const bool recorded = config_.timing == Timing::recorded;
   if (recorded && !matcher_.comparing() && now - matcher_.last_write() >= config_.quiet) {
     matcher_.realign_to_time(player_.timeline().tape(now - config_.jitter));
@@ -104,7 +110,27 @@ std::optional<TapeTime> ReplayRun::next_hang_up() {
   return hang_ups_[next];
 }
 
+void ReplayRun::pause(Instant now) {
+  if (!ledger_ || !matcher_.pause_due()) return;
+  const Matcher::Step step = matcher_.pause();
+  if (step.outcome == Matcher::Outcome::block) {
+    if (const auto fault = player_.check_recorded(step, matcher_.last_write())) tell_fault(now, *fault);
+  }
+  stop_if_damaged(now);
+}
+
+void ReplayRun::pause_if_due(Instant now) {
+  if (const auto due = matcher_.pause_due(); due && *due <= now) pause(now);
+}
+
+std::optional<Instant> ReplayRun::wake() const {
+  const std::optional<Instant> wake = player_.wake();
+  const std::optional<Instant> pause = matcher_.pause_due();
+  return wake && pause ? std::min(*wake, *pause) : wake ? wake : pause;
+}
+
 void ReplayRun::play(Instant now, std::size_t max_bytes, ReplayActions& out) {
+  pause_if_due(now);
   while (ledger_) {
     const std::size_t before = out.deliver.size();
     const auto fault = player_.play(now, max_bytes, blocked_, out);

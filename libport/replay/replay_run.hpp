@@ -38,7 +38,7 @@ class ReplayRun {
   // The driver has opened.
   void begin_session();
   // The driver writes no more in this session and still reads.
-  void end_writing() { writing_ended_ = true; }
+  void end_writing(Instant now);
   // Whether it said so, and was not told of the device's end yet; told of it now.
   bool take_writing_ended();
   // Bytes went either way in this session.
@@ -48,6 +48,10 @@ class ReplayRun {
   std::size_t write(Instant now, ByteView data, bool counted);
   // Does what is due.
   void play(Instant now, std::size_t max_bytes, ReplayActions& out);
+  // The driver pauses: a field whose end has not shown ends here.
+  void pause(Instant now);
+  // When play() is to be called next; nothing: when something has happened.
+  [[nodiscard]] std::optional<Instant> wake() const;
   // Player's, with their faults told; true when it is done.
   bool settle(Instant now) { return walk(now, &Player::settle); }
   bool flush(Instant now) { return walk(now, &Player::flush); }
@@ -67,6 +71,7 @@ class ReplayRun {
   [[nodiscard]] ReplayActions& pending() { return pending_; }
 
  private:
+  void pause_if_due(Instant now);
   bool walk(Instant now, Player::Settled (Player::*way)(Instant));
   void end_device(Instant now, ReplayActions& out);
   void at_tape_end(Instant now);

@@ -47,7 +47,12 @@ class WriteStream {
 
   // After `bytes`: front() with its place.
   [[nodiscard]] Expectation::Stretch stretch() const {
-    return {front(), position_, front_in_block(), front_ends_block(), front_at()};
+    return {front(),
+            ByteView(pieces_.front().data).first(used_),
+            position_,
+            front_in_block(),
+            front_ends_block(),
+            front_at()};
   }
 
   // Moves over `count` bytes of front().

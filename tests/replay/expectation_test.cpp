@@ -39,6 +39,10 @@ class AnyNumber final : public Expectation {
  public:
   [[nodiscard]] Held hold(const Stretch& recorded, ByteView came) const override {
     const bool digit = is_digit(recorded.bytes.front());
+    if (came.empty()) {  // the end of the field, where the tape has nothing behind it
+      const bool alone = std::ranges::all_of(recorded.bytes, is_digit);
+      return {alone ? recorded.bytes.size() : 0, 0, false};
+    }
     if (digit && is_digit(came.front())) return {0, 1, false};
     if (digit) return {1, 0, false};
     return exactly(recorded.bytes.first(1), came);
@@ -46,6 +50,21 @@ class AnyNumber final : public Expectation {
 
  private:
   static bool is_digit(Byte byte) { return std::isdigit(byte) != 0; }
+};
+
+// The same for the run of digits behind `T=` alone.
+class NumberOfT final : public Expectation {
+ public:
+  [[nodiscard]] Held hold(const Stretch& recorded, ByteView came) const override {
+    std::string_view before = as_text(recorded.before);
+    while (!before.empty() && std::isdigit(static_cast<unsigned char>(before.back())) != 0)
+      before.remove_suffix(1);
+    if (before.ends_with("T=")) return number_.hold(recorded, came);
+    return came.empty() ? Held{} : exactly(recorded.bytes.first(1), came);
+  }
+
+ private:
+  AnyNumber number_;
 };
 
 struct Written {
@@ -107,6 +126,83 @@ TEST(ExpectationTest, TheEngineAnswersAWriteThatVariesAsItMay) {
   EXPECT_EQ(rig.finish(), Verdict::pass);
   EXPECT_EQ(rig.report->from_driver_bytes, 12U);
   EXPECT_EQ(rig.report->from_driver_matched, 12U);  // of the tape's
+}
+
+TEST(ExpectationTest, ARuleMayGoByWhatTheBlockHasBeforeAStretch) {
+  const auto tape = MemoryTape().write(1, "12 T=123 4").write(2, "3");
+  const NumberOfT rule;
+  for (std::size_t cut = 1; cut < 13; ++cut) {
+    EXPECT_EQ(write(tape, rule, "12 T=77777 43", 20, cut), (Written{11, 13, false}));
+    EXPECT_EQ(write(tape, rule, "12 T=77777 5", 20, cut), (Written{9, 11, true}));
+    EXPECT_EQ(write(tape, rule, "13 T=77777 4", 20, cut), (Written{1, 1, true}));
+  }
+}
+
+// The field's end cannot be seen in its bytes: the answer comes at its time, once the driver pauses.
+TEST(ExpectationTest, APauseEndsAFieldThatEndsAWrite) {
+  const auto tape = MemoryTape().write(0, "T=123").read(2'000, "ok").write(3'000, "T=124").read(3'100, "on");
+  const AnyNumber rule;
+  for (const std::size_t piece : {std::size_t{1}, std::size_t{4}, std::size_t{5}}) {
+    Rig rig(tape, {}, true, piece, {.expectation = &rule});
+    rig.open().write("T=123");
+    EXPECT_EQ(rig.deadline_us(), 500);
+    rig.wait(2'000);
+    EXPECT_EQ(rig.read(), "ok");
+    EXPECT_EQ(rig.deliveries.back().us, 2'000);
+    rig.write_bytewise("T=77777").wait(499);
+    EXPECT_EQ(rig.read(), "");
+    rig.wait(1);
+    EXPECT_EQ(rig.read(), "on");
+    EXPECT_EQ(rig.finish(), Verdict::pass);
+    EXPECT_EQ(rig.report->from_driver_matched, 10U);
+  }
+}
+
+TEST(ExpectationTest, WhatComesAfterThePauseIsOfTheNextBlock) {
+  const auto tape = MemoryTape().write(0, "T=123").write(2'000, "44;").read(3'000, "ok");
+  const NumberOfT rule;
+  for (const bool served : {true, false}) {
+    for (const int after : {499, 500, 501}) {
+      Rig rig(tape, {}, true, 20, {.expectation = &rule});
+      rig.open().write("T=9");
+      if (served) {
+        rig.wait(after);
+      } else {
+        rig.clock(after);
+      }
+      rig.write("44;").wait(1'000);
+      EXPECT_EQ(rig.mismatches.empty(), after >= 500) << after;
+      EXPECT_EQ(rig.read(), after >= 500 ? "ok" : "");
+    }
+  }
+}
+
+TEST(ExpectationTest, ARuleMayWaitForWhatFollowsTheFieldOverAPause) {
+  const auto tape = MemoryTape().write(0, "T=123;").read(1'000, "ok");
+  const AnyNumber rule;
+  Rig rig(tape, {}, true, 20, {.expectation = &rule});
+  rig.open().write("T=4").wait(10'000).write("5").wait(10'000);
+  EXPECT_EQ(rig.deadline_us(), std::nullopt) << "it was asked once";
+  rig.write(";").wait(1'000);
+  EXPECT_EQ(rig.read(), "ok");
+  EXPECT_EQ(rig.finish(), Verdict::pass);
+}
+
+TEST(ExpectationTest, ACloseOrAnEndOfWritingEndsTheFieldToo) {
+  const AnyNumber rule;
+  Rig closed(MemoryTape().write(0, "T=123"), {}, true, 20, {.expectation = &rule});
+  closed.open().write("T=5").close();
+  EXPECT_EQ(closed.verdict(), Verdict::pass);
+
+  Rig finished(MemoryTape().write(0, "T=123"), {}, true, 20, {.expectation = &rule});
+  finished.open().write("T=5");
+  EXPECT_EQ(finished.finish(), Verdict::pass);
+
+  Rig ended(MemoryTape().write(0, "T=123").read(0, "ok"), {}, true, 20, {.expectation = &rule});
+  ended.open().write("T=5");
+  EXPECT_EQ(ended.read(), "");
+  ended.end_writing();
+  EXPECT_EQ(ended.read(), "ok");
 }
 
 TEST(ExpectationTest, WhatMayNotVaryIsAMismatchAtItsPlace) {

@@ -78,9 +78,11 @@ class Rig {
   }
   Rig& wait(std::int64_t us) { return until(now_us() + us); }
   // Moves the clock without serving anything on the way.
-  Rig& stall(std::int64_t us) {
+  Rig& stall(std::int64_t us) { return clock(us).settle(); }
+  // Nor then: what comes next is what the engine hears of first.
+  Rig& clock(std::int64_t us) {
     clock_ += Nanos{us * 1000};
-    return settle();
+    return *this;
   }
   // Serves what is due now.
   Rig& settle() {
