@@ -530,7 +530,7 @@ def channels(world):
     daemon = world.daemon("run", world.path("config"))
     for line in lines:
         line.daemon = daemon
-    check_start(world, daemon, lambda: any(os.path.lexists(port) for port in ports))
+    check_start(world, daemon, lambda: daemon.said_ready or all(os.path.lexists(port) for port in ports))
     if not daemon.wait(0):
         for line in lines:
             line.begin()
@@ -590,9 +590,9 @@ def check_leftover(world, tape):
             world.find(f"{name} of what is left ended with {done.returncode}: {done.stderr[-300:]}")
     if info.returncode == 0:
         said = json.loads(info.stdout)
-        if (said["read"]["blocks"], said["write"]["blocks"]) != (len(tape.read), len(tape.write)):
-            world.find(f"info finds {said['read']['blocks']} and {said['write']['blocks']} blocks of {len(tape.read)} and "
-                       f"{len(tape.write)}")
+        found = [said[side]["blocks"] if said[side] else 0 for side in ("read", "write")]
+        if found != [len(tape.read), len(tape.write)]:
+            world.find(f"info finds {found} blocks of {len(tape.read)} and {len(tape.write)}")
         if said["verdict"] == "sound" and (not tape.ended or tape.torn_bytes):
             world.find("info calls it sound")
 
@@ -671,8 +671,10 @@ def hangs(place, calls, most):
     """The first channel's disk does not come back for some time, or at all."""
     if not place.startswith(("writev.tape", "fdatasync.tape", "openat.tapes", "close.tape")):
         return []
+    # A later write is the loop's own until one was slow (libport/README.md, "Threads"): it must come back some time.
+    never = [1] if place.startswith("writev") else sorted({1, (calls + 1) // 2})
     return ([Trouble(place, n, 1, "hang", 1500) for n in nth(calls, min(most, 4))] +
-            [Trouble(place, n, FOR_EVER, "hang", 60000) for n in sorted({1, (calls + 1) // 2})])
+            [Trouble(place, n, FOR_EVER, "hang", 60000) for n in never])
 
 
 def troubles_of_channels(place, calls, most):
