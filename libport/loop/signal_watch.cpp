@@ -1,40 +1,79 @@
 #include "libport/loop/signal_watch.hpp"
 
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <csignal>
+#include <fcntl.h>
+#include <system_error>
+#include <unistd.h>
 #include <utility>
 
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/signal_set.hpp>
+#include "libport/base/unique_fd.hpp"
+#include "libport/loop/fd_watch.hpp"
 
 namespace porttape {
+namespace {
+
+// Where the handler, which knows nothing else, puts the numbers; -1 while nobody waits for them.
+std::atomic<int> handler_end = -1;
+static_assert(std::atomic<int>::is_always_lock_free);
+
+void on_signal(int number) {
+  const int error = errno;
+  const auto byte = static_cast<unsigned char>(number);
+  if (const int fd = handler_end; fd >= 0) (void)!::write(fd, &byte, 1);
+  errno = error;
+}
+
+struct Pipe {
+  Pipe() {
+    std::array<int, 2> ends{};
+    if (::pipe2(ends.data(), O_NONBLOCK | O_CLOEXEC) != 0)
+      throw std::system_error(errno, std::generic_category(), "no pipe for signals");
+    read.reset(ends[0]);
+    write.reset(ends[1]);
+  }
+  UniqueFd read;
+  UniqueFd write;
+};
+
+}  // namespace
 
 struct SignalWatch::State : std::enable_shared_from_this<SignalWatch::State> {
-  State(Loop& loop, std::function<void(int)> given) : set(loop.io()), callback(std::move(given)) {}
+  State(Loop& loop, std::function<void(int)> given)
+      : callback(std::move(given)), watch(loop, pipe.read.get(), [this] { on_readable(); }) {}
 
-  void wait() {
-    set.async_wait([self = shared_from_this()](const boost::system::error_code& error, int number) {
-      if (error || self->gone) return;
-      self->wait();
-      self->callback(number);
-    });
+  void on_readable() {
+    const auto self = shared_from_this();  // a callback may end the watch
+    std::array<unsigned char, 16> numbers{};
+    const ssize_t size = ::read(pipe.read.get(), numbers.data(), numbers.size());
+    for (ssize_t i = 0; i < size && !gone; ++i) callback(numbers.at(static_cast<std::size_t>(i)));
   }
 
-  boost::asio::signal_set set;
+  Pipe pipe;
   std::function<void(int)> callback;
+  FdWatch watch;
   bool gone = false;
 };
 
 SignalWatch::SignalWatch(Loop& loop, std::function<void(int)> callback)
     : state_(std::make_shared<State>(loop, std::move(callback))) {
-  state_->wait();
+  handler_end = state_->pipe.write.get();
+  state_->watch.watch_readable(true);
 }
 
 SignalWatch::~SignalWatch() {
+  handler_end = -1;
   state_->gone = true;
-  state_->set.cancel();
+  state_->watch.stop();
 }
 
 void SignalWatch::add(std::initializer_list<int> numbers) {
-  for (const int number : numbers) state_->set.add(number);
+  struct sigaction action {};
+  action.sa_handler = on_signal;
+  action.sa_flags = SA_RESTART;
+  for (const int number : numbers) (void)::sigaction(number, &action, nullptr);
 }
 
 }  // namespace porttape

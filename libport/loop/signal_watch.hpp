@@ -8,10 +8,12 @@
 
 namespace porttape {
 
-// Calls back, from the loop, for each of these signals; nothing else happens at them then. One a signal and
-// process. Loop thread only.
+// Calls back, from the loop, for each of these signals; nothing else happens at them then, and nothing at all
+// once the watch has gone: what a program does at its end is not cut short. One a process at a time. Loop
+// thread only.
 class SignalWatch {
  public:
+  // std::system_error: no descriptors are left.
   SignalWatch(Loop& loop, std::function<void(int number)> callback);
   ~SignalWatch();
   SignalWatch(const SignalWatch&) = delete;

@@ -58,6 +58,13 @@ short poll_master(int fd) {
   return ::poll(&state, 1, 0) > 0 ? state.revents : short{0};
 }
 
+// The kernel hands what was written to the slave piece by piece; looking for it brings the next piece at
+// once.
+bool bring_in(int slave) {
+  pollfd state{slave, POLLIN, 0};
+  return ::poll(&state, 1, 0) > 0;
+}
+
 }  // namespace
 
 Result<Pty> Pty::create(FileEvents& events, const Access& access) {
@@ -121,9 +128,28 @@ std::optional<std::size_t> Pty::unread() {
   watch_->unnoticed([&] {
     const UniqueFd slave(::open(slave_path_.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     int bytes = 0;
-    if (slave && ::ioctl(slave.get(), FIONREAD, &bytes) == 0) unread = static_cast<std::size_t>(bytes);
+    if (!slave) return;
+    bring_in(slave.get());
+    if (::ioctl(slave.get(), FIONREAD, &bytes) == 0) unread = static_cast<std::size_t>(bytes);
   });
   return unread;
+}
+
+std::optional<std::size_t> Pty::read_away() {
+  std::optional<std::size_t> bytes;
+  watch_->unnoticed([&] {
+    const UniqueFd slave(::open(slave_path_.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    if (!slave) return;
+    std::array<char, 4096> buffer;
+    std::size_t sum = 0;
+    while (bring_in(slave.get())) {
+      const ssize_t size = ::read(slave.get(), buffer.data(), buffer.size());
+      if (size <= 0) break;
+      sum += static_cast<std::size_t>(size);
+    }
+    bytes = sum;
+  });
+  return bytes;
 }
 
 }  // namespace porttape

@@ -17,15 +17,19 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The nanoseconds of the modification time of our links: nothing else tells them from other programs' links.
-constexpr long kMark = 504'545'450;
+// The nanoseconds within kEvery of the modification time of our links: nothing else tells them from other
+// programs' links.
+constexpr long kMark = 4'545'450;
+constexpr long kEvery = 10'000'000;
+constexpr long kSecond = 1'000'000'000;
 
-// Gives a link its mark, in a time not before now.
+// Gives a link its mark, in a time not before now: what it points to is older.
 void mark(const std::string& path) {
   std::array<timespec, 2> times{};
   ::clock_gettime(CLOCK_REALTIME, &times[1]);
-  if (times[1].tv_nsec > kMark) ++times[1].tv_sec;
-  times[1].tv_nsec = kMark;
+  times[1].tv_nsec += (kMark - times[1].tv_nsec % kEvery + kEvery) % kEvery;
+  times[1].tv_sec += times[1].tv_nsec / kSecond;
+  times[1].tv_nsec %= kSecond;
   times[0] = times[1];
   (void)::utimensat(AT_FDCWD, path.c_str(), times.data(), AT_SYMLINK_NOFOLLOW);
 }
@@ -35,7 +39,8 @@ void mark(const std::string& path) {
 bool stale(const std::string& path) {
   struct stat link {};
   struct stat node {};
-  if (::lstat(path.c_str(), &link) != 0 || ::stat(path.c_str(), &node) != 0 || link.st_mtim.tv_nsec != kMark)
+  if (::lstat(path.c_str(), &link) != 0 || ::stat(path.c_str(), &node) != 0 ||
+      link.st_mtim.tv_nsec % kEvery != kMark)
     return false;
   return std::pair(node.st_ctim.tv_sec, node.st_ctim.tv_nsec) >
          std::pair(link.st_mtim.tv_sec, link.st_mtim.tv_nsec);

@@ -212,7 +212,8 @@ void PtyPort::write(ByteView data) {
 
 std::optional<std::size_t> PtyPort::unread_by_peer() const {
   if (!peer_ || !line_) return 0;
-  const std::optional<std::size_t> unread = line_->pty.unread();
+  // Once the line is over, all of it is counted, which no driver may read any more then.
+  const std::optional<std::size_t> unread = accepting_ ? line_->pty.unread() : line_->pty.read_away();
   return unread ? std::optional(line_->outbox.pending() + *unread) : std::nullopt;
 }
 

@@ -16,7 +16,7 @@ class Program:
     def __init__(self, world, command, trouble=None, addresses=(), memory=False):
         self.world = world
         self.status = self.usage = None
-        self.killed = False
+        self.killed = self.said_ready = False
         number = world.number()
         self.log_path = world.path(f"log{number}")
         self.out_path = world.path(f"out{number}")
@@ -46,7 +46,8 @@ class Program:
         while time.monotonic() < end and not self.wait(0):
             if there():
                 return True
-            select.select([self.pidfd, self.notify], [], [], 0.02)
+            if self.notify in select.select([self.pidfd, self.notify], [], [], 0.02)[0]:
+                self.said_ready = b"READY=1" in self.notify.recv(4096) or self.said_ready
         return False
 
     def wait(self, seconds):

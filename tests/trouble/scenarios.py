@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from peers import Broken, Device, Driver, SerialDevice, Stuck, Wrong, question, text_of
+from peers import Broken, Device, Driver, NoDevice, SerialDevice, Stuck, Wrong, question, text_of
 from places import FOR_EVER, Trouble, nth, troubles_of
 from program import Program
 from tapes import in_order, is_piece, tapes_in
@@ -440,7 +440,7 @@ def replay(world):
     make_tape(world.path("tapes/t.log"), LARGE)
     port, report = world.path("port"), world.path("report")
     daemon = world.daemon("replay", "--tape", world.path("tapes/t"), "--driver", f"pty:{port}", "--report", report, "--once")
-    line = Line(world, daemon, world.keep(Device(None)), lambda driver: driver.open_path(port))
+    line = Line(world, daemon, NoDevice(), lambda driver: driver.open_path(port))
     if check_start(world, daemon, there(port)):
         line.session(len(LARGE))
         line.daemon.wait(5)
@@ -530,7 +530,7 @@ def channels(world):
     daemon = world.daemon("run", world.path("config"))
     for line in lines:
         line.daemon = daemon
-    check_start(world, daemon, lambda: any(os.path.lexists(port) for port in ports))
+    check_start(world, daemon, lambda: daemon.said_ready or all(os.path.lexists(port) for port in ports))
     if not daemon.wait(0):
         for line in lines:
             line.begin()
@@ -590,9 +590,9 @@ def check_leftover(world, tape):
             world.find(f"{name} of what is left ended with {done.returncode}: {done.stderr[-300:]}")
     if info.returncode == 0:
         said = json.loads(info.stdout)
-        if (said["read"]["blocks"], said["write"]["blocks"]) != (len(tape.read), len(tape.write)):
-            world.find(f"info finds {said['read']['blocks']} and {said['write']['blocks']} blocks of {len(tape.read)} and "
-                       f"{len(tape.write)}")
+        found = [said[side]["blocks"] if said[side] else 0 for side in ("read", "write")]
+        if found != [len(tape.read), len(tape.write)]:
+            world.find(f"info finds {found} blocks of {len(tape.read)} and {len(tape.write)}")
         if said["verdict"] == "sound" and (not tape.ended or tape.torn_bytes):
             world.find("info calls it sound")
 
@@ -623,12 +623,18 @@ def silent_driver(world):
                 line.driver.sent += text
             except BlockingIOError:
                 break
-    line.broken.append("the driver does not read")
+        device, end = line.device, time.monotonic() + READY
+        answered = sum(2 * LARGE[number % 4] for number in range(6))
+        while time.monotonic() < end and len(device.sent) + len(device.pending) < answered:
+            time.sleep(0.01)
     line.stop()
+    of_line, _ = told_bytes(line.daemon.log)
+    if line.daemon.status != 0 or of_line == 0:
+        world.find(f"status {line.daemon.status}, {of_line} bytes told of {len(line.device.sent)}: {line.daemon.log[-400:]}")
     line.driver.close()
-    line.check()
-    if not re.search(r"\d+ bytes reached nobody", line.daemon.log):
-        world.find(f"nothing is told of what was not read: {line.daemon.log[-400:]}")
+    on_tape = sum(len(data) for tape in tapes_in(line.folder) for _, data in tape.read)
+    if on_tape > of_line:
+        world.find(f"{on_tape} bytes came from the device, {of_line} are told that nobody read")
 
 
 def folder_removed(world):
@@ -665,8 +671,10 @@ def hangs(place, calls, most):
     """The first channel's disk does not come back for some time, or at all."""
     if not place.startswith(("writev.tape", "fdatasync.tape", "openat.tapes", "close.tape")):
         return []
+    # A later write is the loop's own until one was slow (libport/README.md, "Threads"): it must come back some time.
+    never = [1] if place.startswith("writev") else sorted({1, (calls + 1) // 2})
     return ([Trouble(place, n, 1, "hang", 1500) for n in nth(calls, min(most, 4))] +
-            [Trouble(place, n, FOR_EVER, "hang", 60000) for n in sorted({1, (calls + 1) // 2})])
+            [Trouble(place, n, FOR_EVER, "hang", 60000) for n in never])
 
 
 def troubles_of_channels(place, calls, most):

@@ -1,6 +1,8 @@
 #include "libport/tty/pty_link.hpp"
 
 #include <array>
+#include <cstdint>
+#include <ctime>
 #include <fcntl.h>
 #include <filesystem>
 #include <fstream>
@@ -71,6 +73,20 @@ TEST_F(PtyLinkTest, ReplacesItsOwnLinkWhosePtyNumberIsAnotherProgramsNow) {
   const Result<PtyLink> link = PtyLink::publish(path + ".left", "/dev/null");
   ASSERT_TRUE(link.has_value()) << link.error().message;
   EXPECT_EQ(fs::read_symlink(path + ".left"), "/dev/null");
+}
+
+// Else one that was killed at once would keep its place from the next.
+TEST_F(PtyLinkTest, IsMarkedWithATimeThatComesSoon) {
+  const Result<PtyLink> link = PtyLink::publish(path, target);
+  ASSERT_TRUE(link.has_value());
+  timespec now{};
+  ::clock_gettime(CLOCK_REALTIME, &now);
+  struct stat status {};
+  ASSERT_EQ(::lstat(path.c_str(), &status), 0);
+  const auto ns = [](const timespec& time) {
+    return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
+  };
+  EXPECT_LE(ns(status.st_mtim) - ns(now), 10'000'000);
 }
 
 TEST_F(PtyLinkTest, NeverReplacesALinkOfALivingPorttape) {

@@ -279,6 +279,17 @@ TEST_F(PtyPortTest, HangUpAfterReadingLosesNothing) {
   EXPECT_EQ(reader.got, tail);
 }
 
+TEST_F(PtyPortTest, AtTheEndAllThatTheDriverDidNotReadIsCounted) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  const std::string tail(10'000, 't');
+  port.write(as_bytes(tail));
+  EXPECT_GT(port.unread_by_peer(), 0U);
+  port.close();
+  EXPECT_EQ(log.dropped + *port.unread_by_peer(), tail.size());
+}
+
 TEST_F(PtyPortTest, BackpressureLeavesTheBytesWithTheDriver) {
   start();
   const UniqueFd fd = driver();
