@@ -65,6 +65,11 @@ Result<std::map<std::string, ChannelSpec>> read_config(std::istream& in, const s
     Result<std::map<std::string, ChannelSpec>> channels = channels_of(po::parse_config_file(in, none, true));
     if (channels) return channels;
     return make_error(Errc::usage, fmt::format("configuration '{}': {}", name, channels.error().message));
+  } catch (const po::invalid_config_file_syntax& error) {
+    // Not its what(), which never ends where the line has the name of one of its placeholders in it.
+    return make_error(Errc::usage,
+                      fmt::format("configuration '{}': '{}' is neither NAME = VALUE nor [channel NAME]", name,
+                                  error.tokens()));
   } catch (const po::error& error) {
     return make_error(Errc::usage, fmt::format("configuration '{}': {}", name, error.what()));
   }

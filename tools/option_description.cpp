@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <sstream>
 
+#include <boost/program_options/errors.hpp>
 #include <boost/program_options/parsers.hpp>
 #include <boost/program_options/value_semantic.hpp>
 
@@ -28,12 +29,19 @@ po::options_description describe(const std::vector<OptionSpec>& specs, const std
 po::variables_map read_options(std::span<const std::string> arguments, const po::options_description& options,
                                const po::positional_options_description& positions) {
   po::variables_map values;
-  po::store(po::command_line_parser(std::vector<std::string>(arguments.begin(), arguments.end()))
-                .options(options)
-                .positional(positions)
-                .style(po::command_line_style::unix_style & ~po::command_line_style::allow_guessing)
-                .run(),
-            values);
+  try {
+    po::store(po::command_line_parser(std::vector<std::string>(arguments.begin(), arguments.end()))
+                  .options(options)
+                  .positional(positions)
+                  .style(po::command_line_style::unix_style & ~po::command_line_style::allow_guessing)
+                  .run(),
+              values);
+  } catch (const po::error_with_option_name& error) {
+    // Its what() never ends where the name has one of its placeholders in it.
+    const std::string name = error.get_option_name();
+    if (name.find('%') == std::string::npos) throw;
+    throw po::error(fmt::format("unrecognised option '{}'", name));
+  }
   po::notify(values);
   return values;
 }

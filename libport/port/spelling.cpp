@@ -143,8 +143,10 @@ std::string short_spelling(const PortOptions& options) {
   std::string text = short_name(options);
   const ShortForm& form = form_of(options);
   const bool listens = &form == &options.type->listening;
+  const bool has_main = !options.text(std::string(form.main)).empty();
   for (const auto& [option, value] : options.values) {
-    if (option == form.main || option == form.port || (listens && option == "listen")) continue;
+    if (has_main && (option == form.main || option == form.port)) continue;
+    if (listens && option == "listen") continue;
     const OptionSpec* spec = options.type->find(option);
     const bool is_flag = spec != nullptr && spec->kind == OptionSpec::Kind::flag;
     text += ',';

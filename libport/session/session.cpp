@@ -160,7 +160,8 @@ void Session::read_driver() {
   if (end_.takes_in()) let_driver(true);
 }
 void Session::read_device() {
-  if (end_.takes_in()) let_device(true);
+  const bool driver_is_slow = driver_up_ && driver_->congested();
+  if (end_.takes_in() && !driver_is_slow) let_device(true);
 }
 
 PortListener::Answers Session::driver_ended() {

@@ -112,6 +112,14 @@ TEST(PortOptions, EveryOptionThatWasGivenIsSpelledAndCanBeParsedAgain) {
   EXPECT_EQ(parsed("type=tcp,listen,port=7,debug=1").spelled(), "tcp-listen:127.0.0.1:7,debug=1");
 }
 
+TEST(PortOptions, AnEmptyMainPartTakesNoOtherOptionWithIt) {
+  for (const char* spec :
+       {"tcp,ip=,port=7", "tcp-listen,ip=,port=7", "udp,dest_ip=,dest_port=7", "serial,device="}) {
+    EXPECT_EQ(parsed(spec).spelled(), spec);
+    EXPECT_EQ(parsed(parsed(spec).spelled()), parsed(spec));
+  }
+}
+
 TEST(PortOptions, BadPlacesOfSocketsAreNamed) {
   for (const char* bad :
        {"tcp:::1:2112", "tcp:[::1", "tcp:[::1]x", "tcp:h:65536", "tcp:h:0", "tcp:h:-1", "tcp:h:x", "udp:h:0",

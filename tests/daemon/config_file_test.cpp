@@ -50,7 +50,8 @@ TEST(ConfigFile, ErrorsNameTheFileAndThePlace) {
   EXPECT_THAT(error_of("device = /dev/x\n"), HasSubstr("[channel NAME]"));
   EXPECT_THAT(error_of("[laser]\ndevice = /dev/x\n"), HasSubstr("laser.device"));
   EXPECT_THAT(error_of("[channel a]\ndevice = /dev/x\ndevice = /dev/y\n"), HasSubstr("twice"));
-  EXPECT_THAT(error_of("[channel a]\nnonsense\n"), HasSubstr("nonsense"));
+  EXPECT_THAT(error_of("[channel a]\nnonsense\n"), HasSubstr("'nonsense' is neither"));
+  EXPECT_THAT(error_of("[channel a]\n%invalid_line%\n"), HasSubstr("'%invalid_line%' is neither"));
 }
 
 TEST(ConfigFile, AFileThatCannotBeReadIsNamed) {

@@ -57,6 +57,8 @@ TEST(Invocation, WrongWordsAreUsageErrors) {
   EXPECT_THAT(error_of({}), HasSubstr("verb is missing"));
   EXPECT_THAT(error_of({"play"}), HasSubstr("'play'"));
   EXPECT_THAT(error_of({"record", "--colour"}), HasSubstr("colour"));
+  EXPECT_THAT(error_of({"record", "--%canonical_option%"}),
+              HasSubstr("unrecognised option '--%canonical_option%'"));
   EXPECT_THAT(error_of({"record", "--dev", "/dev/x"}), HasSubstr("dev"));
   EXPECT_THAT(error_of({"record", "--log-level", "loud"}), HasSubstr("'loud'"));
   EXPECT_THAT(error_of({"run"}), HasSubstr("configuration file is missing"));

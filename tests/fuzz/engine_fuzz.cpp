@@ -3,13 +3,12 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <optional>
 #include <string>
 #include <utility>
 
 #include "libport/replay/engine.hpp"
+#include "tests/fuzz/fuzz.hpp"
 #include "tests/support/memory_tape.hpp"
 #include "tests/support/random_tape.hpp"
 
@@ -18,30 +17,7 @@ namespace {
 using namespace porttape;
 using namespace porttape::test;
 
-void require(bool holds, const char* what) {
-  if (holds) return;
-  std::fprintf(stderr, "does not hold: %s\n", what);
-  std::abort();
-}
-
-// Numbers out of the input; zeros when it is used up.
-class Input {
- public:
-  Input(const std::uint8_t* data, std::size_t size) : data_(data, size) {}
-  std::uint32_t operator()(std::uint32_t n) {
-    if (n == 0 || used_ >= data_.size()) return 0;
-    std::uint32_t value = data_[used_++];
-    if (n > 256 && used_ < data_.size()) value = value << 8U | data_[used_++];
-    return value % n;
-  }
-  [[nodiscard]] bool done() const { return used_ >= data_.size(); }
-
- private:
-  ByteView data_;
-  std::size_t used_ = 0;
-};
-
-ReplayConfig make_config(Input& input) {
+ReplayConfig make_config(Choices& input) {
   ReplayConfig config;
   config.strictness = static_cast<int>(input(3));
   config.timing = static_cast<Timing>(input(3));
@@ -72,7 +48,7 @@ class Play {
                  .totals = TapeTotals{reads_.size(), writes_.size()}},
                 schedule_, write_source_) {}
 
-  void run(Input& input) {
+  void run(Choices& input) {
     while (!input.done()) {
       act(input);
       if (input(4) != 0) settle();
@@ -88,7 +64,7 @@ class Play {
   }
 
  private:
-  void act(Input& input) {
+  void act(Choices& input) {
     switch (input(8)) {
       case 0: {
         settle();
@@ -201,7 +177,9 @@ class Play {
                 report.from_driver_matched == writes_.size(),
             "a pass has all writes");
     require((report.mismatches > 0) == report.mismatch.has_value(), "the first mismatch is there");
-    require(!to_text(report).empty() && !to_json(report).empty(), "a report has a text");
+    // A quarter of the time, were it each report.
+    if (!std::exchange(told_, true))
+      require(!to_text(report).empty() && !to_json(report).empty(), "a report has a text");
     running_ = false;
     written_.clear();
     delivered_ = 0;
@@ -220,6 +198,7 @@ class Play {
   bool open_ = false;
   bool blocked_ = false;
   bool running_ = false;  // a run may be going on
+  bool told_ = false;     // a report was, as text
   std::string session_;   // delivered since the open
   std::string written_;   // in this run
   std::size_t delivered_ = 0;
@@ -228,7 +207,7 @@ class Play {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  Input input(data, size);
+  Choices input(data, size);
   const ReplayConfig config = make_config(input);
   const bool sessions = input(2) == 1;
   const std::size_t piece = 1 + input(9);

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <cstdlib>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -12,14 +11,12 @@
 #include "libport/tape/judgement.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "libport/tape/tape_summary.hpp"
+#include "tests/fuzz/fuzz.hpp"
 
 namespace {
 
 using namespace porttape;
-
-void require(bool holds) {
-  if (!holds) std::abort();
-}
+using test::require;
 
 struct Files {
   Bytes read;
@@ -67,15 +64,15 @@ Pass read_through(TapeReader& reader) {
     const auto record = reader.next();
     if (!record) {
       pass.error = record.error();
-      require(!reader.next());
+      require(!reader.next(), "an error comes again");
       return pass;
     }
     if (!*record) return pass;
-    require((**record).at >= last);
+    require((**record).at >= last, "time does not go back");
     last = (**record).at;
     ++pass.records;
     if ((**record).kind == RecordKind::read || (**record).kind == RecordKind::write) {
-      require((**record).piece_offset + (**record).data.size() <= (**record).block_length);
+      require((**record).piece_offset + (**record).data.size() <= (**record).block_length, "pieces add up");
       pass.bytes += (**record).data.size();
       pass.blocks += (**record).last_piece() ? 1U : 0U;
     }
@@ -88,20 +85,23 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const Files files = split({data, size});
   const auto summary = summarize("t", sources_of(files));
   auto reader = TapeReader::from_sources(sources_of(files));
-  require(summary.has_value() == reader.has_value());
+  require(summary.has_value() == reader.has_value(), "summary and reader take the same tapes");
   if (!reader) return 0;
   const Pass first = read_through(*reader);
-  require(reader->rewind().has_value());
-  require(read_through(*reader) == first);
-  require(summary->damages().empty() == !first.error);
+  require(reader->rewind().has_value(), "a tape can be read again");
+  require(read_through(*reader) == first, "a second pass gives the same");
+  require(summary->damages().empty() == !first.error, "summary and reader see the same damage");
   const Judgement judgement = judge(*summary);
-  require((judgement.verdict == Judgement::Verdict::damaged) == !judgement.damages.empty());
-  require(judgement.damages.size() >= summary->damages().size());
-  require(judgement.verdict != Judgement::Verdict::sound || summary->torn_tails().empty());
+  require((judgement.verdict == Judgement::Verdict::damaged) == !judgement.damages.empty(),
+          "damage is judged so");
+  require(judgement.damages.size() >= summary->damages().size(), "every damage is judged");
+  require(judgement.verdict != Judgement::Verdict::sound || summary->torn_tails().empty(),
+          "no torn tape is sound");
   if (!first.error) {
-    require(summary->read.bytes + summary->write.bytes == first.bytes);
-    require(summary->read.blocks + summary->write.blocks == first.blocks);
-    require(summary->torn_tails().empty() == !reader->torn_tail());
+    require(summary->read.bytes + summary->write.bytes == first.bytes, "bytes add up");
+    require(summary->read.blocks + summary->write.blocks == first.blocks, "blocks add up");
+    require(summary->torn_tails().empty() == !reader->torn_tail(),
+            "summary and reader see the same torn tail");
   }
   return 0;
 }

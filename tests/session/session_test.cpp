@@ -172,6 +172,23 @@ TEST_F(SessionTest, ANewDriverWaitsForTheLastOnesBytes) {
   EXPECT_TRUE(driver.reading);
 }
 
+TEST_F(SessionTest, ANewDriverThatIsSlowStopsTheDeviceBeyondTheLastOnesBytes) {
+  start();
+  driver.up();
+  device.congested = true;
+  driver.send("last");
+  driver.down(Reason::closed);
+  driver.up();
+  driver.congested = true;
+  device.send("much");
+  EXPECT_FALSE(device.reading);
+  device.drain();
+  EXPECT_EQ(device.calls, "prepare open close open ");
+  EXPECT_FALSE(device.reading);
+  driver.drain();
+  EXPECT_TRUE(device.reading);
+}
+
 TEST_F(SessionTest, TheDriverIsNotReadUntilTheDeviceIsUp) {
   device.up_at_once = false;
   start();

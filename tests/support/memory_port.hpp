@@ -71,7 +71,10 @@ class MemoryPort final : public Port, private Recorder {
     peer_->calls += "open ";
     if (peer_->up_at_once) listener().on_up();
   }
-  void close() override { peer_->calls += "close "; }
+  void close() override {
+    peer_->calls += "close ";
+    peer_->congested = false;  // what was queued is dropped
+  }
   void write(ByteView data) override {
     peer_->written += as_text(data);
     ++peer_->writes;
