@@ -196,7 +196,7 @@ void TapeKeeper::rotate(Instant now) {
   }
   end_current(now);
   options_.on_existing = OnExisting::next;
-  first_number_ = 2;
+  ++first_number_;
   zero_ = now;
   if (open_since_) open_since_ = now;
   start();

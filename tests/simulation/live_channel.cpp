@@ -253,7 +253,7 @@ void LiveChannel::check_line() {
   }
 }
 
-// In the order in which they were begun; a number is had when a tape is made.
+// In the order in which they were begun, which is that of their names unless the first one took a free name.
 std::vector<TapePaths> LiveChannel::tapes() const {
   const TapePaths first = literal_tape((world().folder() / (name() + ".log")).string());
   std::multimap<std::uint64_t, TapePaths> found;
@@ -268,7 +268,13 @@ std::vector<TapePaths> LiveChannel::tapes() const {
     }
   }
   std::vector<TapePaths> tapes;
-  for (const auto& [zero, paths] : found) tapes.push_back(paths);
+  for (const auto& [zero, paths] : found) {
+    const bool in_order = tapes.empty() || tapes.back().name().size() < paths.name().size() ||
+                          tapes.back().name() < paths.name();
+    if (!in_order && !next_tape_)
+      world().wrong("{}: {} was begun before {}", name(), tapes.back().name(), paths.name());
+    tapes.push_back(paths);
+  }
   return tapes;
 }
 

@@ -30,8 +30,19 @@ struct Options {
   std::uint64_t first = 1;
   std::uint64_t last = 2000;
   unsigned jobs = 1;
+  std::vector<std::uint64_t> kept = {};  // these instead
   bool trace = false;
   bool stop = false;
+
+  [[nodiscard]] std::vector<std::uint64_t> share(std::uint64_t from, std::uint64_t step) const {
+    std::vector<std::uint64_t> seeds;
+    if (!kept.empty()) {
+      for (std::size_t n = from; n < kept.size(); n += step) seeds.push_back(kept[n]);
+    } else {
+      for (std::uint64_t seed = first + from; seed <= last; seed += step) seeds.push_back(seed);
+    }
+    return seeds;
+  }
 };
 
 struct Sum {
@@ -54,11 +65,10 @@ std::filesystem::path make_folder() {
   return name;
 }
 
-// Every `step`th seed from `first` on.
-Sum run_share(const Options& options, std::uint64_t first, std::uint64_t step, const char* program) {
+Sum run_seeds(const Options& options, const std::vector<std::uint64_t>& seeds, const char* program) {
   const std::filesystem::path folder = make_folder();
   Sum sum;
-  for (std::uint64_t seed = first; seed <= options.last; seed += step) {
+  for (const std::uint64_t seed : seeds) {
     const SeedResult result = run_seed(seed, folder / "seed", options.trace);
     ++sum.seeds;
     sum.seconds += result.seconds;
@@ -77,7 +87,7 @@ Sum run_share(const Options& options, std::uint64_t first, std::uint64_t step, c
 
 // One process a job, since one process has one simulated system. None when a job died.
 std::optional<Sum> run_jobs(const Options& options, const char* program) {
-  if (options.jobs == 1) return run_share(options, options.first, 1, program);
+  if (options.jobs == 1) return run_seeds(options, options.share(0, 1), program);
   struct Job {
     pid_t pid;
     int from;
@@ -88,7 +98,7 @@ std::optional<Sum> run_jobs(const Options& options, const char* program) {
     if (::pipe(ends) != 0) return std::nullopt;
     const pid_t pid = ::fork();
     if (pid == 0) {
-      const Sum sum = run_share(options, options.first + n, options.jobs, program);
+      const Sum sum = run_seeds(options, options.share(n, options.jobs), program);
       const bool told = ::write(ends[1], &sum, sizeof sum) == sizeof sum;
       ::_exit(told ? 0 : 1);
     }
@@ -117,14 +127,26 @@ std::optional<Sum> run_jobs(const Options& options, const char* program) {
   return all;
 }
 
+std::vector<std::uint64_t> read_kept(const std::string& name) {
+  std::ifstream file(name);
+  std::vector<std::uint64_t> seeds;
+  std::string line;
+  while (std::getline(file, line)) {
+    if (!line.empty() && line[0] != '#') seeds.push_back(std::stoull(line));
+  }
+  if (seeds.empty()) throw std::invalid_argument(name + " has no seeds");
+  return seeds;
+}
+
 std::optional<int> read_options(int argc, char** argv, Options& options) {
   namespace po = boost::program_options;
   std::string seeds = "1..2000";
   po::options_description known("Options");
   known.add_options()("seeds", po::value(&seeds)->value_name("A..B"), "which ones; 1..2000 unless given")(
       "seed", po::value<std::uint64_t>()->value_name("N"), "one seed")(
-      "trace", "prints what happens in each seed")("jobs", po::value(&options.jobs)->value_name("N"),
-                                                   "processes; one a processor unless given")(
+      "kept", po::value<std::string>()->value_name("FILE"),
+      "those of a file: one a line, and what it is about")("trace", "prints what happens in each seed")(
+      "jobs", po::value(&options.jobs)->value_name("N"), "processes; one a processor unless given")(
       "stop", "ends a job at its first finding")("help,h", "this text");
   options.jobs = std::max(1U, std::thread::hardware_concurrency());
   po::variables_map given;
@@ -132,7 +154,7 @@ std::optional<int> read_options(int argc, char** argv, Options& options) {
     po::store(po::parse_command_line(argc, argv, known), given);
     po::notify(given);
     if (given.contains("help")) {
-      std::cout << "usage: simulate [--seeds A..B] [--jobs N] [--stop]\n"
+      std::cout << "usage: simulate [--seeds A..B | --kept FILE] [--jobs N] [--stop]\n"
                    "       simulate --seed N [--trace]\n\n"
                    "Runs a whole daemon in a simulated world, once a seed: what drivers, devices, disks and "
                    "users do is\n"
@@ -144,6 +166,7 @@ std::optional<int> read_options(int argc, char** argv, Options& options) {
     }
     const std::size_t dots = seeds.find("..");
     if (dots == std::string::npos) throw std::invalid_argument("seeds");
+    if (given.contains("kept")) options.kept = read_kept(given["kept"].as<std::string>());
     options.first = given.contains("seed") ? given["seed"].as<std::uint64_t>() : std::stoull(seeds);
     options.last = given.contains("seed") ? options.first : std::stoull(seeds.substr(dots + 2));
   } catch (const std::exception& error) {
