@@ -9,6 +9,7 @@
 #include <sys/file.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <utility>
 
 namespace porttape {
 namespace {
@@ -92,6 +93,7 @@ Result<void> PidFile::write(const std::string& path) {
   const auto open_it = [&path](int how) {
     return UniqueFd(::open(path.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC | how, 0644));
   };
+  std::string name = path;
   UniqueFd fd = open_it(O_CREAT | O_EXCL);
   const bool made = static_cast<bool>(fd);
   if (!fd && errno == EEXIST) fd = open_it(O_CREAT);
@@ -102,7 +104,7 @@ Result<void> PidFile::write(const std::string& path) {
     return written;
   }
   fd_ = std::move(fd);
-  path_ = path;
+  path_ = std::move(name);
   return {};
 }
 

@@ -3,9 +3,9 @@
 #include <chrono>
 #include <condition_variable>
 #include <deque>
+#include <exception>
 #include <map>
 #include <mutex>
-#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -104,7 +104,7 @@ bool Workers::State::start_thread() {
   if (running + idle >= kMostThreads) return false;
   try {
     std::thread([state = shared_from_this()] { state->serve(); }).detach();
-  } catch (const std::system_error&) {
+  } catch (const std::exception&) {  // no thread, or no memory
     return false;
   }
   ++idle;

@@ -6,6 +6,8 @@
 #include <mutex>
 #include <optional>
 #include <sched.h>
+#include <stdexcept>
+#include <string>
 #include <utility>
 
 #include <boost/asio/executor_work_guard.hpp>
@@ -64,9 +66,14 @@ Loop::~Loop() { gate_->shut(); }
 bool Loop::run_elsewhere(const Workers::Strand& strand, std::function<void()> job,
                          std::function<void()> done) {
   gate_->begin();
-  const bool taken =
-      workers_.post(strand, [gate = gate_, job = std::move(job), done = fenced(std::move(done))] {
-        job();
+  const bool taken = workers_.post(
+      strand, [this, gate = gate_, fence = fence_, job = std::move(job), done = fenced(std::move(done))] {
+        try {
+          job();
+        } catch (const std::exception& error) {
+          const auto rethrow = [what = std::string(error.what())] { throw std::runtime_error(what); };
+          return gate->finish([this, fence, rethrow] { within(fence, rethrow); });
+        }
         gate->finish(done);
       });
   if (!taken) gate_->finish({});

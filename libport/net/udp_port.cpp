@@ -225,7 +225,7 @@ bool UdpPort::send_one(ByteView datagram) {
       ::sendto(fd_.get(), datagram.data(), datagram.size(), MSG_NOSIGNAL, peer_->get(), peer_->size);
   if (sent >= 0) return true;
   const int error = errno;
-  if (error == EAGAIN) return false;
+  if (error == EAGAIN || error == EINTR) return false;
   if (told_errors_.insert(error).second) {
     context_.log->warn("{}: a datagram of {} bytes to {} is dropped: {}", name(), datagram.size(),
                        peer_->text(), errno_text(error));

@@ -3,6 +3,8 @@
 #include <array>
 #include <condition_variable>
 #include <deque>
+#include <exception>
+#include <string>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <system_error>
@@ -66,6 +68,8 @@ struct LiveTape::Shared {
   Shared& operator=(const Shared&) = delete;
 
   void serve();
+  void serve_queue();
+  void give_up(const char* why);
   void make(std::unique_lock<std::mutex>& lock);
   void write_batch(std::unique_lock<std::mutex>& lock);
   void take_stock();
@@ -73,7 +77,10 @@ struct LiveTape::Shared {
   void abandon();
   void sync();
   void tell() const {
-    if (options.on_news) options.on_news();
+    try {
+      if (options.on_news) options.on_news();
+    } catch (const std::exception&) {  // no memory: the caller sees it when it looks again
+    }
   }
 
   const Options options;
@@ -99,6 +106,32 @@ struct LiveTape::Shared {
 };
 
 void LiveTape::Shared::serve() {
+  try {
+    serve_queue();
+  } catch (const std::exception& error) {  // no memory
+    give_up(error.what());
+  }
+}
+
+// Nothing more goes to this tape.
+void LiveTape::Shared::give_up(const char* why) {
+  std::unique_lock lock(mutex);
+  const std::uint64_t bytes = status.bytes_waiting + (overflow ? overflow->bytes : 0);
+  disks->release(std::exchange(status.bytes_waiting, 0));
+  status.bytes_lost += bytes;
+  queue.clear();
+  overflow.reset();
+  if (writer) writer->lose({}, bytes, why);
+  status.phase = Status::Phase::not_made;
+  status.error = make_error(Errc::io, std::string("the tape is given up: ") + why);
+  status.waits_since.reset();
+  busy = false;
+  if (wanted) handed_over.notify_one();
+  lock.unlock();
+  tell();
+}
+
+void LiveTape::Shared::serve_queue() {
   std::unique_lock lock(mutex);
   const std::string failure = status.failure;
   if (status.phase == Status::Phase::being_made && !writer) make(lock);
@@ -226,7 +259,10 @@ LiveTape::~LiveTape() {
     const std::lock_guard lock(shared_->mutex);
     shared_->abandoned = true;
   }
-  (void)workers_.post(strand_, [shared = std::move(shared_)] {});
+  try {
+    (void)workers_.post(strand_, [shared = shared_] {});
+  } catch (const std::exception&) {  // no memory: here, then
+  }
 }
 
 void LiveTape::block(Direction direction, TapeTime at, ByteView data) {

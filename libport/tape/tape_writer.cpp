@@ -1,6 +1,7 @@
 #include "libport/tape/tape_writer.hpp"
 
 #include <algorithm>
+#include <exception>
 #include <utility>
 
 #include "libport/tape/block.hpp"
@@ -30,7 +31,12 @@ struct TapeWriter::Impl {
 
   explicit Impl(TapeSinks sinks)
       : read(std::move(sinks.read)), write(std::move(sinks.write)), events(std::move(sinks.events)) {}
-  ~Impl() { finish(tape_time_us(last_us), {}); }
+  ~Impl() {
+    try {
+      finish(tape_time_us(last_us), {});
+    } catch (const std::exception&) {  // no memory: it has no end then
+    }
+  }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fmt/format.h>
 #include <random>
+#include <string_view>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <utility>
@@ -120,8 +121,10 @@ Result<void> PtyLink::retarget(const std::string& target) {
 
 void PtyLink::remove() {
   if (path_.empty()) return;
-  std::error_code error;
-  if (fs::read_symlink(path_, error) == target_ && !error) (void)::unlink(path_.c_str());
+  std::array<char, 4096> now{};
+  const ssize_t size = ::readlink(path_.c_str(), now.data(), now.size());
+  if (size >= 0 && std::string_view(now.data(), static_cast<std::size_t>(size)) == target_)
+    (void)::unlink(path_.c_str());
 }
 
 }  // namespace porttape

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <exception>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
@@ -64,7 +65,10 @@ SerialPort::SerialPort(const PortContext& context, const CommonOptions& common, 
 SerialPort::~SerialPort() {
   if (!line_) return;
   line_->watch.stop();
-  close_elsewhere(std::move(line_->fd));
+  try {
+    close_elsewhere(std::move(line_->fd));
+  } catch (const std::exception&) {  // no memory: it is closed here
+  }
 }
 
 Result<void> SerialPort::prepare() {

@@ -78,6 +78,11 @@ TEST_F(FenceTest, HoldsWhatComesOfWorkElsewhere) {
   run_until_caught("done ");
 }
 
+TEST_F(FenceTest, HoldsWhatWorkElsewhereThrows) {
+  loop.within(fence, [&] { ASSERT_TRUE(loop.run_elsewhere({}, thrower("job"), thrower("done"))); });
+  run_until_caught("job ");
+}
+
 TEST_F(FenceTest, WhatIsMadeBehindItStaysBehindIt) {
   loop.within(fence, [&] { loop.post([&] { loop.post(thrower("grandchild")); }); });
   run_ready();

@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <condition_variable>
 #include <future>
+#include <new>
 #include <thread>
 
 #include <gmock/gmock.h>
@@ -316,6 +317,20 @@ TEST_F(LiveTapeTest, ATapeThatCannotBeMadeSaysWhyAndCountsWhatItMisses) {
   EXPECT_EQ(tape.status().phase, Phase::not_made);
   ASSERT_TRUE(tape.status().error);
   EXPECT_EQ(tape.status().bytes_lost, 6U);
+}
+
+TEST_F(LiveTapeTest, WithoutMemoryItIsGivenUpAndCountsWhatItMisses) {
+  LiveTape::Options options{.paths = {}, .header = {"device", "driver"}};
+  options.make = [](const LiveTape::Options&) -> Result<TapeWriter> { throw std::bad_alloc(); };
+  options.on_news = [news = news] {
+    const std::lock_guard lock(news->mutex);
+    news->come.notify_all();
+  };
+  LiveTape tape(workers, disks, std::move(options));
+  tape.block(Direction::read, tape_time_us(1), as_bytes("one"));
+  wait_for_news([&] { return tape.status().over(); });
+  EXPECT_EQ(tape.status().phase, Phase::not_made);
+  EXPECT_EQ(tape.status().bytes_lost, 3U);
 }
 
 TEST_F(LiveTapeTest, AFailedSyncIsToldAtOnce) {
