@@ -123,7 +123,7 @@ driver = pty:$work/a,mode=0999"
 say "wrong configurations: exit 2"
 
 if [[ -n ${SANITIZE:-} ]]; then
-  say "skipped: few descriptors, since a sanitizer needs some itself"
+  say "skipped: a sanitizer needs descriptors itself, so few are not tried"
   exit 0
 fi
 

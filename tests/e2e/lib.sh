@@ -1,6 +1,7 @@
 # shellcheck shell=bash
 # Sourced by every script of this folder. Gives $work (a folder that goes away at exit), processes that end with the
-# script, waiting, and the exit statuses: 0 right, 1 wrong, 77 something needed is missing.
+# script, waiting, and the exit statuses: 0 right, 1 wrong, 77 skipped: this
+# machine has no such thing. What ./check installs or builds is never a reason to skip.
 set -euo pipefail
 
 e2e=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -18,7 +19,7 @@ skip() { printf '%s: skipped: %s\n' "$self" "$*" >&2; exit 77; }
 
 need() {
   local program
-  for program; do command -v "$program" >/dev/null || skip "no $program"; done
+  for program; do command -v "$program" >/dev/null || die "no $program; ./check installs what the tests need"; done
 }
 
 # start COMMAND…: in the background, in a process group of its own; $started is its pid. $input replaces /dev/null.

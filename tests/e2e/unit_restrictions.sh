@@ -45,7 +45,7 @@ if systemd-run --quiet --wait --collect true 2>/dev/null; then
 else
   how=$(basename "$restricted")
   read -ra families < <(sed -n 's/^RestrictAddressFamilies=//p' "$unit")
-  "$restricted" "${families[@]}" -- true || skip "no seccomp here"
+  "$restricted" "${families[@]}" -- true || skip "there is neither systemd running nor seccomp here"
   start "$restricted" "${families[@]}" -- "$work/porttaped" run channels.conf 2>log >addresses
 fi
 daemon=$started

@@ -66,5 +66,5 @@ real=$SHARED_DIR/recordings/urg_04lx.log
 if [[ -e ${real}r ]]; then
   on "$real" VV VV PP II BM CR00 VV PP II GD0044072501
 else
-  say "skipped: no recording $real"
+  say "skipped: there is no recording $real"
 fi

@@ -65,7 +65,7 @@ class Playback {
 
 TEST(Recording, LaserScannerSessionPlaysInItsTenBursts) {
   const TapePaths paths = literal_tape(PORTTAPE_SHARED_DIR "/recordings/urg_04lx.log");
-  if (!std::filesystem::exists(paths.read)) GTEST_SKIP() << "no " << paths.read;
+  if (!std::filesystem::exists(paths.read)) GTEST_SKIP() << "there is no recording " << paths.read;
   for (const Timing timing : {Timing::reactive, Timing::none}) {
     ReplayConfig config;
     config.on_mismatch = OnMismatch::fail;

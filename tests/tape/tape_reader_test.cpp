@@ -207,7 +207,7 @@ class SharedRecording : public testing::Test {
   }
   void SetUp() override {
     if (!std::filesystem::exists(path("urg_04lx.logr")))
-      GTEST_SKIP() << "no recordings in " << PORTTAPE_SHARED_DIR;
+      GTEST_SKIP() << "there are no recordings in " << PORTTAPE_SHARED_DIR;
   }
 };
 

@@ -2,7 +2,7 @@
 # driver: meter_client, which has a bug;  device: the meter's revision B, which shows it. Right is: the driver fails as reported.
 # shellcheck source=scenario.sh
 source "$(dirname "$0")/../scenario.sh"
-if has_device; then [[ -x $DEVICE_BIN/modbus_slave ]] || skip "modbus_slave is not built (libmodbus-dev)"; fi
+if has_device; then [[ -x $DEVICE_BIN/modbus_slave ]] || die "modbus_slave is not built; ./check installs libmodbus-dev"; fi
 device "$DEVICE_BIN/modbus_slave" "$device" 19200 b
 try "$devices/meter_client.py" "$driver" >"$work/out" 2>&1
 [[ $status == 1 ]] || die "the driver gave $status instead of failing: $(cat "$work/out")"

@@ -4,7 +4,7 @@
 source "$(dirname "$0")/../scenario.sh"
 PATH=$PATH:/usr/sbin
 need flashrom
-if has_device; then [[ -x $DEVICE_BIN/serprog_flash ]] || skip "serprog_flash is not built"; fi
+if has_device; then [[ -x $DEVICE_BIN/serprog_flash ]] || die "serprog_flash is not built"; fi
 "$PYTHON" -c 'import random, sys
 open(sys.argv[1] + "/chip", "wb").write(b"\xff" * (1 << 20))
 open(sys.argv[1] + "/image", "wb").write(random.Random(1).randbytes(1 << 20))' "$work"

@@ -3,7 +3,7 @@
 # shellcheck source=scenario.sh
 source "$(dirname "$0")/../scenario.sh"
 need mbpoll
-if has_device; then [[ -x $DEVICE_BIN/modbus_slave ]] || skip "modbus_slave is not built (libmodbus-dev)"; fi
+if has_device; then [[ -x $DEVICE_BIN/modbus_slave ]] || die "modbus_slave is not built; ./check installs libmodbus-dev"; fi
 mode=(-m rtu -b 19200 -P none -d 8 -s 1) line=("$device" 19200)
 if [[ $driver =~ ^[0-9]+$ ]]; then
   mode=(-m tcp -p "$driver") line=("tcp:$device")

@@ -3,7 +3,7 @@
 # shellcheck source=scenario.sh
 source "$(dirname "$0")/../scenario.sh"
 need bc socat
-"$PYTHON" -c 'import serial' 2>/dev/null || skip "no python3-serial"
+"$PYTHON" -c 'import serial' 2>/dev/null || die "no python3-serial; ./check installs it"
 device socat "FILE:$device,raw,echo=0" EXEC:"bc -lq" 2>/dev/null
 mkfifo "$work/keys"
 exec 4<>"$work/keys"
