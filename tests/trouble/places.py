@@ -118,7 +118,7 @@ ERRORS = {
     "read.master": ["EINTR", "EAGAIN", SHORT],
     "read.slave": ["EIO", "EINTR", "EAGAIN", SHORT],
     "read.file": ["EIO", SHORT],
-    "read.anonymous": ["EINTR", "EAGAIN"],
+    "read.anonymous": ["EINTR"],
     "read.pipe": [],  # a signal's, which nothing else touches
     "write.pipe": [],
     "read": ["EINTR"],
