@@ -159,7 +159,8 @@ void FileEvents::gather() {
   if (!inotify_) return;
   alignas(inotify_event) std::array<char, 4096> buffer;
   ssize_t size = 0;
-  while ((size = ::read(inotify_.get(), buffer.data(), buffer.size())) > 0) {
+  while ((size = ::read(inotify_.get(), buffer.data(), buffer.size())) > 0 || (size < 0 && errno == EINTR)) {
+    if (size < 0) continue;
     for (std::size_t at = 0; at < static_cast<std::size_t>(size);) {
       inotify_event event{};
       std::memcpy(&event, buffer.data() + at, sizeof event);

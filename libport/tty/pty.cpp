@@ -55,7 +55,11 @@ Result<void> give_access(const std::string& path, const Pty::Access& access) {
 
 short poll_master(int fd) {
   pollfd state{fd, POLLIN, 0};
-  return ::poll(&state, 1, 0) > 0 ? state.revents : short{0};
+  int ready = 0;
+  do {
+    ready = ::poll(&state, 1, 0);
+  } while (ready < 0 && errno == EINTR);
+  return ready > 0 ? state.revents : short{0};
 }
 
 // The kernel hands what was written to the slave piece by piece; looking for it brings the next piece at

@@ -253,7 +253,9 @@ void PtyPort::master_ended() {
   const Line* const line = line_.get();
   peer_left();
   if (line_.get() == line) handle_events({next, events.end()});
-  look();
+  // Inotify makes one event of two opens at the same moment: a driver's, and ours of settle().
+  if (line_) handle_events(line_->pty.take_events());
+  if (!peer_ && line_ && line_->pty.occupied()) peer_arrived(std::nullopt);
   events_lost_ = false;
 }
 

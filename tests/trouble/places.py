@@ -118,7 +118,7 @@ ERRORS = {
     "read.master": ["EINTR", "EAGAIN", SHORT],
     "read.slave": ["EIO", "EINTR", "EAGAIN", SHORT],
     "read.file": ["EIO", SHORT],
-    "read.anonymous": ["EINTR", "EAGAIN"],
+    "read.anonymous": ["EINTR"],
     "read.pipe": [],  # a signal's, which nothing else touches
     "write.pipe": [],
     "read": ["EINTR"],
@@ -184,7 +184,7 @@ ERRORS = {
     "accept4": ["EMFILE", "ECONNABORTED", "EINTR", "EAGAIN"],
     "connect": ["ECONNREFUSED", "ENETUNREACH", "EAGAIN"],
     "shutdown": ["ENOTCONN"],
-    "getsockname": ["ENOBUFS"],
+    "getsockname": [],  # of a socket that is there
     "getpeername": ["ENOTCONN"],
     "getsockopt": ["ENOBUFS"],
     "setsockopt": ["ENOMEM"],
@@ -249,7 +249,7 @@ def troubles_of(place, calls, most):
     for error in errors_of(kind):
         action, number = error if isinstance(error, tuple) else ("errno", getattr(errno, error))
         found += [Trouble(place, first, 1, action, number) for first in nth(calls, most)]
-        if error in STAYS and not kind.startswith(("close", "write.master")):
+        if error in STAYS and not kind.startswith(("close", "write.master", "recv")):
             found += [Trouble(place, first, FOR_EVER, action, number) for first in sorted({1, (calls + 1) // 2})]
         if action == "short":
             found.append(Trouble(place, 1, FOR_EVER, action, number))
