@@ -9,13 +9,15 @@
 namespace porttape {
 
 class Disks;
+class ReplayClock;
 
 // What every port needs from its program.
 struct PortContext {
   Loop* loop = nullptr;  // outlives the ports
   std::shared_ptr<spdlog::logger> log;
   std::shared_ptr<Disks> disks = {};  // of the program, for its tapes; none: each tape learns for itself
-  bool pulled = false;                // the loop only runs while its program waits in a call
+  std::shared_ptr<ReplayClock> replay_clock = {};  // that its tapes are played by; none: each has its own
+  bool pulled = false;                             // the loop only runs while its program waits in a call
 };
 
 }  // namespace porttape

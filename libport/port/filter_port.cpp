@@ -1,7 +1,7 @@
 #include "libport/port/filter_port.hpp"
 
-#include <algorithm>
 #include <chrono>
+#include <utility>
 
 namespace porttape {
 namespace {

@@ -1,9 +1,11 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "libport/base/time.hpp"
 #include "libport/replay/timeline.hpp"
+#include "libport/tape/tape_header.hpp"
 
 namespace porttape {
 
@@ -15,8 +17,8 @@ namespace porttape {
 // It gives each session a Timeline. That is the session's own from then on: a gate that opens sets off what
 // follows it on its own tape, and no other player's.
 //
-// A shared clock is kept by whoever made the players: stop() between their runs. Not thread-safe: its players
-// are on one thread.
+// A shared clock stops when the last run that has joined it leaves: the next session sets it anew. It must
+// outlive its players. Not thread-safe: they are on one thread.
 class ReplayClock {
  public:
   enum class Sessions : std::uint8_t { join, set_it };
@@ -32,8 +34,17 @@ class ReplayClock {
     return timeline_;
   }
 
-  // The next session sets it.
-  void stop() { runs_ = false; }
+  // A run begins, and ends; its sessions are in between.
+  void join() { ++runs_joined_; }
+  void leave() {
+    if (--runs_joined_ == 0) runs_ = false;
+  }
+
+  // Where a tape with this zero begins, by the clock's tape time: the first one that asks, at 0.
+  Micros tape_begin(const TapeZero& zero) {
+    if (!first_zero_) first_zero_ = zero;
+    return since(*first_zero_, zero).value_or(Micros{});
+  }
 
   [[nodiscard]] bool runs() const { return runs_; }
   [[nodiscard]] double rate() const { return rate_; }
@@ -44,7 +55,9 @@ class ReplayClock {
   Timeline timeline_;
   double rate_;
   Sessions sessions_;
+  int runs_joined_ = 0;
   bool runs_ = false;
+  std::optional<TapeZero> first_zero_;
 };
 
 // A player's place on a clock.

@@ -37,14 +37,19 @@ ReplayRun::ReplayRun(const ReplayConfig& config, const Engine::TapeFacts& facts,
       gaps_(facts.gaps),
       budget_(budget),
       own_clock_(config_.rate, ReplayClock::Sessions::set_it),
+      clock_(parts.clock != nullptr ? *parts.clock : own_clock_),
       matcher_(writes, budget, config_.burst_gap, parts.expectation),
-      player_(config_, facts, {parts.clock != nullptr ? *parts.clock : own_clock_, parts.tape_begin},
-              schedule, budget, matcher_) {
+      player_(config_, facts, {clock_, parts.tape_begin}, schedule, budget, matcher_) {
   if (config_.strictness > 0) matcher_.set_gaps(gaps_);
+}
+
+ReplayRun::~ReplayRun() {
+  if (ledger_) clock_.leave();
 }
 
 void ReplayRun::begin(Instant now) {
   tape_end_told_ = false;
+  clock_.join();
   ledger_.emplace(now);
   matcher_.rewind();
   player_.begin(now);
@@ -186,6 +191,7 @@ void ReplayRun::end(Instant now) {
   add_gaps(report);
   pending_.run_ended = std::move(report);
   ledger_.reset();
+  clock_.leave();
 }
 
 // The gaps that the run came to.

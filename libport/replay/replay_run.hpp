@@ -26,6 +26,7 @@ class ReplayRun {
  public:
   ReplayRun(const ReplayConfig& config, const Engine::TapeFacts& facts, const Engine::Parts& parts,
             RecordSource& schedule, RecordSource& writes, Budget& budget);
+  ~ReplayRun();
   ReplayRun(const ReplayRun&) = delete;
   ReplayRun& operator=(const ReplayRun&) = delete;
 
@@ -88,6 +89,7 @@ class ReplayRun {
   std::vector<TapeGap> gaps_;
   Budget& budget_;
   ReplayClock own_clock_;
+  ReplayClock& clock_;
   Matcher matcher_;
   Player player_;
 

@@ -1,11 +1,14 @@
 #include "libport/tape/tape_header.hpp"
 
 #include <array>
+#include <charconv>
 #include <chrono>
 #include <cstdio>
 #include <ctime>
 #include <fcntl.h>
+#include <optional>
 #include <random>
+#include <string_view>
 #include <sys/random.h>
 #include <unistd.h>
 
@@ -15,6 +18,8 @@
 
 namespace porttape {
 namespace {
+
+constexpr std::int64_t kMostApart = 10'000'000'000'000'000;  // µs; 300 years are nobody's
 
 using WallTime = std::chrono::time_point<std::chrono::system_clock, std::chrono::microseconds>;
 
@@ -33,6 +38,53 @@ std::string rfc3339(WallTime time) {
   std::snprintf(text.data(), text.size(), "%s.%06dZ", date.data(),
                 static_cast<int>((time - seconds).count()));
   return text.data();
+}
+
+// Digits of `text` at `at`; nothing where there are others.
+std::optional<int> digits(std::string_view text, std::size_t at, std::size_t count) {
+  if (text.size() < at + count) return std::nullopt;
+  int number = 0;
+  const char* const end = text.data() + at + count;
+  const auto [stop, error] = std::from_chars(text.data() + at, end, number);
+  return error == std::errc{} && stop == end && text[at] != '-' ? std::optional(number) : std::nullopt;
+}
+
+// `±hh:mm` or `Z`.
+std::optional<std::chrono::minutes> zone(std::string_view text) {
+  if (text == "Z" || text == "z") return std::chrono::minutes{0};
+  const auto hours = digits(text, 1, 2);
+  const auto minutes = digits(text, 4, 2);
+  const bool shaped = text.size() == 6 && text[3] == ':' && (text[0] == '+' || text[0] == '-');
+  if (!shaped || !hours || !minutes) return std::nullopt;
+  const auto ahead = std::chrono::hours(*hours) + std::chrono::minutes(*minutes);
+  return text[0] == '-' ? -ahead : std::chrono::minutes(ahead);
+}
+
+// RFC 3339, to the microsecond.
+std::optional<WallTime> wall_time(std::string_view text) {
+  namespace chrono = std::chrono;
+  const auto year = digits(text, 0, 4);
+  const auto month = digits(text, 5, 2);
+  const auto day = digits(text, 8, 2);
+  const auto hour = digits(text, 11, 2);
+  const auto minute = digits(text, 14, 2);
+  const auto second = digits(text, 17, 2);
+  if (!year || !month || !day || !hour || !minute || !second) return std::nullopt;
+  const chrono::year_month_day date{chrono::year(*year), chrono::month(static_cast<unsigned>(*month)),
+                                    chrono::day(static_cast<unsigned>(*day))};
+  const bool shaped = text[4] == '-' && text[7] == '-' && text[13] == ':' && text[16] == ':';
+  if (!shaped || !date.ok() || *hour > 23 || *minute > 59 || *second > 60) return std::nullopt;
+  std::size_t at = 19;
+  Micros fraction{};
+  if (text.size() > at && text[at] == '.') {
+    int unit = 100'000;
+    for (++at; at < text.size() && text[at] >= '0' && text[at] <= '9'; ++at, unit /= 10)
+      fraction += Micros((text[at] - '0') * unit);
+  }
+  const auto ahead = zone(text.substr(at));
+  if (!ahead) return std::nullopt;
+  return WallTime(chrono::sys_days(date)) + chrono::hours(*hour) + chrono::minutes(*minute) +
+         chrono::seconds(*second) + fraction - *ahead;
 }
 
 std::string host_name() {
@@ -64,6 +116,19 @@ TapeZero tape_zero(Instant zero, Instant now) {
   const auto ago = std::chrono::duration_cast<Micros>(now - zero);
   const auto since_boot = std::chrono::duration_cast<Micros>(zero.time_since_epoch());
   return {rfc3339(wall_now() - ago), since_boot.count(), boot_id()};
+}
+
+std::optional<Micros> since(const TapeZero& first, const TapeZero& zero) {
+  std::int64_t apart = 0;
+  if (!first.boot.empty() && first.boot == zero.boot) {
+    if (__builtin_sub_overflow(zero.monotonic_us, first.monotonic_us, &apart)) return std::nullopt;
+  } else {
+    const auto from = wall_time(first.wall);
+    const auto to = wall_time(zero.wall);
+    if (!from || !to) return std::nullopt;
+    apart = (*to - *from).count();
+  }
+  return apart <= kMostApart && apart >= -kMostApart ? std::optional(Micros(apart)) : std::nullopt;
 }
 
 TapeHeader completed(TapeHeader header) {

@@ -20,6 +20,10 @@ struct TapeZero {
 // How this machine's clocks call `zero`, a moment near `now`.
 TapeZero tape_zero(Instant zero, Instant now);
 
+// How much later than `first` it was: by the monotonic clock where both are of one boot, else by the wall's.
+// Nothing where that is not known.
+std::optional<Micros> since(const TapeZero& first, const TapeZero& zero);
+
 enum class Transport : std::uint8_t { stream, datagram };
 // When a block got its time: when its bytes came, or when a program that does not listen all the time read
 // them.

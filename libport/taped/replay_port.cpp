@@ -10,6 +10,7 @@
 #include <spdlog/spdlog.h>
 
 #include "libport/loop/file_events.hpp"
+#include "libport/replay/replay_clock.hpp"
 #include "libport/replay/tape_count.hpp"
 #include "libport/tape/byte_source.hpp"
 #include "libport/tape/event_file.hpp"
@@ -35,11 +36,17 @@ constexpr int kMostSteps = 1024;
 // drivers.
 constexpr int kSpinShare = 5;
 
-// What the engine is to know of a tape beforehand. The events file is small, so that it may be read through.
-Result<Engine::TapeFacts> facts_of(const TapePaths& tape) {
+struct Known {
   Engine::TapeFacts facts;
+  std::optional<TapeZero> zero;
+};
+
+// What is to be known of a tape beforehand. The events file is small, so that it may be read through.
+Result<Known> known_of(const TapePaths& tape) {
+  Known known;
+  Engine::TapeFacts& facts = known.facts;
   std::error_code unknown;
-  if (!std::filesystem::exists(tape.events, unknown)) return facts;
+  if (!std::filesystem::exists(tape.events, unknown)) return known;
   Result<std::unique_ptr<FileSource>> source = FileSource::open(tape.events);
   if (!source) return source.error();
   Result<EventFile> events = EventFile::create(std::move(*source));
@@ -47,7 +54,10 @@ Result<Engine::TapeFacts> facts_of(const TapePaths& tape) {
   for (;;) {
     const EventFile::Step step = events->next();
     if (step == EventFile::Step::failed) return events->error();
-    if (step == EventFile::Step::end) return facts;
+    if (step == EventFile::Step::end) {
+      if (const auto& header = events->header()) known.zero = header->zero;
+      return known;
+    }
     const auto& [at, event] = events->event();
     if (std::holds_alternative<event::Open>(event)) ++facts.opens;
     if (const auto* lost = std::get_if<event::DeviceLost>(&event); lost && lost->hung_up) {
@@ -78,7 +88,9 @@ std::optional<TapeTotals> count_small(const TapePaths& paths, TapeReader& tape) 
 }  // namespace
 
 ReplayPort::ReplayPort(const PortContext& context, Options options)
-    : context_(context), options_(std::move(options)), timer_(*context.loop, [this] { on_timer(); }) {}
+    : context_(context), options_(std::move(options)), timer_(*context.loop, [this] { on_timer(); }) {
+  if (!options_.clock) options_.clock = context_.replay_clock;
+}
 
 ReplayPort::~ReplayPort() = default;
 
@@ -87,8 +99,9 @@ Result<void> ReplayPort::prepare() {
   if (!schedule) return schedule.error();
   Result<TapeReader> writes = TapeReader::open(options_.tape, TapeReader::Select::writes_only);
   if (!writes) return writes.error();
-  Result<Engine::TapeFacts> facts = facts_of(options_.tape);
-  if (!facts) return facts.error();
+  Result<Known> known = known_of(options_.tape);
+  if (!known) return known.error();
+  Engine::TapeFacts& facts = known->facts;
   if (!options_.report_file.empty()) {
     if (Result<void> place = check_report_place(options_.report_file); !place) return place;
   }
@@ -97,16 +110,17 @@ Result<void> ReplayPort::prepare() {
   const std::optional<TapeHeader> header = schedule_->header();
   datagrams_ = header && (header->transport ? *header->transport == Transport::datagram
                                             : header->device.starts_with("udp"));
-  facts->stamped_at_arrival =
+  facts.stamped_at_arrival =
       header && header->stamped ? *header->stamped == Stamped::arrival : schedule_->has_events();
-  if (options_.brief && facts->opens <= 1) context_.loop->file_events().begin_after(kBrief);
-  if (const auto counted = count_small(options_.tape, *schedule_)) facts->totals = counted;
+  if (options_.brief && facts.opens <= 1) context_.loop->file_events().begin_after(kBrief);
+  if (const auto counted = count_small(options_.tape, *schedule_)) facts.totals = counted;
   reports_ = std::make_unique<ReplayReports>(
-      context_, ReplayReports::Options{options_.tape, options_.report_file, facts->totals},
+      context_, ReplayReports::Options{options_.tape, options_.report_file, facts.totals},
       [this](const RunReport& report) { publish(report); });
   engine_ = std::make_unique<Engine>(
-      options_.config, *facts, *schedule_, *writes_,
-      Engine::Parts{options_.expectation.get(), options_.clock.get(), options_.tape_begin});
+      options_.config, facts, *schedule_, *writes_,
+      Engine::Parts{options_.expectation.get(), options_.clock.get(),
+                    options_.clock && known->zero ? options_.clock->tape_begin(*known->zero) : Micros{}});
   return {};
 }
 

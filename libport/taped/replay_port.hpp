@@ -25,9 +25,9 @@ class ReplayPort final : public Port, private WaitingCalls {
     bool once = false;
     std::string report_file = {};
     std::shared_ptr<const Expectation> expectation = {};  // what of a write may vary; null: nothing
-    // That other ports play by too, with its rate instead of the one in `config`; null: one of its own.
+    // That other ports play by too, with its rate instead of the one in `config`; null: the context's, or one
+    // of its own. On a shared one tapes begin as their zeros lie, and one without a zero with the first.
     std::shared_ptr<ReplayClock> clock = {};
-    Micros tape_begin{};                                   // of this tape, by the clock's tape time
     std::function<void(const RunReport&)> on_report = {};  // each run's, or empty
     bool report_unopened = false;  // a run that no driver began gets its report at the end, as with `once`
     // The program ends soon, and has no other ports: where the tape has no reopen, opens are looked for in

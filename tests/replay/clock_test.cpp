@@ -19,9 +19,14 @@ ReplayConfig recorded() {
 TEST(ReplayClockTest, TheFirstSessionSetsASharedClockAndTheOthersJoin) {
   ReplayClock clock(2);
   EXPECT_FALSE(clock.runs());
+  clock.join();
+  clock.join();
   EXPECT_EQ(clock.begin_session(tape_time_us(100), at_us(1'000)).real(tape_time_us(300)), at_us(1'100));
   EXPECT_EQ(clock.begin_session(tape_time_us(700), at_us(9'000)).real(tape_time_us(300)), at_us(1'100));
-  clock.stop();
+  clock.leave();
+  EXPECT_TRUE(clock.runs());
+  clock.leave();
+  EXPECT_FALSE(clock.runs());
   EXPECT_EQ(clock.begin_session(tape_time_us(100), at_us(9'000)).real(tape_time_us(300)), at_us(9'100));
 }
 
@@ -39,6 +44,32 @@ TEST(ReplayClockTest, ATapeThatBeganLaterHasItsPlaceOnTheClock) {
   EXPECT_EQ(later.begin_session(tape_time_us(0), at_us(9'000)).real(tape_time_us(20)), at_us(1'520));
   EXPECT_EQ(clock.timeline().anchor_tape(), tape_time_us(0));
   EXPECT_EQ(clock.timeline().anchor_real(), at_us(1'000));
+}
+
+TEST(ReplayClockTest, TapesBeginAsTheirZerosLie) {
+  ReplayClock clock(1);
+  const TapeZero first{"2024-05-06T07:08:09.000000Z", 5'000'000, "a"};
+  EXPECT_EQ(clock.tape_begin(first), Micros{0});
+  EXPECT_EQ(clock.tape_begin({"2000-01-01T00:00:00Z", 5'000'250, "a"}), Micros{250});
+  EXPECT_EQ(clock.tape_begin({"2024-05-06T07:08:08.5Z", 0, "b"}), Micros{-500'000});
+  EXPECT_EQ(clock.tape_begin({"", 0, ""}), Micros{0});
+}
+
+TEST(SharedClock, TheLastRunThatEndsStopsIt) {
+  ReplayClock clock(1);
+  const Engine::Parts parts{.clock = &clock};
+  const auto tape = MemoryTape().read(1'000, "a");
+  Rig first(tape, recorded(), true, 64, parts);
+  {
+    Rig second(tape, recorded(), true, 64, parts);
+    first.open();
+    second.open();
+    first.until(2'000).close();
+    EXPECT_TRUE(clock.runs());
+  }
+  EXPECT_FALSE(clock.runs()) << "an engine that goes leaves it too";
+  first.until(50'000).open().until(60'000);
+  EXPECT_EQ(first.deliveries, (std::vector<Rig::Delivery>{{1'000, "a", {1}}, {51'000, "a", {1}}}));
 }
 
 TEST(SharedClock, TwoEnginesKeepOneAnchor) {

@@ -3,6 +3,7 @@
 #include <csignal>
 #include <filesystem>
 #include <iterator>
+#include <limits>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -192,6 +193,28 @@ TEST(TapeWriter, TheZeroIsOnBothClocks) {
   EXPECT_THAT(now.boot, testing::MatchesRegex("[0-9a-f-]{36}"));
   EXPECT_THAT(now.wall, testing::MatchesRegex("2[0-9]{3}-[0-9]{2}-[0-9]{2}T[0-9:]{8}\\.[0-9]{6}Z"));
   EXPECT_LT(past.wall, now.wall);
+}
+
+TEST(TapeZeros, OfOneBootAreApartByItsClock) {
+  const TapeZero first{"2024-01-01T00:00:00Z", 1'000, "boot"};
+  EXPECT_EQ(since(first, {"2000-01-01T00:00:00Z", 3'500, "boot"}), Micros{2'500});
+  EXPECT_EQ(since({"", 3'500, "boot"}, first), Micros{-2'500});
+  EXPECT_EQ(since(first, {"", std::numeric_limits<std::int64_t>::min(), "boot"}), std::nullopt);
+}
+
+TEST(TapeZeros, OthersAreApartByTheWallClock) {
+  const auto apart = [](const char* from, const char* to) {
+    return since({from, 7, "one"}, {to, 9, "other"});
+  };
+  EXPECT_EQ(apart("2024-02-28T23:59:59.999999Z", "2024-02-29T00:00:01Z"), Micros{1'000'001});
+  EXPECT_EQ(apart("2024-02-29T02:00:00.5+02:00", "2024-02-29T00:00:00Z"), Micros{-500'000});
+  EXPECT_EQ(apart("2024-02-28T18:30:00-05:30", "2024-02-29t00:00:00.123456789z"), Micros{123'456});
+  EXPECT_EQ(since({"2024-01-01T00:00:00Z", 5, ""}, {"2024-01-01T00:00:01Z", 5, ""}), Micros{1'000'000});
+  for (const char* wrong : {"", "2024", "2024-02-30T00:00:00Z", "2024-02-29T24:00:00Z", "2024-02-29T00:00:00",
+                            "2024-02-29 x", "2024-02-29T00:00:00+2", "2024-02-29T00:00:00+02:0x",
+                            "2024/02/29T00:00:00Z", "-024-02-29T00:00:00Z"}) {
+    EXPECT_EQ(apart("2024-02-29T00:00:00Z", wrong), std::nullopt) << wrong;
+  }
 }
 
 TEST(TapeWriter, TheEndTellsWhatTheFilesHold) {

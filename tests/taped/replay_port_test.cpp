@@ -9,6 +9,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "libport/replay/replay_clock.hpp"
 #include "libport/tape/event.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
@@ -100,6 +101,37 @@ TEST_F(ReplayPortTest, ATapeOfEmptyBlocksHoldsNothingUp) {
   ASSERT_TRUE(port->report().has_value());
   EXPECT_EQ(port->report()->to_driver_of, std::nullopt);
   EXPECT_THAT(port->report()->trouble.value_or(""), HasSubstr("not counted in time"));
+}
+
+// Tapes whose zeros were 40 s apart, each with a read an hour after its zero.
+TEST_F(ReplayPortTest, TapesOfOneProgramPlayByItsClock) {
+  const auto clock = std::make_shared<ReplayClock>(1);
+  const auto play = [&](const char* tape, std::int64_t zero_us) {
+    TapeHeader header;
+    header.zero = TapeZero{"2024-01-01T00:00:00Z", zero_us, "a boot"};
+    test::write_file(dir / (std::string(tape) + "e"), as_bytes(encode(header)));
+    test::write_file(dir / (std::string(tape) + "r"), test::block_bytes({{3'600'000'000, "x"}}));
+    ReplayPort::Options options;
+    options.tape = literal_tape(dir / tape);
+    options.config.timing = Timing::recorded;
+    auto made = std::make_unique<ReplayPort>(
+        PortContext{.loop = &loop, .log = book.log(), .replay_clock = clock}, std::move(options));
+    made->listen(log);
+    EXPECT_TRUE(made->prepare().has_value());
+    return made;
+  };
+  const auto first = play("1.log", 5'000'000);
+  const auto second = play("2.log", 45'000'000);
+  first->open();
+  second->open();
+  const auto due = first->waiting()->next_due();
+  const auto later = second->waiting()->next_due();
+  ASSERT_TRUE(due && later);
+  EXPECT_EQ(*later - *due, std::chrono::seconds(40));
+  first->close();
+  EXPECT_TRUE(clock->runs());
+  second->close();
+  EXPECT_FALSE(clock->runs());
 }
 
 TEST_F(ReplayPortTest, AStallDuringTheRunIsADoubt) {
