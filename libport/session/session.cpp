@@ -159,6 +159,7 @@ bool Session::keep_early(Gate& gate, const Port& port, ByteView data) {
 void Session::read_driver() {
   if (end_.takes_in()) let_driver(true);
 }
+// A next driver may be there already, and have more than it takes.
 void Session::read_device() {
   const bool driver_is_slow = driver_up_ && driver_->congested();
   if (end_.takes_in() && !driver_is_slow) let_device(true);
@@ -271,9 +272,7 @@ void Session::close_device() {
   device_state_ = DeviceState::closed;
   note_gap();
   device_->close();
-  // Only now: a tape that was held back would pour the rest into the closed line. A next driver may be there
-  // already, and have more than it takes.
-  if (!driver_up_ || !driver_->congested()) read_device();
+  read_device();  // only now: a tape that was held back would pour the rest into the closed line
   tell_dropped();
   if (driver_up_ && end_.running()) open_device();
   continue_end();
