@@ -117,6 +117,12 @@ void FilterPort::on_settings(const SeenSettings& settings) {
   in_.put([this, settings] { ForwardingPort::on_settings(settings); });
 }
 
+// A replay that is over has its last bytes behind what is held; a tape that must not fail has no time.
+void FilterPort::on_finished(int exit_status) {
+  if (exit_status == exit_status::kRuntime) return ForwardingPort::on_finished(exit_status);
+  in_.put([this, exit_status] { ForwardingPort::on_finished(exit_status); }, Loop::now() + kRestLimit);
+}
+
 PortListener::Answers FilterPort::on_ended() {
   const unsigned session = closes_;
   in_.run(true);

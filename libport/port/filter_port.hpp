@@ -74,6 +74,7 @@ class FilterPort : public ForwardingPort {
   void on_resumed() final;
   void on_flush(FlushQueue queue) final;
   void on_settings(const SeenSettings& settings) final;
+  void on_finished(int exit_status) final;
 
   std::size_t write_some(ByteView data) final;
   [[nodiscard]] std::size_t unsent() final { return out_.bytes() + ForwardingPort::unsent(); }

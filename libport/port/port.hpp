@@ -81,7 +81,7 @@ class PortListener {
   // The peer dropped bytes of its own line (tcflush): what had come to it and was not read, what it had
   // written and was not sent, or both.
   virtual void on_flush(FlushQueue) {}
-  // The peer has changed the settings of its line.
+  // The peer has changed the settings of its line, or took others than apply() asked for.
   virtual void on_settings(const SeenSettings&) {}
   // So many bytes, taken by write() or come from the peer, reached nobody.
   virtual void on_dropped(std::uint64_t bytes, std::string_view why) {
@@ -169,8 +169,10 @@ class Port {
   // The settings of a serial line; none where the line has no such thing.
   [[nodiscard]] virtual std::optional<LineSettings> settings() const { return std::nullopt; }
   // Changes them, before prepare() or at any time after it. Errc::usage where there are none; on an error
-  // they stay. A line that is not up takes them when it comes up, or keeps the last that it took. On a
-  // driver's port they are what the driver finds there: a pty shows them, and is not made raw again.
+  // they stay. A line that is not up takes them when it comes up, or keeps the last that it took; one that is
+  // up may take them only when what was written before has gone. What it took otherwise than asked for,
+  // on_settings() tells then. On a driver's port they are what the driver finds there: a pty shows them, and
+  // is not made raw again.
   virtual Result<void> apply(const LineSettings&) {
     return make_error(Errc::usage, name() + " has no line settings");
   }

@@ -68,6 +68,9 @@ struct Session::DeviceSide final : PortListener {
   }
   void on_interrupted(const LineDown& down) override { session.device_interrupted(down); }
   void on_resumed() override { session.device_resumed(); }
+  void on_settings(const SeenSettings&) override {
+    session.show_settings();
+  }  // it took others than asked for
   void on_dropped(std::uint64_t bytes, std::string_view why) override { session.dropped(bytes, why); }
   Session& session;
   Gate gate;

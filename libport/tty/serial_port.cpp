@@ -268,12 +268,14 @@ Result<void> SerialPort::apply(const LineSettings& settings) {
     untried_ = settings;
     return {};
   }
-  if (Result<std::string> set = apply_settings(line_->fd.get(), settings); !set) {
+  Result<std::string> set = apply_settings(line_->fd.get(), settings);
+  if (!set) {
     const Error error =
         make_error(set.error().code, fmt::format("device '{}': {}", options_.device, set.error().message));
     (void)apply_settings(line_->fd.get(), options_.settings);
     return error;
   }
+  if (!set->empty()) context_.log->warn("{}: the device did not take: {}", name(), *set);
   options_.settings = settings;
   return {};
 }

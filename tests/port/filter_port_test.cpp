@@ -58,6 +58,18 @@ class FilterPortTest : public testing::Test {
   Delays port;
 };
 
+TEST_F(FilterPortTest, AReplaysEndWaitsForItsLastBytesAndAFailedEndForNothing) {
+  port.in = milliseconds(2);
+  device.send("answer");
+  device.finish(exit_status::kPass);
+  EXPECT_EQ(log.events, "");
+  device.finish(exit_status::kRuntime);
+  EXPECT_EQ(log.events, "finished1 ");
+  EXPECT_EQ(log.data, "");
+  run_until(loop, [this] { return log.events == "finished1 finished0 "; });
+  EXPECT_EQ(log.data, "answer");
+}
+
 TEST_F(FilterPortTest, PassesOnAtOnceWhatIsDue) {
   device.send("a");
   device.arrive("bc", {1, 2});

@@ -98,6 +98,15 @@ TEST_F(SessionTest, SettingsThatTheDeviceDoesNotTakeAreShownAsTheyAre) {
   EXPECT_NE(book.text().find("no such rate"), std::string::npos);
 }
 
+TEST_F(SessionTest, ADeviceThatTookOtherSettingsLaterShowsThemToTheDriver) {
+  device.settings = LineSettings{.baud = 9600};
+  start();
+  EXPECT_EQ(driver.settings, device.settings);
+  device.settings->baud = 4800;
+  device.set({.baud = 4800});
+  EXPECT_EQ(driver.settings, device.settings);
+}
+
 TEST_F(SessionTest, BytesForAbsentDriverAreCountedAndDropped) {
   start();
   device.send("noise");
