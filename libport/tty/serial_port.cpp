@@ -114,7 +114,9 @@ void SerialPort::open() {
     listener().on_up();
     return;
   }
-  if (!interrupted_ && closing_ == 0) try_open();
+  if (interrupted_) return;
+  open_waits_ = closing_ > 0;
+  if (!open_waits_) try_open();
 }
 
 void SerialPort::try_open() {
@@ -186,7 +188,7 @@ void SerialPort::set_modem(int fd, const char* option, int line, std::optional<b
 }
 
 void SerialPort::close() {
-  opened_ = up_ = false;
+  opened_ = up_ = open_waits_ = false;
   if (!interrupted_) waiting_.reset();
   if (!line_) return;
   discard_unsent();
@@ -233,7 +235,7 @@ void SerialPort::close_elsewhere(UniqueFd fd) {
 }
 
 void SerialPort::closed() {
-  if (--closing_ == 0 && opened_ && !interrupted_) try_open();
+  if (--closing_ == 0 && std::exchange(open_waits_, false)) try_open();
 }
 
 void SerialPort::write(ByteView data) {

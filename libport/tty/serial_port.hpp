@@ -92,6 +92,7 @@ class SerialPort final : public Port, private WaitingCalls {
   Workers::Strand closing_strand_;
   int closing_ = 0;  // closes under way
   bool opened_ = false;
+  bool open_waits_ = false;  // for a close that is under way
   bool up_ = false;
   bool interrupted_ = false;  // lost though `alwaysopen`, and not back yet
   bool reading_ = true;

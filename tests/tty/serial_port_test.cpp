@@ -79,6 +79,22 @@ TEST_F(SerialPortTest, AHangUpIsTold) {
   run_until(loop, [&] { return log.events == "up hung_up "; });
 }
 
+TEST_F(SerialPortTest, OneThatWasHungUpComesUpAgainByTheNextOpenOnly) {
+  make_port();
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  port->hang_up(true);
+  // Long enough for the close, which is on another thread; a slow one makes the test see less, not fail.
+  bool over = false;
+  Timer later(loop, [&over] { over = true; });
+  later.set_after(std::chrono::milliseconds(50));
+  run_until(loop, [&over] { return over; });
+  EXPECT_EQ(log.events, "up hung_up ");
+  port->close();
+  port->open();
+  run_until(loop, [&] { return log.events == "up hung_up up "; });
+}
+
 TEST_F(SerialPortTest, OneThatIsForWritingOnlyIsNotLostWhenTheDeviceSends) {
   make_port({{"writeonly", "1"}});
   ASSERT_TRUE(port->prepare().has_value());
