@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <csignal>
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
@@ -65,10 +66,25 @@ std::filesystem::path make_folder() {
   return name;
 }
 
+// A seed takes some milliseconds. One in which the program goes on without an end and without a wait is
+// ended.
+constexpr unsigned kSeedLimit = 60;  // seconds of the real clock
+std::uint64_t seed_under_way = 0;
+
+void on_alarm(int) {
+  char text[64];
+  const auto end = fmt::format_to_n(text, sizeof text, "seed {}: the program does not end\n", seed_under_way);
+  const bool told = ::write(STDOUT_FILENO, text, std::min(end.size, sizeof text)) > 0;
+  ::_exit(told ? 1 : 2);
+}
+
 Sum run_seeds(const Options& options, const std::vector<std::uint64_t>& seeds, const char* program) {
   const std::filesystem::path folder = make_folder();
+  std::signal(SIGALRM, on_alarm);
   Sum sum;
   for (const std::uint64_t seed : seeds) {
+    seed_under_way = seed;
+    ::alarm(kSeedLimit);
     const SeedResult result = run_seed(seed, folder / "seed", options.trace);
     ++sum.seeds;
     sum.seconds += result.seconds;
@@ -81,6 +97,7 @@ Sum run_seeds(const Options& options, const std::vector<std::uint64_t>& seeds, c
     std::cout << text << std::flush;
     if (sum.findings >= kMostFindings || (options.stop && sum.findings > 0)) break;
   }
+  ::alarm(0);
   std::filesystem::remove_all(folder);
   return sum;
 }
