@@ -168,7 +168,7 @@ void LinePort::write(ByteView data) {
   line_->bytes_out += data.size();
   line_->passed.push_back({false, Bytes(data.begin(), data.end())});
   world_->trace("{}: write() of {} bytes", line_->name_, data.size());
-  if (up_ && was_congested_) world_->wrong("{}: bytes are written to it while it is congested", line_->name_);
+  if (up_ && congested()) world_->wrong("{}: bytes are written to it while it is congested", line_->name_);
   if (interrupted_) world_->wrong("{}: bytes are written to it while it is interrupted", line_->name_);
   if (!up_ || interrupted_) {
     line_->bytes_dropped += data.size();
