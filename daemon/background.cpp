@@ -4,7 +4,6 @@
 #include <cerrno>
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <functional>
 #include <string_view>
 #include <sys/file.h>
 #include <sys/wait.h>
@@ -35,28 +34,17 @@ bool is_pid_text(std::string_view text) {
          digits == std::string_view::npos;
 }
 
-using Refuse = std::function<Error(const std::string& why)>;
-
-Result<void> write_to(int fd, const Refuse& refuse) {
-  std::array<char, 64> old{};
-  const ssize_t size = ::read(fd, old.data(), old.size());
-  const std::string_view text(old.data(), size > 0 ? static_cast<std::size_t>(size) : 0);
-  if (size < 0 || !is_pid_text(text)) return refuse("is not a pidfile and is left alone");
-  // The lock goes with the process, however it ends, and numbers are used again: the number alone says
-  // nothing.
-  if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
-    if (errno != EWOULDBLOCK) return refuse("cannot be locked: " + errno_text(errno));
-    return refuse(fmt::format("is that of process {}, which is running", text.substr(0, text.find('\n'))));
-  }
+// 0, or the errno.
+int write_number(int fd) {
   const std::string number = fmt::format("{}\n", ::getpid());
-  if (::ftruncate(fd, 0) != 0) return refuse("cannot be written: " + errno_text(errno));
+  if (::ftruncate(fd, 0) != 0) return errno;
   for (std::size_t done = 0; done < number.size();) {
     const ssize_t part = ::pwrite(fd, number.data() + done, number.size() - done, static_cast<off_t>(done));
     if (part < 0 && errno == EINTR) continue;
-    if (part <= 0) return refuse("cannot be written: " + errno_text(part < 0 ? errno : ENOSPC));
+    if (part <= 0) return part < 0 ? errno : ENOSPC;
     done += static_cast<std::size_t>(part);
   }
-  return {};
+  return 0;
 }
 
 }  // namespace
@@ -93,16 +81,27 @@ Result<void> PidFile::write(const std::string& path) {
   const auto open_it = [&path](int how) {
     return UniqueFd(::open(path.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC | how, 0644));
   };
-  std::string name = path;
+  std::string name = path;  // now: memory may be short later
   UniqueFd fd = open_it(O_CREAT | O_EXCL);
   const bool made = static_cast<bool>(fd);
   if (!fd && errno == EEXIST) fd = open_it(O_CREAT);
   if (!fd) return refuse("cannot be written: " + errno_text(errno));
-  Result<void> written = write_to(fd.get(), refuse);
-  if (!written) {
+  const auto give_up = [&](const std::string& why, int error) {
     if (made) (void)::unlink(path.c_str());
-    return written;
+    return refuse(why + errno_text(error));
+  };
+  std::array<char, 64> old{};
+  const ssize_t size = ::read(fd.get(), old.data(), old.size());
+  const std::string_view text(old.data(), size > 0 ? static_cast<std::size_t>(size) : 0);
+  if (size < 0) return give_up("cannot be read: ", errno);
+  if (!is_pid_text(text)) return refuse("is not a pidfile and is left alone");
+  // The lock goes with the process, however it ends, and numbers are used again: the number alone says
+  // nothing. Whoever made the file, it is theirs who hold the lock.
+  if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK) return give_up("cannot be locked: ", errno);
+    return refuse(fmt::format("is that of process {}, which is running", text.substr(0, text.find('\n'))));
   }
+  if (const int error = write_number(fd.get()); error != 0) return give_up("cannot be written: ", error);
   fd_ = std::move(fd);
   path_ = std::move(name);
   return {};

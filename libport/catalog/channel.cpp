@@ -62,24 +62,15 @@ Result<OptionValues> checked_values(const ChannelSpec& spec) {
   return checked;
 }
 
-Result<PortOptions> named_port(std::string_view option, const std::string& spec) {
-  Result<PortOptions> port = parse_options(port_types(), spec);
-  if (!port) return usage(fmt::format("option '{}': {}", option, port.error().message));
-  return port;
+Error in_option(std::string_view option, const Error& error) {
+  return usage(fmt::format("option '{}': {}", option, error.message));
 }
 
-Result<PortSpec> read_port(std::string_view option, Result<PortOptions> written) {
-  if (!written) return written.error();
-  Result<PortSpec> port = PortSpec::read(std::move(*written));
-  if (!port) return usage(fmt::format("option '{}': {}", option, port.error().message));
-  return port;
-}
-
-Result<PortSpec> replay_device(OptionValues values, const PortOptions& driver, bool find) {
+Result<PortSpec> replay_device(OptionValues values, const PortSpec& driver, bool find) {
   auto tape = values.extract("tape");
   values.erase("driver");
   // Datagrams have no close that could end the one run.
-  if (driver.type->keeps_datagrams && values.contains("once")) values.try_emplace("at-end", "exit");
+  if (driver.type().keeps_datagrams && values.contains("once")) values.try_emplace("at-end", "exit");
   set_replay_defaults(ReplayUse::verb, values);
   if (find) {
     const Result<TapePaths> found = find_tape(tape.mapped());
@@ -92,42 +83,42 @@ Result<PortSpec> replay_device(OptionValues values, const PortOptions& driver, b
   return PortSpec::read(std::move(*device));
 }
 
-Result<PortOptions> recording_device(const OptionValues& values, Result<PortOptions> device) {
-  if (!device) return device;
-  const PortType& type = *device->type;
+// The port with a tape of it.
+Result<PortOptions> recorded(const OptionValues& values, PortOptions device) {
+  const PortType& type = *device.type;
   if (type.recorded_as.empty()) {
-    return usage(fmt::format("option 'device': a port of type {} cannot be recorded{}", type.name,
+    return usage(fmt::format("a port of type {} cannot be recorded{}", type.name,
                              type.records.empty() ? "" : "; give it to bridge"));
   }
-  device->type = port_types().find(type.recorded_as);
-  device->values["file"] = new_tape(values.at("tape")).name();
+  device.type = port_types().find(type.recorded_as);
+  device.values["file"] = new_tape(values.at("tape")).name();
   for (const OptionSpec& option : record_options()) {
     const auto given = values.find(std::string(name_at_record(option.name)));
-    if (given != values.end()) device->values[std::string(option.name)] = given->second;
+    if (given != values.end()) device.values[std::string(option.name)] = given->second;
   }
   return device;
 }
 
-Result<PortSpec> live_device(const OptionValues& values, bool recorded) {
-  Result<PortOptions> device = named_port("device", values.at("device"));
+Result<PortSpec> live_device(const OptionValues& values, ChannelMode mode) {
+  Result<PortOptions> device = parse_options(port_types(), values.at("device"));
   if (device && values.contains("wait-device") && device->type->find("wait") != nullptr)
     device->values["wait"] = values.at("wait-device");
-  if (recorded) device = recording_device(values, std::move(device));
-  return read_port("device", std::move(device));
+  if (device && mode == ChannelMode::record) device = recorded(values, std::move(*device));
+  if (!device) return in_option("device", device.error());
+  Result<PortSpec> read = PortSpec::read(std::move(*device));
+  if (!read) return in_option("device", read.error());
+  return read;
 }
 
 Result<ChannelPorts> ports_of(const ChannelSpec& spec, bool find) {
   const Result<OptionValues> values = checked_values(spec);
   if (!values) return values.error();
-  Result<PortOptions> driver = named_port("driver", values->at("driver"));
-  if (!driver) return driver.error();
-  Result<PortSpec> device = spec.mode == ChannelMode::replay
-                                ? replay_device(*values, *driver, find)
-                                : live_device(*values, spec.mode == ChannelMode::record);
+  Result<PortSpec> driver = parse_port(values->at("driver"));
+  if (!driver) return in_option("driver", driver.error());
+  Result<PortSpec> device = spec.mode == ChannelMode::replay ? replay_device(*values, *driver, find)
+                                                             : live_device(*values, spec.mode);
   if (!device) return device.error();
-  Result<PortSpec> read = read_port("driver", std::move(driver));
-  if (!read) return read.error();
-  return ChannelPorts{std::move(*read), std::move(*device)};
+  return ChannelPorts{std::move(*driver), std::move(*device)};
 }
 
 }  // namespace

@@ -28,15 +28,4 @@ const PortTypes& port_types() {
   return types;
 }
 
-Result<PortSpec> parse_port(std::string_view spec) { return parse_port(port_types(), spec); }
-
-Result<PortOptions> check_options(std::map<std::string, std::string> values) {
-  return check_options(port_types(), std::move(values));
-}
-
-Result<std::unique_ptr<Port>> make_port(const PortContext& context, const PortSpec& spec,
-                                        const std::string& peer) {
-  return spec.type().make(context, spec, peer);
-}
-
 }  // namespace porttape

@@ -164,7 +164,8 @@ class Port {
   virtual bool end_writing() = 0;
 
   // Bytes that were taken and that the peer has not read yet, as far as this machine knows; nothing where it
-  // cannot be known. May cost a few system calls.
+  // cannot be known. May cost a few system calls; after close() the bytes may be taken from the peer, which
+  // counts them all.
   [[nodiscard]] virtual std::optional<std::size_t> unread_by_peer() const = 0;
   // The settings of a serial line; none where the line has no such thing.
   [[nodiscard]] virtual std::optional<LineSettings> settings() const { return std::nullopt; }

@@ -73,7 +73,7 @@ struct LiveTape::Shared {
   void make(std::unique_lock<std::mutex>& lock);
   void write_batch(std::unique_lock<std::mutex>& lock);
   void take_stock();
-  void give_up_queue();
+  std::uint64_t give_up_queue();
   void abandon();
   void sync();
   void tell() const {
@@ -116,12 +116,12 @@ void LiveTape::Shared::serve() {
 // Nothing more goes to this tape.
 void LiveTape::Shared::give_up(const char* why) {
   std::unique_lock lock(mutex);
-  const std::uint64_t bytes = status.bytes_waiting + (overflow ? overflow->bytes : 0);
-  disks->release(std::exchange(status.bytes_waiting, 0));
-  status.bytes_lost += bytes;
-  queue.clear();
-  overflow.reset();
-  if (writer) writer->lose({}, bytes, why);
+  const std::uint64_t bytes = give_up_queue();
+  if (writer) {
+    lock.unlock();  // this may write
+    writer->lose({}, bytes, why);
+    lock.lock();
+  }
   status.phase = Status::Phase::not_made;
   status.error = make_error(Errc::io, std::string("the tape is given up: ") + why);
   status.waits_since.reset();
@@ -157,7 +157,8 @@ void LiveTape::Shared::make(std::unique_lock<std::mutex>& lock) {
   if (!made) {
     status.phase = Status::Phase::not_made;
     status.error = made.error();
-    return give_up_queue();
+    (void)give_up_queue();
+    return;
   }
   writer = std::move(*made);
   syncers = writer->syncers();
@@ -167,12 +168,14 @@ void LiveTape::Shared::make(std::unique_lock<std::mutex>& lock) {
   take_stock();
 }
 
-void LiveTape::Shared::give_up_queue() {
-  for (const Entry& entry : queue) status.bytes_lost += entry.bytes;
-  status.bytes_lost += std::exchange(untold, 0);
+// With what the writer was to be told of, and a batch that has failed. How many bytes those are.
+std::uint64_t LiveTape::Shared::give_up_queue() {
+  const std::uint64_t bytes = status.bytes_waiting + std::exchange(untold, 0);
+  status.bytes_lost += bytes;
   queue.clear();
   overflow.reset();
   disks->release(std::exchange(status.bytes_waiting, 0));
+  return bytes;
 }
 
 // Nobody writes any more what is left: the tape says so.
@@ -260,7 +263,7 @@ LiveTape::~LiveTape() {
     shared_->abandoned = true;
   }
   try {
-    (void)workers_.post(strand_, [shared = shared_] {});
+    (void)workers_.post(strand_, [shared = std::move(shared_)] {});
   } catch (const std::exception&) {  // no memory: here, then
   }
 }

@@ -8,80 +8,13 @@
 
 namespace porttape {
 
-// What passes in one call, with where each arrival ends; one block where that is not said.
+// What passes in one call, with where each arrival ends; one block where that is not said. The views are
+// valid until the port is called again.
 struct TapPort::Blocks {
   Direction direction;
   Instant at;
   ByteView data;
   std::span<const std::size_t> ends = {};
-  Bytes kept = {};
-  std::vector<std::size_t> kept_ends = {};
-
-  // The views are valid until the port is called again: it may read into the same buffer.
-  void keep() {
-    if (!kept.empty()) return;
-    kept.assign(data.begin(), data.end());
-    kept_ends.assign(ends.begin(), ends.end());
-    data = kept;
-    ends = kept_ends;
-  }
-};
-
-// Only one at a time tells; what others have to tell waits.
-class TapPort::Turn {
- public:
-  explicit Turn(TapPort& tap) : tap_(tap), mine_(!std::exchange(tap.turn_, true)) {}
-  ~Turn() {
-    if (mine_) tap_.turn_ = false;
-  }
-  Turn(const Turn&) = delete;
-  Turn& operator=(const Turn&) = delete;
-  [[nodiscard]] bool mine() const { return mine_; }
-
- private:
-  TapPort& tap_;
-  const bool mine_;
-};
-
-// Blocks that are being passed on, to be told once they have. Those that come meanwhile keep their place.
-class TapPort::Passing {
- public:
-  Passing(TapPort& tap, Direction direction, ByteView data, std::span<const std::size_t> ends = {})
-      : tap_(tap), turn_(tap), blocks_{direction, tap.now_(), data, ends} {
-    if (turn_.mine()) {
-      tap_.passed_ = this;
-    } else {
-      tap_.keep_passed();
-      blocks_.keep();
-      place_ = &tap_.waiting_.emplace_back();
-    }
-  }
-  ~Passing() {
-    if (turn_.mine()) tap_.passed_ = nullptr;
-  }
-  Passing(const Passing&) = delete;
-  Passing& operator=(const Passing&) = delete;
-
-  void keep() { blocks_.keep(); }
-
-  // So many bytes have passed.
-  void tell(std::size_t passed) {
-    blocks_.data = blocks_.data.first(passed);
-    if (turn_.mine()) {
-      tap_.tell_blocks(blocks_);
-      tap_.tell_waiting();
-    } else {
-      *place_ = [&tap = tap_, blocks = std::make_shared<Blocks>(std::move(blocks_))] {
-        tap.tell_blocks(*blocks);
-      };
-    }
-  }
-
- private:
-  TapPort& tap_;
-  Turn turn_;
-  Blocks blocks_;
-  std::function<void()>* place_ = nullptr;
 };
 
 TapPort::TapPort(const PortContext& context, std::unique_ptr<Port> inner, Instant (*now)(), Nanos end_limit)
@@ -103,7 +36,7 @@ TapPort::~TapPort() {
 void TapPort::add(std::unique_ptr<LineObserver> observer) { observers_.push_back({std::move(observer)}); }
 
 void TapPort::must_end() {
-  keep_passed();
+  tell_passed();
   listener().on_finished(exit_status::kRuntime);
 }
 
@@ -115,7 +48,7 @@ Result<void> TapPort::prepare() {
 }
 
 void TapPort::open() {
-  keep_passed();
+  tell_passed();
   open_ = true;
   writing_ended_ = false;
   tell([now = now_()](LineObserver& observer) { observer.opened(now); });
@@ -128,7 +61,7 @@ void TapPort::on_up() {
 }
 
 void TapPort::close() {
-  keep_passed();
+  tell_passed();
   ForwardingPort::close();
   if (!std::exchange(open_, false)) return;
   tell([now = now_()](LineObserver& observer) { observer.closed(now); });
@@ -136,49 +69,49 @@ void TapPort::close() {
 
 // The time is that before it goes out: the answer must not be stamped earlier.
 void TapPort::write(ByteView data) {
-  Passing passing(*this, Direction::write, data);
-  ForwardingPort::write(data);
-  passing.tell(data.size());
+  pass({Direction::write, now_(), data}, [&] { ForwardingPort::write(data); });
 }
 
+// How much of it passes is known afterwards alone.
 std::size_t TapPort::write_some(ByteView data) {
-  Passing passing(*this, Direction::write, data);
+  tell_passed();
+  const Instant at = now_();
   const std::size_t sent = ForwardingPort::write_some(data);
-  passing.tell(sent);
+  tell_blocks({Direction::write, at, data.first(sent)});
   return sent;
 }
 
 bool TapPort::discard() {
-  keep_passed();
+  tell_passed();
   const bool dropped = ForwardingPort::discard();
   if (dropped) note_flush(FlushQueue::both);
   return dropped;
 }
 
 bool TapPort::end_writing() {
-  keep_passed();
+  tell_passed();
   writing_ended_ = true;
   note(event::HalfClose{Side::driver});
   return ForwardingPort::end_writing();
 }
 
 void TapPort::set_reading(bool on) {
-  if (on) keep_passed();
+  if (on) tell_passed();
   ForwardingPort::set_reading(on);
 }
 
 void TapPort::hang_up(bool after_reading) {
-  keep_passed();
+  tell_passed();
   ForwardingPort::hang_up(after_reading);
 }
 
 void TapPort::read_pending() {
-  keep_passed();
+  tell_passed();
   ForwardingPort::read_pending();
 }
 
 void TapPort::peer_flushed(FlushQueue queue) {
-  keep_passed();
+  tell_passed();
   note_flush(queue);
   ForwardingPort::peer_flushed(queue);
 }
@@ -188,16 +121,12 @@ void TapPort::note_gap(std::uint64_t bytes, std::string_view why) {
 }
 
 void TapPort::on_data(ByteView data) {
-  Passing passing(*this, Direction::read, data);
-  ForwardingPort::on_data(data);
-  passing.tell(data.size());
+  pass({Direction::read, now_(), data}, [&] { ForwardingPort::on_data(data); });
 }
 
 // Each arrival is a block of its own.
 void TapPort::on_arrivals(ByteView data, std::span<const std::size_t> ends) {
-  Passing passing(*this, Direction::read, data, ends);
-  ForwardingPort::on_arrivals(data, ends);
-  passing.tell(data.size());
+  pass({Direction::read, now_(), data, ends}, [&] { ForwardingPort::on_arrivals(data, ends); });
 }
 
 void TapPort::on_down(const LineDown& down) {
@@ -238,14 +167,7 @@ void TapPort::finish() {
 }
 
 void TapPort::on_complete(int exit_status) {
-  if (turn_) {
-    waiting_.emplace_back([this, exit_status] { end(exit_status); });
-  } else {
-    end(exit_status);
-  }
-}
-
-void TapPort::end(int exit_status) {
+  tell_passed();
   exit_status_ = exit_status;
   const Instant now = now_();
   over_ = true;
@@ -291,26 +213,35 @@ bool TapPort::tell_late() {
   return true;
 }
 
-template <class Tell>
-void TapPort::tell(const Tell& what) {
-  const Turn turn(*this);
-  if (turn.mine()) {
-    tell_each(what);
-    tell_waiting();
-  } else {
-    waiting_.emplace_back([this, what] { tell_each(what); });
+// Passes them on, and tells of them after that, or as soon as there is something else to tell or the views
+// may end: what they are in the middle of began sooner.
+template <class PassOn>
+void TapPort::pass(const Blocks& blocks, const PassOn& pass_on) {
+  tell_passed();
+  passing_ = &blocks;
+  try {
+    pass_on();
+  } catch (...) {
+    passing_ = nullptr;
+    throw;
   }
+  if (passing_ == &blocks) tell_passed();
+}
+
+void TapPort::tell_passed() {
+  if (const Blocks* const blocks = std::exchange(passing_, nullptr)) tell_blocks(*blocks);
 }
 
 template <class Tell>
-void TapPort::tell_each(const Tell& what) {
+void TapPort::tell(const Tell& what) {
+  tell_passed();
   if (over_) return;
   for (const Observer& each : observers_) what(*each.observer);
 }
 
 void TapPort::tell_blocks(const Blocks& blocks) {
   if (over_) late_bytes_ += blocks.data.size();
-  tell_each([&blocks](LineObserver& observer) {
+  tell([&blocks](LineObserver& observer) {
     const auto tell_block = [&](ByteView data) {
       if (!data.empty()) observer.block(blocks.direction, blocks.at, data);
     };
@@ -320,18 +251,6 @@ void TapPort::tell_blocks(const Blocks& blocks) {
       for_each_arrival(blocks.data, blocks.ends, tell_block);
     }
   });
-}
-
-void TapPort::tell_waiting() {
-  while (!waiting_.empty()) {
-    const std::function<void()> next = std::move(waiting_.front());
-    waiting_.pop_front();
-    if (next) next();  // nothing where passing it on failed
-  }
-}
-
-void TapPort::keep_passed() {
-  if (passed_ != nullptr) passed_->keep();
 }
 
 void TapPort::note(const Event& event) {

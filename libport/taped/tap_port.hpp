@@ -2,7 +2,6 @@
 
 #include <chrono>
 #include <cstdint>
-#include <deque>
 #include <functional>
 #include <memory>
 #include <string>
@@ -17,9 +16,9 @@
 namespace porttape {
 
 // A port around another that tells observers what passes: stamps bytes and events, and passes them on first.
-// Calls that come while one is passed on (a listener that answers or closes from on_data, a port that answers
-// within write) are told behind it, in the order in which they came. Owns the observers. With a TapeKeeper
-// among them it records. Bytes that come once they finish are told in the log alone.
+// What is told while a block is being passed on (a listener that answers or closes from on_data, a port that
+// answers within write) comes behind that block. Owns the observers. With a TapeKeeper among them it records.
+// Bytes that come once they finish are told in the log alone.
 class TapPort final : public ForwardingPort, private Recorder {
  public:
   // How long finish() waits for the observers.
@@ -63,8 +62,6 @@ class TapPort final : public ForwardingPort, private Recorder {
   void on_dropped(std::uint64_t bytes, std::string_view why) override;
 
   struct Blocks;
-  class Turn;
-  class Passing;
   struct Observer {
     std::unique_ptr<LineObserver> observer;
     bool finished = false;
@@ -75,14 +72,12 @@ class TapPort final : public ForwardingPort, private Recorder {
   void give_up_observers();
   void complete_if_over();
   bool tell_late();
-  void end(int exit_status);
+  template <class PassOn>
+  void pass(const Blocks& blocks, const PassOn& pass_on);
+  void tell_passed();
   template <class Tell>
   void tell(const Tell& what);
-  template <class Tell>
-  void tell_each(const Tell& what);
   void tell_blocks(const Blocks& blocks);
-  void tell_waiting();
-  void keep_passed();
   void note(const Event& event);
   void note_flush(FlushQueue queue);
   void note_lost(const LineDown& down, bool hung_up);
@@ -90,9 +85,7 @@ class TapPort final : public ForwardingPort, private Recorder {
   std::shared_ptr<spdlog::logger> log_;
   Instant (*now_)();
   std::vector<Observer> observers_;
-  bool turn_ = false;                          // something is passed on or told just now
-  Passing* passed_ = nullptr;                  // the first of those that are passed on
-  std::deque<std::function<void()>> waiting_;  // to be told behind it
+  const Blocks* passing_ = nullptr;  // are passed on just now, and not told yet
   Timer end_timer_;
   Nanos end_limit_;
   bool over_ = false;       // nobody is told any more

@@ -206,18 +206,17 @@ void TapeKeeper::end_current(Instant now) {
   retry_timer_.cancel();
   watch_timer_.cancel();
   if (tape_) {
-    ending_.finish(std::move(tape_), tape_time(now), {sync_told_, missed_bytes_});
+    ending_.finish(std::move(tape_), tape_time(now), {sync_told_, std::exchange(missed_bytes_, 0)});
   } else {
     tell_missed();
   }
-  missed_bytes_ = 0;
   missed_since_.reset();
 }
 
 // Where no tape was there to tell it.
 void TapeKeeper::tell_missed() {
-  if (missed_bytes_ > 0) context_.log->error("{}", missed_text(missed_bytes_, missed_why_));
-  missed_bytes_ = 0;
+  if (const std::uint64_t bytes = std::exchange(missed_bytes_, 0); bytes > 0)
+    context_.log->error("{}", missed_text(bytes, missed_why_));
 }
 
 void TapeKeeper::finish(Instant now, std::function<void(bool)> done) {

@@ -64,8 +64,7 @@ class TapeKeeper final : public LineObserver {
 
   PortContext context_;
   Options options_;
-  unsigned first_number_ =
-      1;  // that the next tape may take: names in the order of tapes, however long one takes to be made
+  unsigned first_number_ = 1;  // that the next tape may take; one more a tape, since making one may last
   std::function<void()> on_must_end_;
   std::unique_ptr<LiveTape> tape_;  // null before begin(), and while it cannot be made
   EndingTapes ending_;              // those before it

@@ -54,10 +54,9 @@ class Pty {
   Result<void> settle();
 
   // Bytes written to the driver that it has not read yet; counts at most what the line discipline holds
-  // (4095). Unknown when the slave cannot be looked at: the driver keeps it to itself (TIOCEXCL) and we are
-  // not root, or no descriptor is to be had.
-  [[nodiscard]] std::optional<std::size_t>
-  unread();  // 0: the driver has read everything; else at least so much
+  // (4095), so that 0 alone is exact. Unknown when the slave cannot be looked at: the driver keeps it to
+  // itself (TIOCEXCL) and we are not root, or no descriptor is to be had.
+  [[nodiscard]] std::optional<std::size_t> unread();
   // Takes it from the driver: how much it was. For a line that is over.
   [[nodiscard]] std::optional<std::size_t> read_away();
 

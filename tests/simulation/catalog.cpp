@@ -52,13 +52,5 @@ const PortTypes& port_types() {
       {simulation::memory_type(), recording_type(simulation::memory_type()), logreader_type()});
   return types;
 }
-Result<PortSpec> parse_port(std::string_view spec) { return parse_port(port_types(), spec); }
-Result<PortOptions> check_options(std::map<std::string, std::string> values) {
-  return check_options(port_types(), std::move(values));
-}
-Result<std::unique_ptr<Port>> make_port(const PortContext& context, const PortSpec& spec,
-                                        const std::string& peer) {
-  return spec.type().make(context, spec, peer);
-}
 
 }  // namespace porttape

@@ -148,7 +148,7 @@ TEST_F(TapPortTest, ACloseWithinOnDataIsToldBehindItAndTheEndToo) {
   one.finishes_at_once = other.finishes_at_once = true;
   busy.within_data = [this] {
     tap.finish();
-    EXPECT_EQ(one.text, "opened up ");
+    EXPECT_EQ(one.text, "opened up r:data closed finish ");
   };
   device.send("data");
   EXPECT_EQ(one.text, "opened up r:data closed finish ");
