@@ -34,6 +34,14 @@ class SessionTest : public testing::Test {
     }
   }
 
+  // A driver has gone, and its last bytes wait for a slow device.
+  void leave_last_bytes() {
+    start();
+    driver.up();
+    device.congested = true;
+    driver.send("last");
+    driver.down(Reason::closed);
+  }
   void start() { ASSERT_TRUE(session->start().has_value()); }
   void run_ready() {
     while (loop.poll_one()) {
@@ -144,36 +152,14 @@ TEST_F(SessionTest, ADriverThatLeavesASlowDeviceDoesNotStopItForEver) {
 }
 
 TEST_F(SessionTest, LastBytesReachASlowDeviceBeforeItIsClosed) {
-  start();
-  driver.up();
-  device.congested = true;
-  driver.send("last");
-  driver.down(Reason::closed);
+  leave_last_bytes();
   EXPECT_EQ(device.calls, "prepare open ");
   device.drain();
   EXPECT_EQ(device.calls, "prepare open close ");
 }
 
-TEST_F(SessionTest, ASlowNewDriverStopsTheDeviceWhenTheLastOnesBytesHaveGone) {
-  start();
-  driver.up();
-  device.congested = true;
-  driver.send("last");
-  driver.down(Reason::closed);
-  driver.up();
-  driver.congested = true;
-  device.send("much");
-  device.drain();
-  EXPECT_EQ(device.calls, "prepare open close open ");
-  EXPECT_FALSE(device.reading);
-}
-
 TEST_F(SessionTest, ANewDriverWaitsForTheLastOnesBytes) {
-  start();
-  driver.up();
-  device.congested = true;
-  driver.send("last");
-  driver.down(Reason::closed);
+  leave_last_bytes();
   driver.up();
   EXPECT_FALSE(driver.reading);
   device.drain();
@@ -182,11 +168,7 @@ TEST_F(SessionTest, ANewDriverWaitsForTheLastOnesBytes) {
 }
 
 TEST_F(SessionTest, ANewDriverThatIsSlowStopsTheDeviceBeyondTheLastOnesBytes) {
-  start();
-  driver.up();
-  device.congested = true;
-  driver.send("last");
-  driver.down(Reason::closed);
+  leave_last_bytes();
   driver.up();
   driver.congested = true;
   device.send("much");

@@ -27,10 +27,11 @@ class Random {
 // What stands in for the system while a seed runs: its clock, its threads, its timers and its disk.
 //
 // The program under it is the real one, with its real loop and its real worker threads. Only the functions
-// of the C library by which it would wait or ask the time are replaced (kernel.cpp, disk.cpp), for the whole
-// process, while a Kernel exists: the clock stands still but for a tick each time it is read, threads are
-// coroutines of which one runs until it waits, and when all wait the clock goes to the first moment that one
-// waits for. The seed decides who goes on. So a seed does the same each time, and hours pass in milliseconds.
+// of the C library by which it would wait or ask the time are replaced (c_library.cpp, disk.cpp), for the
+// whole process, while a Kernel exists: the clock stands still but for a tick each time it is read, threads
+// are coroutines of which one runs until it waits, and when all wait the clock goes to the first moment that
+// one waits for. The seed decides who goes on. So a seed does the same each time, and hours pass in
+// milliseconds.
 //
 // One at a time; nothing else runs in the process meanwhile.
 class Kernel {

@@ -27,6 +27,19 @@ Bytes take(Bytes& from, std::size_t most) {
 
 }  // namespace
 
+Line::Kind Line::Kind::of_driver(World& world) {
+  return {.passive = true,
+          .half_closes = world.chance(0.5),
+          .knows_unread = world.chance(0.6),
+          .capacity = static_cast<std::size_t>(world.between(1, 8192))};
+}
+
+Line::Kind Line::Kind::of_device(World& world) {
+  return {.half_closes = world.chance(0.4),
+          .always_open = world.chance(0.3),
+          .capacity = static_cast<std::size_t>(world.between(1, 8192))};
+}
+
 void Line::open() {
   if (open_ || closing_) return;
   world_->trace("{}: the far end opens it", name_);
@@ -242,11 +255,7 @@ void LinePort::deliver(std::size_t most) {
   world_->trace("{}: on_data() of {} bytes", line_->name_, data.size());
   line_->bytes_in += data.size();
   line_->passed.push_back({true, data});
-  if (line_->kind_.datagrams) {
-    listener().on_arrivals(data, std::vector<std::size_t>{data.size()});
-  } else {
-    listener().on_data(data);
-  }
+  listener().on_data(data);
 }
 
 // One thing a turn, as a port on the loop does.

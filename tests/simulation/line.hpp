@@ -19,12 +19,15 @@ class LinePort;
 class Line {
  public:
   struct Kind {
-    bool passive = false;       // it is a driver's line, or a device that connects
-    bool half_closes = false;   // as sockets do
-    bool knows_unread = false;  // unread_by_peer() tells
-    bool always_open = false;   // an interruption is mended by the port
-    bool datagrams = false;
+    bool passive = false;         // it is a driver's line, or a device that connects
+    bool half_closes = false;     // as sockets do
+    bool knows_unread = false;    // unread_by_peer() tells
+    bool always_open = false;     // an interruption is mended by the port
     std::size_t capacity = 4096;  // bytes that the system takes on the way to the far end, and from it
+
+    // As chance wants them.
+    static Kind of_driver(World& world);
+    static Kind of_device(World& world);
   };
 
   Line(World& world, std::string name, Kind kind) : world_(&world), name_(std::move(name)), kind_(kind) {}
@@ -99,7 +102,7 @@ class LinePort final : public Port {
   void hang_up(bool after_reading) override;
   void read_pending() override;
   [[nodiscard]] bool passive() const override { return line_->kind_.passive; }
-  [[nodiscard]] bool keeps_datagrams() const override { return line_->kind_.datagrams; }
+  [[nodiscard]] bool keeps_datagrams() const override { return false; }
   [[nodiscard]] std::string name() const override { return line_->name_; }
 
  private:

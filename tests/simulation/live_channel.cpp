@@ -21,19 +21,6 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-Line::Kind driver_kind(World& world) {
-  return {.passive = true,
-          .half_closes = world.chance(0.5),
-          .knows_unread = world.chance(0.6),
-          .capacity = static_cast<std::size_t>(world.between(1, 8192))};
-}
-
-Line::Kind device_kind(World& world) {
-  return {.half_closes = world.chance(0.4),
-          .always_open = world.chance(0.3),
-          .capacity = static_cast<std::size_t>(world.between(1, 8192))};
-}
-
 // Whether `part` is `whole` less some of its bytes.
 bool is_subsequence(ByteView part, ByteView whole) {
   auto at = whole.begin();
@@ -86,8 +73,8 @@ LiveChannel::LiveChannel(World& world, std::string name, bool records, bool disk
       device_acts_left_(1 << world.between(1, 8)),
       pace_(world.some_time(seconds(5)) + milliseconds(1)),
       most_bytes_(static_cast<std::size_t>(world.between(1, 1 << world.between(1, 14)))),
-      driver_(world, this->name() + "-driver", driver_kind(world)),
-      device_(world, this->name() + "-device", device_kind(world)) {
+      driver_(world, this->name() + "-driver", Line::Kind::of_driver(world)),
+      device_(world, this->name() + "-device", Line::Kind::of_device(world)) {
   put_up(world, driver_);
   put_up(world, device_);
   driver_.on_readable = [this] { reads_soon(driver_, driver_stalls_, driver_reads_); };

@@ -13,19 +13,12 @@ namespace {
 
 using std::chrono::milliseconds;
 
-Line::Kind driver_kind(World& world) {
-  return {.passive = true,
-          .half_closes = world.chance(0.3),
-          .knows_unread = world.chance(0.6),
-          .capacity = static_cast<std::size_t>(world.between(1, 4096))};
-}
-
 }  // namespace
 
 ReplayChannel::ReplayChannel(World& world, std::string name)
     : Channel(world, std::move(name)),
       driver_does_(static_cast<Driver>(std::max<std::int64_t>(0, world.between(-3, 2)))),
-      driver_(world, this->name() + "-driver", driver_kind(world)) {
+      driver_(world, this->name() + "-driver", Line::Kind::of_driver(world)) {
   put_up(world, driver_);
   make_tape();
   driver_.on_read = [this](ByteView data) { take_in(data); };

@@ -3,12 +3,13 @@
 
 #include <cstdlib>
 #include <cstring>
-#include <dlfcn.h>
 #include <fcntl.h>
 #include <stdio.h>
 #include <sys/uio.h>
 #include <time.h>
 #include <unistd.h>
+
+#include "tests/support/next_call.hpp"
 
 namespace {
 
@@ -32,32 +33,24 @@ void wait_for_disk(int fd) {
   ::nanosleep(&time, nullptr);
 }
 
-template <class Function>
-Function next(const char* name) {
-  void* const symbol = ::dlsym(RTLD_NEXT, name);
-  Function function = nullptr;
-  std::memcpy(&function, &symbol, sizeof function);
-  return function;
-}
-
 }  // namespace
 
 extern "C" {
 
 ssize_t writev(int fd, const iovec* parts, int count) {
-  static const auto real = next<ssize_t (*)(int, const iovec*, int)>("writev");
+  static const auto real = porttape::next_call<ssize_t (*)(int, const iovec*, int)>("writev");
   wait_for_disk(fd);
   return real(fd, parts, count);
 }
 
 ssize_t write(int fd, const void* data, size_t size) {
-  static const auto real = next<ssize_t (*)(int, const void*, size_t)>("write");
+  static const auto real = porttape::next_call<ssize_t (*)(int, const void*, size_t)>("write");
   wait_for_disk(fd);
   return real(fd, data, size);
 }
 
 int fdatasync(int fd) {
-  static const auto real = next<int (*)(int)>("fdatasync");
+  static const auto real = porttape::next_call<int (*)(int)>("fdatasync");
   wait_for_disk(fd);
   return real(fd);
 }

@@ -26,7 +26,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <dlfcn.h>
 #include <fcntl.h>
 #include <link.h>
 #include <netdb.h>
@@ -50,6 +49,8 @@
 #include <time.h>
 #include <unistd.h>
 #include <unwind.h>
+
+#include "tests/support/next_call.hpp"
 
 namespace {
 
@@ -95,14 +96,6 @@ std::atomic<long> clock_offset = 0;
 std::uintptr_t program_begin = 0;
 std::uintptr_t program_end = 0;
 thread_local bool inside = false;
-
-template <class Function>
-Function next(const char* name) {
-  void* const symbol = ::dlsym(RTLD_NEXT, name);
-  Function function = nullptr;
-  std::memcpy(&function, &symbol, sizeof function);
-  return function;
-}
 
 int find_program(dl_phdr_info* info, std::size_t, void*) {
   program_begin = info->dlpi_addr;
@@ -328,7 +321,7 @@ int main_with_trouble(int count, char** arguments, char** environment) {
 }
 
 void* allocate(void* caller, const char* name, std::size_t size) {
-  static const auto real = next<void* (*)(std::size_t)>(name);
+  static const auto real = porttape::next_call<void* (*)(std::size_t)>(name);
   if (with_memory && turn_of("new", caller).fails) throw std::bad_alloc();
   return real(size);
 }
@@ -341,12 +334,12 @@ void* allocate(void* caller, const char* name, std::size_t size) {
 // class.
 #define WRAP(RESULT, NAME, PARAMETERS, ARGUMENTS)                                    \
   RESULT NAME PARAMETERS {                                                           \
-    static const auto real = next<RESULT(*) PARAMETERS>(#NAME);                      \
+    static const auto real = porttape::next_call<RESULT(*) PARAMETERS>(#NAME);       \
     return call(#NAME, __builtin_return_address(0), [&] { return real ARGUMENTS; }); \
   }
 #define WRAP_ON(FD, RESULT, NAME, PARAMETERS, ARGUMENTS)                                        \
   RESULT NAME PARAMETERS {                                                                      \
-    static const auto real = next<RESULT(*) PARAMETERS>(#NAME);                                 \
+    static const auto real = porttape::next_call<RESULT(*) PARAMETERS>(#NAME);                  \
     return call(of_fd(#NAME, FD), __builtin_return_address(0), [&] { return real ARGUMENTS; }); \
   }
 
@@ -358,12 +351,12 @@ int __libc_start_main(Main main, int count, char** arguments, void (*init)(), vo
                       void (*loader_fini)(), void* stack_end) {
   using Start = int (*)(Main, int, char**, void (*)(), void (*)(), void (*)(), void*);
   real_main = main;
-  return next<Start>("__libc_start_main")(main_with_trouble, count, arguments, init, fini, loader_fini,
-                                          stack_end);
+  return porttape::next_call<Start>("__libc_start_main")(main_with_trouble, count, arguments, init, fini,
+                                                         loader_fini, stack_end);
 }
 
 int open(const char* path, int flags, ...) {
-  static const auto real = next<int (*)(const char*, int, ...)>("open");
+  static const auto real = porttape::next_call<int (*)(const char*, int, ...)>("open");
   va_list rest;
   va_start(rest, flags);
   const unsigned mode = (flags & (O_CREAT | O_TMPFILE)) != 0 ? va_arg(rest, unsigned) : 0;
@@ -371,7 +364,7 @@ int open(const char* path, int flags, ...) {
   return call("open", __builtin_return_address(0), [&] { return real(path, flags, mode); });
 }
 int openat(int folder, const char* path, int flags, ...) {
-  static const auto real = next<int (*)(int, const char*, int, ...)>("openat");
+  static const auto real = porttape::next_call<int (*)(int, const char*, int, ...)>("openat");
   va_list rest;
   va_start(rest, flags);
   const unsigned mode = (flags & (O_CREAT | O_TMPFILE)) != 0 ? va_arg(rest, unsigned) : 0;
@@ -380,7 +373,7 @@ int openat(int folder, const char* path, int flags, ...) {
               [&] { return real(folder, path, flags, mode); });
 }
 int fcntl(int fd, int command, ...) {
-  static const auto real = next<int (*)(int, int, ...)>("fcntl");
+  static const auto real = porttape::next_call<int (*)(int, int, ...)>("fcntl");
   va_list rest;
   va_start(rest, command);
   void* const argument = va_arg(rest, void*);
@@ -390,7 +383,7 @@ int fcntl(int fd, int command, ...) {
   return call(name, __builtin_return_address(0), [&] { return real(fd, command, argument); });
 }
 int ioctl(int fd, unsigned long request, ...) noexcept {
-  static const auto real = next<int (*)(int, unsigned long, ...)>("ioctl");
+  static const auto real = porttape::next_call<int (*)(int, unsigned long, ...)>("ioctl");
   va_list rest;
   va_start(rest, request);
   void* const argument = va_arg(rest, void*);
@@ -399,27 +392,27 @@ int ioctl(int fd, unsigned long request, ...) noexcept {
 }
 
 ssize_t read(int fd, void* data, size_t size) {
-  static const auto real = next<ssize_t (*)(int, void*, size_t)>("read");
+  static const auto real = porttape::next_call<ssize_t (*)(int, void*, size_t)>("read");
   return transfer(of_fd("read", fd), __builtin_return_address(0), size,
                   [&](size_t n) { return real(fd, data, n); });
 }
 ssize_t pread(int fd, void* data, size_t size, off_t at) {
-  static const auto real = next<ssize_t (*)(int, void*, size_t, off_t)>("pread");
+  static const auto real = porttape::next_call<ssize_t (*)(int, void*, size_t, off_t)>("pread");
   return transfer(of_fd("pread", fd), __builtin_return_address(0), size,
                   [&](size_t n) { return real(fd, data, n, at); });
 }
 ssize_t write(int fd, const void* data, size_t size) {
-  static const auto real = next<ssize_t (*)(int, const void*, size_t)>("write");
+  static const auto real = porttape::next_call<ssize_t (*)(int, const void*, size_t)>("write");
   return transfer(of_fd("write", fd), __builtin_return_address(0), size,
                   [&](size_t n) { return real(fd, data, n); });
 }
 ssize_t pwrite(int fd, const void* data, size_t size, off_t at) {
-  static const auto real = next<ssize_t (*)(int, const void*, size_t, off_t)>("pwrite");
+  static const auto real = porttape::next_call<ssize_t (*)(int, const void*, size_t, off_t)>("pwrite");
   return transfer(of_fd("pwrite", fd), __builtin_return_address(0), size,
                   [&](size_t n) { return real(fd, data, n, at); });
 }
 ssize_t writev(int fd, const iovec* parts, int count) {
-  static const auto real = next<ssize_t (*)(int, const iovec*, int)>("writev");
+  static const auto real = porttape::next_call<ssize_t (*)(int, const iovec*, int)>("writev");
   const Turn turn = turn_of(of_fd("writev", fd), __builtin_return_address(0));
   if (turn.fails) return -1;
   ssize_t result = 0;
@@ -443,12 +436,12 @@ ssize_t writev(int fd, const iovec* parts, int count) {
   return result;
 }
 ssize_t recv(int fd, void* data, size_t size, int flags) {
-  static const auto real = next<ssize_t (*)(int, void*, size_t, int)>("recv");
+  static const auto real = porttape::next_call<ssize_t (*)(int, void*, size_t, int)>("recv");
   return transfer("recv", __builtin_return_address(0), size,
                   [&](size_t n) { return real(fd, data, n, flags); });
 }
 ssize_t send(int fd, const void* data, size_t size, int flags) {
-  static const auto real = next<ssize_t (*)(int, const void*, size_t, int)>("send");
+  static const auto real = porttape::next_call<ssize_t (*)(int, const void*, size_t, int)>("send");
   return transfer("send", __builtin_return_address(0), size,
                   [&](size_t n) { return real(fd, data, n, flags); });
 }
@@ -508,7 +501,7 @@ WRAP(int, setsockopt, (int fd, int level, int name, const void* value, socklen_t
 
 WRAP(int, epoll_create1, (int flags) noexcept, (flags))
 int epoll_ctl(int epoll, int operation, int fd, epoll_event* event) noexcept {
-  static const auto real = next<int (*)(int, int, int, epoll_event*)>("epoll_ctl");
+  static const auto real = porttape::next_call<int (*)(int, int, int, epoll_event*)>("epoll_ctl");
   const char* const kind = operation == EPOLL_CTL_ADD   ? "epoll_ctl.add"
                            : operation == EPOLL_CTL_DEL ? "epoll_ctl.del"
                                                         : "epoll_ctl.mod";
@@ -529,11 +522,11 @@ WRAP(int, posix_openpt, (int flags), (flags))
 WRAP(int, grantpt, (int fd) noexcept, (fd))
 WRAP(int, unlockpt, (int fd) noexcept, (fd))
 int ptsname_r(int fd, char* path, size_t size) noexcept {
-  static const auto real = next<int (*)(int, char*, size_t)>("ptsname_r");
+  static const auto real = porttape::next_call<int (*)(int, char*, size_t)>("ptsname_r");
   return turn_of("ptsname_r", __builtin_return_address(0)).fails ? errno : real(fd, path, size);
 }
 int isatty(int fd) noexcept {
-  static const auto real = next<int (*)(int)>("isatty");
+  static const auto real = porttape::next_call<int (*)(int)>("isatty");
   return turn_of("isatty", __builtin_return_address(0)).fails ? 0 : real(fd);
 }
 
@@ -547,20 +540,20 @@ WRAP(ssize_t, getrandom, (void* data, size_t size, unsigned flags), (data, size,
 int pthread_create(pthread_t* thread, const pthread_attr_t* attributes, void* (*run)(void*),
                    void* argument) noexcept {
   using Real = int (*)(pthread_t*, const pthread_attr_t*, void* (*)(void*), void*);
-  static const auto real = next<Real>("pthread_create");
+  static const auto real = porttape::next_call<Real>("pthread_create");
   if (turn_of("pthread_create", __builtin_return_address(0)).fails) return errno;
   return real(thread, attributes, run, argument);
 }
 int getaddrinfo(const char* host, const char* service, const addrinfo* hints, addrinfo** found) {
   using Real = int (*)(const char*, const char*, const addrinfo*, addrinfo**);
-  static const auto real = next<Real>("getaddrinfo");
+  static const auto real = porttape::next_call<Real>("getaddrinfo");
   if (turn_of("getaddrinfo", __builtin_return_address(0)).fails) return EAI_AGAIN;
   return real(host, service, hints, found);
 }
 
 // A failed close has closed.
 int close(int fd) {
-  static const auto real = next<int (*)(int)>("close");
+  static const auto real = porttape::next_call<int (*)(int)>("close");
   const Turn turn = turn_of(of_fd("close", fd), __builtin_return_address(0));
   const int error = errno;
   const int result = real(fd);
@@ -571,7 +564,7 @@ int close(int fd) {
 }
 
 int clock_gettime(clockid_t clock, timespec* time) noexcept {
-  static const auto real = next<int (*)(clockid_t, timespec*)>("clock_gettime");
+  static const auto real = porttape::next_call<int (*)(clockid_t, timespec*)>("clock_gettime");
   const int result = real(clock, time);
   if (clock != CLOCK_REALTIME || !armed) return result;
   (void)turn_of("clock_gettime", __builtin_return_address(0));

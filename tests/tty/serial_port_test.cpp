@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <poll.h>
 #include <sys/file.h>
 #include <termios.h>
 #include <unistd.h>
@@ -84,11 +85,16 @@ TEST_F(SerialPortTest, OneThatWasHungUpComesUpAgainByTheNextOpenOnly) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
   port->hang_up(true);
-  // Long enough for the close, which is on another thread; a slow one makes the test see less, not fail.
-  bool over = false;
-  Timer later(loop, [&over] { over = true; });
-  later.set_after(std::chrono::milliseconds(50));
-  run_until(loop, [&over] { return over; });
+  const auto closed = [this] {
+    pollfd line{device.get(), 0, 0};
+    return ::poll(&line, 1, 0) > 0 && (line.revents & POLLHUP) != 0;
+  };
+  run_until(loop, [&] { return log.events == "up hung_up " && closed(); });
+  // The port hears of the close before a job that begins later is done.
+  bool heard = false;
+  ASSERT_TRUE(loop.run_elsewhere(
+      Workers::Strand(), [] {}, [&heard] { heard = true; }));
+  run_until(loop, [&heard] { return heard; });
   EXPECT_EQ(log.events, "up hung_up ");
   port->close();
   port->open();
