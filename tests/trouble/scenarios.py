@@ -148,7 +148,7 @@ class Line:
     def __init__(self, world, daemon, device, open_driver, folder=None, sizes=LARGE, name="the line"):
         self.world, self.daemon, self.device, self.open_driver = world, daemon, device, open_driver
         self.folder, self.sizes, self.name = folder, sizes, name
-        self.driver = Driver(patience=1.5 if device.datagrams else 6)
+        self.driver = Driver(patience=4 if device.datagrams else 6)
         self.broken, self.done, self.sessions = [], 0, 0
 
     @staticmethod
@@ -302,6 +302,7 @@ def left_behind(world, *names):
     for name in names:
         excused = any(program.killed for program in world.programs) or world.kills or world.trouble and (
             world.trouble.kind in ("unlink", "readlink", "lstat", "stat") or
+            world.trouble.kind.startswith("flock") and "EAGAIN" in str(world.trouble) or  # another program's then
             "net/unix_port" in world.trouble.place)  # a socket file that cannot be looked at is nobody's
         if os.path.lexists(world.path(name)) and not excused:
             world.find(f"{name} is left behind")
