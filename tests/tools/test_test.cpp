@@ -11,6 +11,7 @@
 namespace porttape::test {
 namespace {
 
+using testing::EndsWith;
 using testing::HasSubstr;
 
 class TestVerb : public testing::Test {
@@ -35,6 +36,7 @@ TEST_F(TestVerb, PassesWhenTheCommandDoesAsRecorded) {
   const Ran ran = test(kGood);
   EXPECT_EQ(ran.status, 0) << ran.out << ran.err;
   EXPECT_THAT(ran.out, HasSubstr("pass"));
+  EXPECT_THAT(ran.out, EndsWith(" s\n"));
 }
 
 TEST_F(TestVerb, APortThatTheSystemChoosesIsGivenToTheCommand) {
