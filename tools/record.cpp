@@ -101,7 +101,7 @@ void tell_next(const std::string& tape, const CommandVerbLine& line, std::ostrea
 }
 
 int status_of(const RecordRun& record, bool whole) {
-  const int status = record.command_end().exit_code();
+  const int status = record.command_ended() ? exit_status::kPass : record.command_end().exit_code();
   if (status != exit_status::kPass) return status;
   if (!whole || record.tape_failed()) return exit_status::kRuntime;
   return record.device_failed() ? exit_status::kDevice : exit_status::kPass;
@@ -114,8 +114,12 @@ Result<int> record(const CommandVerbLine& line, std::ostream& err) {
   if (Result<void> ran = record.run(); !ran) return ran.error();
   for (const std::string& note : record.notes()) tell(err, note);
   const CommandEnd& end = record.command_end();
-  if (end.exit_code() != 0) tell(err, "the command " + end.text());
-  if (!record.opened()) tell_unopened(line.command, main_part(*ports), err);
+  if (end.exit_code() != 0 && !record.command_ended()) tell(err, "the command " + end.text());
+  if (!record.opened()) {
+    tell_unopened(line.command, main_part(*ports), err);
+  } else if (record.tapes().empty()) {
+    tell(err, "there is no tape; what went wrong is told above");
+  }
   bool whole = true;
   for (const TapePaths& tape : record.tapes()) whole = tell_tape(tape, err) && whole;
   if (!record.tapes().empty()) tell_next(record.tapes().front().name(), line, err);

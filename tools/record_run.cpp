@@ -28,7 +28,8 @@ Result<void> RecordRun::run() {
 // With --fail-closed a tape that fails ends all.
 void RecordRun::session_ended(int exit_status) {
   if (exit_status == 0 || !run_.command_runs()) return;
-  run_.notes().emplace_back("the line has ended, and so the command was");
+  run_.notes().emplace_back("the line had to end, and so the command was ended");
+  command_ended_ = true;
   run_.end_command();
 }
 

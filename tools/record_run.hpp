@@ -26,6 +26,8 @@ class RecordRun {
   [[nodiscard]] const std::vector<TapePaths>& tapes() const { return tapes_; }
   // A tape could not be made, or not be written to its end: told in the log.
   [[nodiscard]] bool tape_failed() const { return run_.session_status() != 0; }
+  // … and with --fail-closed the command was ended for it.
+  [[nodiscard]] bool command_ended() const { return command_ended_; }
   // The device could not be opened, or went away: told in the log.
   [[nodiscard]] bool device_failed() const { return run_.counters().device_losses > 0; }
   // What the user should know besides, a line each.
@@ -37,6 +39,7 @@ class RecordRun {
   ChannelPorts ports_;
   std::vector<std::string> command_;
   std::vector<TapePaths> tapes_;
+  bool command_ended_ = false;
   CommandRun run_;
 };
 
