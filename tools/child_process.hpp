@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <sys/types.h>
@@ -9,6 +10,7 @@
 #include "libport/base/result.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/fd_watch.hpp"
+#include "tools/command_end.hpp"
 
 namespace porttape {
 
@@ -16,17 +18,21 @@ namespace porttape {
 // use the terminal. Killed and reaped by the destructor. Loop thread only.
 class ChildProcess {
  public:
-  // Starts it; `on_exit` comes once, from the loop. Errc::usage when there is no such command.
+  using Environment = std::map<std::string, std::string>;
+
+  // Starts it, with `added` in its environment beside what we have; `on_exit` comes once, from the loop.
+  // Errc::usage when there is no such command.
   static Result<std::unique_ptr<ChildProcess>> start(Loop& loop, const std::vector<std::string>& command,
-                                                     std::function<void()> on_exit);
+                                                     const Environment& added, std::function<void()> on_exit);
   ~ChildProcess();
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
   [[nodiscard]] bool running() const { return pid_ > 0; }
-  // As a shell gives it: its exit status, or 128 + the signal that ended it.
-  [[nodiscard]] int exit_code() const { return exit_code_; }
+  [[nodiscard]] const CommandEnd& end() const { return end_; }
   void kill(int signal_number) const;
+  // Whether it is in our process group, to which a terminal sends its signals.
+  [[nodiscard]] bool in_our_group() const;
 
  private:
   ChildProcess(Loop& loop, pid_t pid, UniqueFd pid_fd, std::function<void()> on_exit);
@@ -36,7 +42,7 @@ class ChildProcess {
   UniqueFd pid_fd_;
   std::function<void()> on_exit_;
   FdWatch watch_;
-  int exit_code_ = 0;
+  CommandEnd end_;
 };
 
 }  // namespace porttape

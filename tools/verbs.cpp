@@ -15,6 +15,7 @@ constexpr std::array kVerbs{
     Verb{"info", "what a tape holds: times, blocks, rates, exchanges, answer latency, events, damage",
          run_info},
     Verb{"cat", "both directions of a tape in order, one line a burst", run_cat},
+    Verb{"record", "runs a command on a device, keeps a tape of what they say", run_record},
     Verb{"test", "runs a command against a tape in the device's place, gives the verdict", run_test},
     Verb{"verify", "whether tapes are sound", run_verify},
 };

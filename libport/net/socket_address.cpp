@@ -50,14 +50,18 @@ std::uint16_t SocketAddress::port() const {
   return 0;
 }
 
+std::string SocketAddress::host() const {
+  std::array<char, NI_MAXHOST> host{};
+  if (::getnameinfo(get(), size, host.data(), host.size(), nullptr, 0, NI_NUMERICHOST) != 0) return "?";
+  return host.data();
+}
+
 std::string SocketAddress::text() const {
   if (family() == AF_UNIX) {
     const auto address = as<sockaddr_un>(storage);
     return {address.sun_path, ::strnlen(address.sun_path, sizeof address.sun_path)};
   }
-  std::array<char, NI_MAXHOST> host{};
-  if (::getnameinfo(get(), size, host.data(), host.size(), nullptr, 0, NI_NUMERICHOST) != 0) return "?";
-  return host_and_port(host.data(), port());
+  return host_and_port(host(), port());
 }
 
 bool same_host_and_port(const SocketAddress& one, const SocketAddress& other) {
@@ -107,6 +111,17 @@ Result<SocketAddress> unix_address(const std::string& path) {
   }
   std::copy(path.begin(), path.end(), address.sun_path);
   return copy_of(&address, offsetof(sockaddr_un, sun_path) + path.size() + 1);
+}
+
+PortPlace place_bound_at(const SocketAddress& address) {
+  if (address.family() == AF_INET && as<sockaddr_in>(address.storage).sin_addr.s_addr == htonl(INADDR_ANY))
+    return {.host = "127.0.0.1", .port = address.port()};
+  // It takes IPv4 too.
+  if (address.family() == AF_INET6) {
+    const auto six = as<sockaddr_in6>(address.storage).sin6_addr;
+    if (IN6_IS_ADDR_UNSPECIFIED(&six)) return {.host = "127.0.0.1", .port = address.port()};
+  }
+  return {.host = address.host(), .port = address.port()};
 }
 
 SocketAddress local_address(int fd) {

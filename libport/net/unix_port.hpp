@@ -24,6 +24,7 @@ class UnixPort final : public StreamPort {
   ~UnixPort() override;
 
   [[nodiscard]] std::string name() const override { return (passive() ? "unix-listen:" : "unix:") + path_; }
+  [[nodiscard]] PortPlace place() const override { return {.path = path_}; }
 
  protected:
   Result<UniqueFd> make_listener() override;

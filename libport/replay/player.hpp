@@ -34,6 +34,7 @@ class Player {
     TapeTime at{};
     Instant real{};
     Micros error{};
+    Bytes bytes;  // of the write; a few
   };
 
   Player(const ReplayConfig& config, const Engine::TapeFacts& facts, const ClockPlace& place,
@@ -130,7 +131,7 @@ class Player {
   [[nodiscard]] Settled pass_on(Turn& turn, std::optional<std::uint64_t> writes);
   void start_at(TapeTime tape, Instant now);
   [[nodiscard]] std::optional<TimingFault> compare_time(const Matcher::Completion& done, TapeTime at,
-                                                        Instant expected) const;
+                                                        Instant expected, ByteView bytes) const;
 
   ReplayConfig config_;
   Budget& budget_;

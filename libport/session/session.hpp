@@ -56,6 +56,7 @@ class Session {
     std::uint64_t from_driver_bytes = 0;
     std::uint64_t dropped_bytes = 0;  // reached nobody: the other side was not there or did not take them
     std::uint64_t opens = 0;
+    std::uint64_t device_losses = 0;  // it could not be opened, or went away: told in the log
   };
 
   using EndLimits = porttape::EndLimits;

@@ -30,6 +30,7 @@ class TapeKeeper final : public LineObserver {
     std::size_t queue_bytes = std::size_t{64} << 20;
     // Makes the writer of each tape; empty: on files.
     std::function<Result<TapeWriter>(const LiveTape::Options&)> make = {};
+    std::function<void(const TapePaths&)> on_ended = {};  // each tape that was made, at its end
   };
 
   // `on_must_end`: fail_closed, and the tape is failing; may come more than once.

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <functional>
+
 #include "libport/port/port_options.hpp"
 #include "libport/port/port_type.hpp"
 #include "libport/tape/tape_name.hpp"
@@ -16,6 +18,7 @@ struct RecordingOptions {
   TapePaths tape;
   OnExisting on_existing = OnExisting::refuse;
   bool fail_closed = false;
+  std::function<void(const TapePaths&)> on_ended = {};  // each tape that was made, at its end
 };
 
 // What such a type has besides the options of the port.

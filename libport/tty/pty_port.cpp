@@ -87,7 +87,7 @@ Result<void> PtyPort::make_line() {
 void PtyPort::announce_path() const {
   if (link_) {
     context_.log->info("{} is there ({})", link_->path(), line_->pty.slave_path());
-  } else {
+  } else if (context_.announces) {
     std::cout << line_->pty.slave_path() << std::endl;
   }
 }
@@ -449,8 +449,13 @@ void PtyPort::tell_waiting() {
 }
 
 std::string PtyPort::name() const {
-  if (link_) return "pty:" + link_->path();
-  return line_ ? "pty:" + line_->pty.slave_path() : "pty";
+  const std::string path = place().path;
+  return path.empty() ? "pty" : "pty:" + path;
+}
+
+PortPlace PtyPort::place() const {
+  if (link_) return {.path = link_->path()};
+  return {.path = line_ ? line_->pty.slave_path() : std::string()};
 }
 
 }  // namespace porttape

@@ -66,6 +66,7 @@ class PtyPort final : public Port {
   [[nodiscard]] bool keeps_datagrams() const override { return false; }
   bool end_writing() override { return false; }
   [[nodiscard]] std::string name() const override;
+  [[nodiscard]] PortPlace place() const override;
 
  private:
   using Openers = std::optional<int>;  // how many descriptors programs have open; none: unknown
