@@ -86,6 +86,8 @@ bool tell_tape(const TapePaths& paths, std::ostream& err) {
     return false;
   }
   tell(err, text_of(*tape));
+  if (tape->write.bytes + tape->read.bytes == 0)
+    tell(err, "nothing passed: the command opened its port and neither wrote nor was sent anything");
   tell_gaps(*tape, err);
   for (const Error& damage : tape->damages()) tell(err, damage.message);
   return tape->events.count<event::Gap>() == 0 && tape->damages().empty();
