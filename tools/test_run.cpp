@@ -1,5 +1,6 @@
 #include "tools/test_run.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -92,7 +93,7 @@ Result<void> TestRun::start_session() {
   options.report_unopened = options.brief = true;
   options.on_report = [this](const RunReport& report) { take(report); };
   ports.device.set(std::move(options));
-  Result<std::unique_ptr<Session>> made = make_session({&loop_, log_}, ports, [this](int status) {
+  Result<std::unique_ptr<Channel>> made = make_channel({&loop_, log_}, ports, [this](int status) {
     session_status_ = status;
     opens_ = session_->counters().opens;
     session_.reset();
@@ -149,9 +150,12 @@ bool TestRun::is_hung_up(const RunReport& report) const {
 
 bool TestRun::line_is_idle() {
   if (!session_) return true;
-  const Session::Counters& counters = session_->counters();
+  const Channel::Counters counters = session_->counters();
   const std::uint64_t bytes = counters.from_driver_bytes + counters.to_driver_bytes + counters.opens;
-  return std::exchange(seen_bytes_, bytes) == bytes && !session_->device().waiting()->next_due();
+  const std::vector<Session*> sessions = session_->sessions();
+  const bool due = std::ranges::any_of(
+      sessions, [](Session* each) { return each->device().waiting()->next_due().has_value(); });
+  return std::exchange(seen_bytes_, bytes) == bytes && !due;
 }
 
 void TestRun::look_whether_idle() {
@@ -162,12 +166,14 @@ void TestRun::look_whether_idle() {
 }
 
 void TestRun::end_idle_command() {
-  const std::string awaits = session_ ? session_->device().waiting()->awaits() : std::string();
   notes_.push_back(
       fmt::format("for {} s nothing was due, nothing came and the command slept, so it was ended; "
                   "--timeout 0 lets it sleep",
                   std::chrono::duration_cast<seconds>(IdleWatch::kLimit).count()));
-  if (!awaits.empty()) notes_.push_back(awaits);
+  for (Session* each : session_ ? session_->sessions() : std::vector<Session*>()) {
+    if (std::string awaits = each->device().waiting()->awaits(); !awaits.empty())
+      notes_.push_back(std::move(awaits));
+  }
   terminate();
 }
 

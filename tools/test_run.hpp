@@ -62,7 +62,7 @@ class TestRun {
   CommandFamily family_;
   Loop loop_;
   std::shared_ptr<spdlog::logger> log_;
-  std::unique_ptr<Session> session_;
+  std::unique_ptr<Channel> session_;
   std::unique_ptr<ChildProcess> command_;
   std::optional<RunReport> report_;  // of the run that counts
   std::optional<RunReport> look_;    // of a driver that only looked

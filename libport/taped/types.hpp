@@ -1,9 +1,12 @@
 #pragma once
 
+#include <memory>
+
 #include "libport/port/port_options.hpp"
 #include "libport/port/port_type.hpp"
 #include "libport/tape/tape_name.hpp"
 #include "libport/tape/tape_writer.hpp"
+#include "libport/taped/tape_group.hpp"
 
 namespace porttape {
 
@@ -16,6 +19,9 @@ struct RecordingOptions {
   TapePaths tape;
   OnExisting on_existing = OnExisting::refuse;
   bool fail_closed = false;
+  // One of these, of this connection; null: a tape by itself.
+  std::shared_ptr<TapeGroup> group = {};
+  unsigned connection = 1;
 };
 
 // What such a type has besides the options of the port.
