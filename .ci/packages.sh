@@ -9,7 +9,7 @@ presets=(ninja-build ccache clang libclang-rt-14-dev libgtest-dev libgmock-dev l
 # What the end-to-end tests run: lint, simulated devices, real drivers.
 all_tests=(
   pkg-config python3 python3-serial procps socat shellcheck
-  mbpoll libmodbus-dev lrzsz ckermit flashrom bc redis-tools libhamlib-utils whois systemd
+  mbpoll libmodbus-dev lrzsz ckermit flashrom bc redis-tools libhamlib-utils whois systemd mosquitto mosquitto-clients
 )
 
 need_packages() {

@@ -56,8 +56,8 @@ Result<void> SupervisedChannel::start_session() {
         result = ports.error();
         return;
       }
-      Result<std::unique_ptr<Session>> made =
-          make_session(context_, *ports, [this](int exit_status) { session_ended(exit_status); });
+      Result<std::unique_ptr<Channel>> made =
+          make_channel(context_, *ports, [this](int exit_status) { session_ended(exit_status); });
       if (made) session_ = std::move(*made);
       result = made ? session_->start() : Result<void>(made.error());
     } catch (const std::exception& error) {  // no thread, no descriptor, …

@@ -49,7 +49,7 @@ class SupervisedChannel {
   const bool retries_;
   std::function<void(int)> on_end_;
   std::shared_ptr<Fence> fence_;
-  std::unique_ptr<Session> session_;
+  std::unique_ptr<Channel> session_;
   Timer retry_timer_;
   Nanos delay_;
   Instant started_{};    // the session's start

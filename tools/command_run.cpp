@@ -87,22 +87,22 @@ CommandRun::~CommandRun() = default;
 
 Result<void> CommandRun::start_session(const ChannelPorts& ports) {
   if (Result<void> adopted = family_.adopt(); !adopted) return adopted.error();
-  Result<std::unique_ptr<Session>> made =
-      make_session(context_, ports, [this](int exit_status) { session_ended(exit_status); });
+  Result<std::unique_ptr<Channel>> made =
+      make_channel(context_, ports, [this](int exit_status) { session_ended(exit_status); });
   if (!made) return made.error();
-  session_ = std::move(*made);
-  return session_->start();
+  channel_ = std::move(*made);
+  return channel_->start();
 }
 
 void CommandRun::session_ended(int exit_status) {
   session_status_ = exit_status;
-  counters_ = session_->counters();
-  session_.reset();
+  counters_ = channel_->counters();
+  channel_.reset();
   if (options_.on_session_end) options_.on_session_end(exit_status);
 }
 
 Result<void> CommandRun::run_command(const std::vector<std::string>& command) {
-  const PortPlace place = absolute(session_->driver().place());
+  const PortPlace place = absolute(channel_->driver().place());
   watch_signals();
   Result<std::unique_ptr<ChildProcess>> started =
       ChildProcess::start(loop_, with_place(command, place), environment_of(place), [] {});
@@ -116,9 +116,9 @@ Result<void> CommandRun::run_command(const std::vector<std::string>& command) {
 }
 
 void CommandRun::finish() {
-  if (session_) session_->stop();
+  if (channel_) channel_->stop();
   end_what_is_left();
-  while (session_) loop_.run_one();
+  while (channel_) loop_.run_one();
 }
 
 void CommandRun::watch_signals() {

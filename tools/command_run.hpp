@@ -56,10 +56,11 @@ class CommandRun {
   [[nodiscard]] const CommandEnd& command_end() const { return command_->end(); }
 
   [[nodiscard]] Loop& loop() { return loop_; }
-  [[nodiscard]] Session* session() { return session_.get(); }  // null once it has ended
-  [[nodiscard]] const Session::Counters& counters() const {
-    return session_ ? session_->counters() : counters_;
+  [[nodiscard]] Channel* channel() { return channel_.get(); }  // null once it has ended
+  [[nodiscard]] std::vector<Session*> sessions() {
+    return channel_ ? channel_->sessions() : std::vector<Session*>();
   }
+  [[nodiscard]] Channel::Counters counters() const { return channel_ ? channel_->counters() : counters_; }
   [[nodiscard]] int session_status() const { return session_status_; }
   [[nodiscard]] CommandFamily& family() { return family_; }
   // Of the user, who wanted it all to end; 0: none came.
@@ -78,8 +79,8 @@ class CommandRun {
   CommandFamily family_;
   Loop loop_;
   PortContext context_;
-  std::unique_ptr<Session> session_;
-  Session::Counters counters_;  // of a session that has ended
+  std::unique_ptr<Channel> channel_;
+  Channel::Counters counters_;  // of one that has ended
   std::unique_ptr<ChildProcess> command_;
   Timer kill_timer_;
   SignalWatch signals_;

@@ -1,5 +1,6 @@
 #include "tools/test_run.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <fmt/format.h>
 #include <utility>
@@ -70,11 +71,13 @@ bool TestRun::is_hung_up(const RunReport& report) const {
 }
 
 bool TestRun::line_is_idle() {
-  Session* const session = run_.session();
-  if (session == nullptr) return true;
-  const Session::Counters& counters = session->counters();
+  if (run_.channel() == nullptr) return true;
+  const Channel::Counters counters = run_.counters();
   const std::uint64_t bytes = counters.from_driver_bytes + counters.to_driver_bytes + counters.opens;
-  return std::exchange(seen_bytes_, bytes) == bytes && !session->device().waiting()->next_due();
+  const bool due = std::ranges::any_of(run_.sessions(), [](Session* each) {
+    return each->device().waiting()->next_due().has_value();
+  });
+  return std::exchange(seen_bytes_, bytes) == bytes && !due;
 }
 
 void TestRun::look_whether_idle() {
@@ -85,14 +88,15 @@ void TestRun::look_whether_idle() {
 }
 
 void TestRun::end_idle_command() {
-  Session* const session = run_.session();
-  const std::string awaits = session != nullptr ? session->device().waiting()->awaits() : std::string();
   const auto limit = std::chrono::duration_cast<seconds>(IdleWatch::kLimit).count();
   run_.notes().push_back(
       fmt::format("for {} s nothing was due, nothing came and the command slept, so it was ended; "
                   "--timeout 0 lets it sleep",
                   limit));
-  if (!awaits.empty()) run_.notes().push_back(awaits);
+  for (Session* each : run_.sessions()) {
+    if (std::string awaits = each->device().waiting()->awaits(); !awaits.empty())
+      run_.notes().push_back(std::move(awaits));
+  }
   end_command(fmt::format("slept for {} s with nothing more to come, and was ended", limit));
 }
 

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <utility>
 
+#include "libport/catalog/device_group.hpp"
 #include "libport/catalog/port_types.hpp"
 #include "libport/tape/tape_name.hpp"
 #include "libport/taped/types.hpp"
@@ -18,6 +19,16 @@ const OptionSpec kDevice{"device", Kind::text, "",
                          "PORT of the device, e.g. serial:/dev/ttyUSB0,baud=115200"};
 const OptionSpec kTape{"tape", Kind::text, "", "NAME of the tape: NAMEr, NAMEw, NAMEe"};
 const OptionSpec kWaitDevice{"wait-device", Kind::flag, "", "a device that is missing is waited for"};
+
+const OptionSpec kConnections{
+    "connections",
+    Kind::choice,
+    "one",
+    "drivers at once on a port that listens: one (others are refused), or each with a device's port and a "
+    "tape of its own (laser.log, laser.c2.log, …)",
+    0,
+    0,
+    {"one", "each"}};
 
 // flexiport's name for it is another one than the verb's.
 constexpr std::string_view kFailClosed = "fail-closed";
@@ -66,16 +77,23 @@ Error in_option(std::string_view option, const Error& error) {
   return usage(fmt::format("option '{}': {}", option, error.message));
 }
 
+bool is_each(const OptionValues& values) {
+  const auto given = values.find("connections");
+  return given != values.end() && given->second == "each";
+}
+
 Result<PortSpec> replay_device(OptionValues values, const PortSpec& driver, bool find) {
+  const bool each = is_each(values);
   auto tape = values.extract("tape");
   values.erase("driver");
+  values.erase("connections");
   // Datagrams have no close that could end the one run.
   if (driver.type().keeps_datagrams && values.contains("once")) values.try_emplace("at-end", "exit");
   set_replay_defaults(ReplayUse::verb, values);
   if (find) {
     const Result<TapePaths> found = find_tape(tape.mapped());
-    if (!found) return found.error();
-    tape.mapped() = found->name();
+    if (!found && (!each || tapes_of_group(new_tape(tape.mapped())).empty())) return found.error();
+    tape.mapped() = found ? found->name() : new_tape(tape.mapped()).name();
   }
   values["file"] = std::move(tape.mapped());
   Result<PortOptions> device = check_options(PortOptions{port_types().find("logreader"), std::move(values)});
@@ -118,7 +136,10 @@ Result<ChannelPorts> ports_of(const ChannelSpec& spec, bool find) {
   Result<PortSpec> device = spec.mode == ChannelMode::replay ? replay_device(*values, *driver, find)
                                                              : live_device(*values, spec.mode);
   if (!device) return device.error();
-  return ChannelPorts{std::move(*driver), std::move(*device)};
+  if (values->contains("connections")) {
+    if (Result<void> good = check_connections(*driver, *device, is_each(*values)); !good) return good.error();
+  }
+  return ChannelPorts{std::move(*driver), std::move(*device), is_each(*values)};
 }
 
 }  // namespace
@@ -130,16 +151,17 @@ std::vector<OptionSpec> channel_options(ChannelMode mode) {
       options = record_options();
       for (OptionSpec& option : options) option.name = name_at_record(option.name);
       options.insert(options.begin(), {kDevice, kDriver, kTape});
+      options.push_back(kConnections);
       options.push_back(kWaitDevice);
       return options;
     case ChannelMode::replay:
       options = replay_options();
-      options.insert(options.begin(), {kTape, kDriver});
+      options.insert(options.begin(), {kTape, kDriver, kConnections});
       return options;
     case ChannelMode::bridge:
       break;
   }
-  return {kDevice, kDriver, kWaitDevice};
+  return {kDevice, kDriver, kConnections, kWaitDevice};
 }
 
 Result<ChannelPorts> channel_ports(const ChannelSpec& spec) { return ports_of(spec, true); }

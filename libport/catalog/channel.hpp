@@ -28,6 +28,7 @@ struct ChannelSpec {
 struct ChannelPorts {
   PortSpec driver;
   PortSpec device;
+  bool each_connection = false;  // has a line of its own (connections=each)
 };
 Result<ChannelPorts> channel_ports(const ChannelSpec& spec);
 // The same by the options alone, whether the tape of a replay is there or not.

@@ -29,6 +29,8 @@ constexpr Nanos kLookUnread = milliseconds(250);
 constexpr Nanos kRestLimit = seconds(10);
 // How long a peer that was hung up may take to close its end.
 constexpr Nanos kLeaveLimit = seconds(2);
+// What an ended peer has left is no more than its socket's buffer.
+constexpr int kMostReads = 256;
 constexpr std::size_t kMostDiscarded = std::size_t{4} << 20;
 
 // Whether it is broken or ended both ways.
@@ -38,6 +40,11 @@ bool hung_up(int fd) {
 }
 
 }  // namespace
+
+bool has_ended(int fd) {
+  pollfd poll{fd, POLLRDHUP, 0};
+  return ::poll(&poll, 1, 0) > 0;
+}
 
 StreamLine::StreamLine(Loop& loop, Owner& owner, Side side, std::string name, UniqueFd fd)
     : loop_(&loop),
@@ -136,6 +143,13 @@ void StreamLine::read_pending() {
     left -= static_cast<std::size_t>(size);
     received(ByteView(buffer).first(static_cast<std::size_t>(size)));
   }
+}
+
+bool StreamLine::has_peer() const { return phase_ == Phase::up && !has_ended(fd_.get()); }
+
+void StreamLine::catch_up() {
+  if (!has_ended(fd_.get())) return;
+  for (int reads = 0; reads < kMostReads && phase_ == Phase::up && reading_; ++reads) on_readable();
 }
 
 std::size_t StreamLine::unread() const {

@@ -18,6 +18,9 @@
 
 namespace porttape {
 
+// Whether the peer of a connected stream socket sends no more: it has ended that, closed or reset.
+bool has_ended(int fd);
+
 // One connection of a stream socket, from its first byte to its end: carries its bytes, and finds out when it
 // is over, however its peer leaves. Owns the descriptor.
 //
@@ -78,6 +81,11 @@ class StreamLine {
   void read_pending();
   // Takes what has come so far and gives how much that was; what the kernel has taken is on its way.
   std::uint64_t read_away();
+
+  // Whether the peer is at the line's other end still: it has not ended it, and was not hung up.
+  [[nodiscard]] bool has_peer() const;
+  // Where the peer has ended the line: reads what it left and comes to that end, as far as reading is on.
+  void catch_up();
 
   // True: line_over() follows. False: nothing is left to wait for, and it can be closed.
   bool hang_up(bool after_reading);

@@ -1,10 +1,7 @@
 #include "libport/net/stream_port.hpp"
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
-#include <poll.h>
-#include <sys/socket.h>
 #include <utility>
 
 #include <spdlog/spdlog.h>
@@ -18,7 +15,6 @@ using std::chrono::seconds;
 constexpr Nanos kConnectLimit = seconds(10);
 constexpr Nanos kFirstRetry = milliseconds(100);
 constexpr Nanos kLongestRetry = seconds(5);
-constexpr Nanos kAcceptRetry = milliseconds(100);
 
 Nanos connect_limit(const CommonOptions& common) {
   return common.timeout && *common.timeout > Nanos{0} ? *common.timeout : kConnectLimit;
@@ -27,22 +23,30 @@ Nanos connect_limit(const CommonOptions& common) {
 }  // namespace
 
 StreamPort::StreamPort(const PortContext& context, const CommonOptions& common, StreamOptions options)
+    : StreamPort(context, common, options, UniqueFd()) {}
+
+StreamPort::StreamPort(const PortContext& context, const CommonOptions& common, StreamOptions options,
+                       UniqueFd given)
     : context_(context),
       common_(common),
       stream_(options),
-      retry_timer_(*context.loop,
-                   [this] {
-                     if (passive()) {
-                       listener_watch_->watch_readable(opened_ && !line_);
-                     } else {
-                       connect();
-                     }
-                   }),
+      given_(std::move(given)),
+      was_given_(given_.get() >= 0),
+      retry_timer_(*context.loop, [this] { connect(); }),
       retry_delay_(kFirstRetry) {}
 
-StreamPort::~StreamPort() = default;
+StreamPort::~StreamPort() {
+  if (given_) reset_connection(std::move(given_));  // nobody wanted it
+}
+
+CommonOptions StreamPort::common_of_connections() const {
+  CommonOptions common = common_;
+  common.always_open = false;
+  return common;
+}
 
 Result<void> StreamPort::prepare() {
+  if (was_given_) return {};
   if (!passive()) {
     if (Result<void> there = check_peer(); !there && !keeps_trying()) return there;
     if (always_open()) connect();
@@ -50,15 +54,17 @@ Result<void> StreamPort::prepare() {
   }
   Result<UniqueFd> listener = make_listener();
   if (!listener) return listener.error();
-  listener_fd_ = std::move(*listener);
-  listener_watch_.emplace(*context_.loop, listener_fd_.get(), [this] { on_acceptable(); });
+  StreamListener::Owner& owner = *this;
+  door_.emplace(context_, owner, name(), std::move(*listener));
   return {};
 }
 
 void StreamPort::open() {
   opened_ = true;
   if (passive()) {
-    listener_watch_->watch_readable(!line_);
+    door_->accept(true);
+  } else if (was_given_) {
+    if (given_) come_up(std::move(given_));
   } else if (line_) {
     up_ = true;
     listener().on_up();
@@ -69,7 +75,7 @@ void StreamPort::open() {
 
 void StreamPort::close() {
   opened_ = up_ = false;
-  if (passive()) listener_watch_->watch_readable(false);
+  if (door_) door_->accept(false);
   if (!always_open()) {
     connector_.reset();
     retry_timer_.cancel();
@@ -111,16 +117,19 @@ void StreamPort::connected(Result<UniqueFd> result) {
   listener().on_up();
 }
 
-void StreamPort::on_acceptable() {
-  UniqueFd fd(::accept4(listener_fd_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
-  if (!fd) {
-    if (errno == EAGAIN || errno == EINTR || errno == ECONNABORTED) return;
-    context_.log->error("{}: a connection cannot be accepted: {}", name(), errno_text(errno));
-    listener_watch_->watch_readable(false);
-    retry_timer_.set_after(kAcceptRetry);
-    return;
-  }
-  listener_watch_->watch_readable(false);
+StreamListener::Inside StreamPort::inside() {
+  if (line_) line_->catch_up();
+  if (!line_) return StreamListener::Inside::nobody;
+  return line_->has_peer() ? StreamListener::Inside::there : StreamListener::Inside::ended;
+}
+
+void StreamPort::let_in(UniqueFd fd, const std::string& who) {
+  context_.log->debug("{}: {} has connected", name(), who);
+  if (take_) return take_(port_of(std::move(fd)), who);
+  come_up(std::move(fd));
+}
+
+void StreamPort::come_up(UniqueFd fd) {
   begin_line(std::move(fd));
   up_ = true;
   listener().on_up();
@@ -128,8 +137,8 @@ void StreamPort::on_acceptable() {
 
 void StreamPort::begin_line(UniqueFd fd) {
   set_up(fd.get());
-  context_.log->debug("{}: connected", name());
-  const auto side = passive() ? StreamLine::Side::accepted : StreamLine::Side::connected;
+  if (!passive()) context_.log->debug("{}: connected", name());
+  const auto side = is_called() ? StreamLine::Side::accepted : StreamLine::Side::connected;
   StreamLine::Owner& owner = *this;
   line_ = std::make_unique<StreamLine>(*context_.loop, owner, side, name(), std::move(fd));
   line_->set_reading(reading_);
@@ -208,11 +217,6 @@ PeerState StreamPort::look_at_peer(int fd) {
   return state;
 }
 
-bool StreamPort::next_waits() {
-  pollfd poll{listener_fd_.get(), POLLIN, 0};
-  return ::poll(&poll, 1, 0) > 0;
-}
-
 void StreamPort::hang_up(bool after_reading) {
   if (!line_ || line_->hang_up(after_reading)) return;
   drop_line(after_reading);
@@ -231,7 +235,7 @@ void StreamPort::line_over(const LineDown& down) {
     listener().on_interrupted(down);
     return;
   }
-  if (passive()) listener_watch_->watch_readable(opened_);
+  if (door_) door_->left();
   if (std::exchange(up_, false)) listener().on_down(down);
 }
 

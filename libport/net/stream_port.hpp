@@ -5,10 +5,10 @@
 #include <string>
 
 #include "libport/base/unique_fd.hpp"
-#include "libport/loop/fd_watch.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/net/connector.hpp"
 #include "libport/net/stream_line.hpp"
+#include "libport/net/stream_listener.hpp"
 #include "libport/net/tcp_peer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
@@ -22,10 +22,12 @@ struct StreamOptions {
   bool wait = false;  // for a peer that is missing, instead of failing
 };
 
-// A stream socket, TCP or Unix: where both have their connections from; one of them is a StreamLine. Either
-// connects at each open(), or (`listen`) waits for peers and is passive.
+// A stream socket, TCP or Unix: where both have their connections from; one of them is a StreamLine. It
+// connects at each open(), or (`listen`) waits for peers and is passive, or has one connection that a
+// listening port gave away, and comes up once.
 //
-// Listening: one peer at a time; the next ones wait in the backlog. A peer that has only ended its sending
+// Listening: one peer at a time, see StreamListener for the next ones; with give_each() every connection is
+// given away. A peer that has only ended its sending
 // direction is kept while the listener wants that (on_ended), at most until it is seen to be gone. Where
 // nobody will say which answer is the last, it is kept until nothing was written to it for two seconds; when
 // another one waits and it is on another machine, where a half-close looks like a close, a tenth of a second,
@@ -41,7 +43,11 @@ struct StreamOptions {
 //
 // Closing is orderly (FIN after the bytes); hang_up(false) resets. What was not sent or not read is told by
 // on_dropped.
-class StreamPort : public Port, private WaitingCalls, private StreamLine::Owner {
+class StreamPort : public Port,
+                   private WaitingCalls,
+                   private ConnectionSource,
+                   private StreamLine::Owner,
+                   private StreamListener::Owner {
  public:
   ~StreamPort() override;
 
@@ -53,6 +59,7 @@ class StreamPort : public Port, private WaitingCalls, private StreamLine::Owner 
   // Once a TCP peer's machine has them all it counts as read.
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
   [[nodiscard]] WaitingCalls* waiting() override { return this; }
+  [[nodiscard]] ConnectionSource* connections() override { return passive() ? this : nullptr; }
   [[nodiscard]] bool keeps_datagrams() const override { return false; }
   bool end_writing() override;
   void set_reading(bool on) override;
@@ -62,6 +69,8 @@ class StreamPort : public Port, private WaitingCalls, private StreamLine::Owner 
 
  protected:
   StreamPort(const PortContext& context, const CommonOptions& common, StreamOptions options);
+  // Of the connection `given`, if there is one.
+  StreamPort(const PortContext& context, const CommonOptions& common, StreamOptions options, UniqueFd given);
 
   // What the kinds of sockets do differently. A listening socket, bound; Errc::usage or Errc::io.
   virtual Result<UniqueFd> make_listener() = 0;
@@ -69,6 +78,13 @@ class StreamPort : public Port, private WaitingCalls, private StreamLine::Owner 
   virtual void connect_to_peer(Connector& connector) = 0;
   virtual void set_up(int fd) { (void)fd; }
   virtual PeerState peer_state(int fd) const = 0;  // asked by look_at_peer() alone
+  // Whether its peer connected to it, not the other way round.
+  [[nodiscard]] bool is_called() const { return passive() || was_given_; }
+  // A port for a connection of a listening one.
+  virtual std::unique_ptr<StreamPort> port_of(UniqueFd connection) = 0;
+
+  // The options of such a port.
+  [[nodiscard]] CommonOptions common_of_connections() const;
 
   PortContext context_;
 
@@ -84,11 +100,15 @@ class StreamPort : public Port, private WaitingCalls, private StreamLine::Owner 
   void dropped(std::uint64_t bytes, const char* why) override;
   bool wants_rest() override { return listener().wants_rest(); }
   PeerState look_at_peer(int fd) override;
-  bool next_waits() override;
+  bool next_waits() override { return door_ && door_->next_waits(); }
+
+  void give_each(TakeConnection take) override { take_ = std::move(take); }
+  StreamListener::Inside inside() override;
+  void let_in(UniqueFd fd, const std::string& who) override;
 
   void connect();
   void connected(Result<UniqueFd> result);
-  void on_acceptable();
+  void come_up(UniqueFd fd);
   void begin_line(UniqueFd fd);
   void drop_line(bool orderly);
   void retry_later();
@@ -97,11 +117,13 @@ class StreamPort : public Port, private WaitingCalls, private StreamLine::Owner 
 
   const CommonOptions common_;
   const StreamOptions stream_;
-  UniqueFd listener_fd_;
-  std::optional<FdWatch> listener_watch_;
+  std::optional<StreamListener> door_;  // of a listening one
+  TakeConnection take_;                 // gives each of its connections away
+  UniqueFd given_;                      // until it is a line
+  const bool was_given_;
   std::unique_ptr<Connector> connector_;
   std::unique_ptr<StreamLine> line_;
-  Timer retry_timer_;  // the next connection attempt, or the next accept after a failure
+  Timer retry_timer_;  // the next connection attempt
   Nanos retry_delay_;
   bool opened_ = false;
   bool up_ = false;           // on_up was told, on_down not yet

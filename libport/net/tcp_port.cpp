@@ -59,8 +59,15 @@ const char* advice_for(int error_number) {
 TcpPort::TcpPort(const PortContext& context, const CommonOptions& common, TcpOptions options)
     : StreamPort(context, common, options.stream), options_(std::move(options)) {}
 
+TcpPort::TcpPort(const PortContext& context, const CommonOptions& common, TcpOptions options, UniqueFd given)
+    : StreamPort(context, common, {}, std::move(given)), options_(std::move(options)) {}
+
+std::unique_ptr<StreamPort> TcpPort::port_of(UniqueFd connection) {
+  return std::make_unique<TcpPort>(context_, common_of_connections(), options_, std::move(connection));
+}
+
 std::string TcpPort::name() const {
-  return (passive() ? "tcp-listen:" : "tcp:") + host_and_port(options_.host, options_.port);
+  return (is_called() ? "tcp-listen:" : "tcp:") + host_and_port(options_.host, options_.port);
 }
 
 PortPlace TcpPort::place() const {

@@ -20,6 +20,8 @@ struct TcpOptions {
 class TcpPort final : public StreamPort {
  public:
   TcpPort(const PortContext& context, const CommonOptions& common, TcpOptions options);
+  // Of a connection that a port with these options has accepted.
+  TcpPort(const PortContext& context, const CommonOptions& common, TcpOptions options, UniqueFd given);
 
   [[nodiscard]] std::string name() const override;
   [[nodiscard]] PortPlace place() const override;
@@ -28,6 +30,7 @@ class TcpPort final : public StreamPort {
   Result<UniqueFd> make_listener() override;
   void connect_to_peer(Connector& connector) override;
   void set_up(int fd) override;
+  std::unique_ptr<StreamPort> port_of(UniqueFd connection) override;
   [[nodiscard]] PeerState peer_state(int fd) const override { return tcp_peer_state(fd); }
 
  private:

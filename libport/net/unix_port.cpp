@@ -25,6 +25,19 @@ UniqueFd make_socket(int type = SOCK_STREAM) {
 UnixPort::UnixPort(const PortContext& context, const CommonOptions& common, UnixOptions options)
     : StreamPort(context, common, options.stream), path_(std::move(options.path)), mode_(options.mode) {}
 
+UnixPort::UnixPort(const PortContext& context, const CommonOptions& common, UnixOptions options,
+                   UniqueFd given)
+    : StreamPort(context, common, {}, std::move(given)),
+      path_(std::move(options.path)),
+      mode_(options.mode) {}
+
+std::unique_ptr<StreamPort> UnixPort::port_of(UniqueFd connection) {
+  UnixOptions options;
+  options.path = path_;
+  return std::make_unique<UnixPort>(context_, common_of_connections(), std::move(options),
+                                    std::move(connection));
+}
+
 UnixPort::~UnixPort() {
   struct stat status {};
   if (node_ && ::lstat(path_.c_str(), &status) == 0 && *node_ == std::pair(status.st_dev, status.st_ino))

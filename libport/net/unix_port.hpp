@@ -21,9 +21,11 @@ struct UnixOptions {
 class UnixPort final : public StreamPort {
  public:
   UnixPort(const PortContext& context, const CommonOptions& common, UnixOptions options);
+  // Of a connection that a port with these options has accepted.
+  UnixPort(const PortContext& context, const CommonOptions& common, UnixOptions options, UniqueFd given);
   ~UnixPort() override;
 
-  [[nodiscard]] std::string name() const override { return (passive() ? "unix-listen:" : "unix:") + path_; }
+  [[nodiscard]] std::string name() const override { return (is_called() ? "unix-listen:" : "unix:") + path_; }
   [[nodiscard]] PortPlace place() const override { return {.path = path_}; }
 
  protected:
@@ -31,6 +33,7 @@ class UnixPort final : public StreamPort {
   Result<void> check_peer() override;
   void connect_to_peer(Connector& connector) override;
   [[nodiscard]] PeerState peer_state(int fd) const override;
+  std::unique_ptr<StreamPort> port_of(UniqueFd connection) override;
 
  private:
   [[nodiscard]] Result<void> free_place(const SocketAddress& address) const;

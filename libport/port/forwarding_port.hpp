@@ -38,6 +38,8 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   // This, where the inner port has it.
   [[nodiscard]] WaitingCalls* waiting() override;
   [[nodiscard]] Recorder* recorder() override;
+  // What the inner port gives away would not be wrapped.
+  [[nodiscard]] ConnectionSource* connections() override { return nullptr; }
   [[nodiscard]] bool passive() const override;
   [[nodiscard]] bool keeps_datagrams() const override;
   [[nodiscard]] std::string name() const override;

@@ -2,6 +2,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -132,6 +134,21 @@ class Recorder {
   ~Recorder() = default;
 };
 
+class Port;
+
+// A passive port that peers connect to, and that can give each connection away.
+class ConnectionSource {
+ public:
+  // A port of the connection alone, not passive, to be opened once; destroyed before, its peer sees a reset.
+  // `who`, for messages, is at the other end.
+  using TakeConnection = std::function<void(std::unique_ptr<Port> connection, const std::string& who)>;
+  // From open() to close() it gives every connection to `take` and never comes up itself. Before prepare().
+  virtual void give_each(TakeConnection take) = 0;
+
+ protected:
+  ~ConnectionSource() = default;
+};
+
 // One end of a line: a pty, a serial device, a socket, a tape, or a port that records another.
 //
 // Drive it: listen(), prepare() once, then open() and close() in turn; finish() before the end. A *passive*
@@ -201,6 +218,7 @@ class Port {
   // What only some callers need, and only some ports have; null where it has nothing to do there.
   [[nodiscard]] virtual WaitingCalls* waiting() { return nullptr; }
   [[nodiscard]] virtual Recorder* recorder() { return nullptr; }
+  [[nodiscard]] virtual ConnectionSource* connections() { return nullptr; }
 
   // Whether it waits for the next peer by itself when one has closed.
   [[nodiscard]] virtual bool passive() const = 0;

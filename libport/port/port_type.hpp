@@ -95,6 +95,7 @@ struct PortType {
   std::string_view recorded_as = {};  // the type that keeps a tape of it; none: it cannot be recorded
   std::string_view records = {};      // the type that it keeps a tape of
   bool keeps_datagrams = false;       // each write is one; such lines have no close
+  bool exclusive = false;             // only one program's port can have the device open
 
   // The options as the struct that `make` takes, checked against each other. Errc::usage. The values have
   // been checked one by one.

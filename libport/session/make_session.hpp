@@ -13,4 +13,8 @@ namespace porttape {
 Result<std::unique_ptr<Session>> make_session(const PortContext& context, const ChannelPorts& ports,
                                               std::function<void(int exit_status)> on_end);
 
+// The same, or where each connection of the driver's port has a line of its own, Connections.
+Result<std::unique_ptr<Channel>> make_channel(const PortContext& context, const ChannelPorts& ports,
+                                              std::function<void(int exit_status)> on_end);
+
 }  // namespace porttape

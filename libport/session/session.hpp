@@ -1,16 +1,17 @@
 #pragma once
 
-#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "libport/loop/timer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
+#include "libport/session/channel.hpp"
 #include "libport/session/drop_tally.hpp"
 #include "libport/session/session_end.hpp"
 
@@ -49,16 +50,8 @@ namespace porttape {
 // sends to no driver is counted and told. Once the end has begun no device is opened any more; from `sending`
 // on the device is not read, and the driver only where the device has no line (closed, opening, down), and at
 // its close.
-class Session {
+class Session final : public Channel {
  public:
-  struct Counters {
-    std::uint64_t to_driver_bytes = 0;
-    std::uint64_t from_driver_bytes = 0;
-    std::uint64_t dropped_bytes = 0;  // reached nobody: the other side was not there or did not take them
-    std::uint64_t opens = 0;
-    std::uint64_t device_losses = 0;  // it could not be opened, or went away: told in the log
-  };
-
   using EndLimits = porttape::EndLimits;
 
   Session(const PortContext& context, std::unique_ptr<Port> driver, std::unique_ptr<Port> device,
@@ -66,22 +59,17 @@ class Session {
   Session(const PortContext& context, std::unique_ptr<Port> driver, std::unique_ptr<Port> device,
           std::function<void(int exit_status)> on_end)
       : Session(context, std::move(driver), std::move(device), std::move(on_end), EndLimits{}) {}
-  ~Session();
-  Session(const Session&) = delete;
-  Session& operator=(const Session&) = delete;
+  ~Session() override;
 
-  // Prepares both ports and waits for a driver. On an error nothing is left behind.
-  Result<void> start();
-
-  // Passes on what has come in, completes tape and report, ends. Called again: ends at once.
-  void stop();
-
-  void request(RecorderRequest what) {
+  Result<void> start() override;
+  void stop() override;
+  void request(RecorderRequest what) override {
     if (Recorder* recorder = device_->recorder()) recorder->request(what);
   }
 
-  [[nodiscard]] const Counters& counters() const { return counters_; }
-  [[nodiscard]] Port& driver() { return *driver_; }
+  [[nodiscard]] Counters counters() const override { return counters_; }
+  [[nodiscard]] std::vector<Session*> sessions() override { return {this}; }
+  [[nodiscard]] Port& driver() override { return *driver_; }
   [[nodiscard]] Port& device() { return *device_; }
 
  private:

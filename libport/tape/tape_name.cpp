@@ -1,6 +1,9 @@
 #include "libport/tape/tape_name.hpp"
 
 #include <array>
+#include <charconv>
+#include <optional>
+#include <set>
 #include <string>
 #include <system_error>
 
@@ -16,6 +19,25 @@ std::string_view without_letter(std::string_view name) {
   constexpr std::string_view kLetters = "rwe";
   if (name.size() < 2 || kLetters.find(name.back()) == std::string_view::npos) return {};
   return name.substr(0, name.size() - 1);
+}
+
+TapePaths with_part(const TapePaths& first, const std::string& part) {
+  std::string name = first.name();
+  const std::size_t stem = name.ends_with(kSuffix) ? name.size() - kSuffix.size() : name.size();
+  return literal_tape(name.insert(stem, part));
+}
+
+// N of "PREFIXNSUFFIXr", 2 or more.
+std::optional<unsigned> number_between(std::string_view name, std::string_view prefix,
+                                       std::string_view suffix) {
+  const std::string_view base = without_letter(name);
+  if (!base.starts_with(prefix) || !base.ends_with(suffix) || base.size() <= prefix.size() + suffix.size())
+    return std::nullopt;
+  const std::string_view digits = base.substr(prefix.size(), base.size() - prefix.size() - suffix.size());
+  unsigned number = 0;
+  const auto [rest, error] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
+  const bool is_number = error == std::errc() && rest == digits.data() + digits.size() && digits[0] != '0';
+  return is_number && number >= 2 ? std::optional(number) : std::nullopt;
 }
 
 template <class Test>
@@ -48,9 +70,31 @@ TapePaths new_tape(std::string_view argument) {
 
 TapePaths numbered_tape(const TapePaths& first, unsigned number) {
   if (number <= 1) return first;
-  std::string name = first.name();
-  const std::size_t stem = name.ends_with(kSuffix) ? name.size() - kSuffix.size() : name.size();
-  return literal_tape(name.insert(stem, "." + std::to_string(number)));
+  return with_part(first, "." + std::to_string(number));
+}
+
+TapePaths connection_tape(const TapePaths& first, unsigned connection) {
+  if (connection <= 1) return first;
+  return with_part(first, ".c" + std::to_string(connection));
+}
+
+std::vector<unsigned> recorded_connections(const TapePaths& first) {
+  std::set<unsigned> found;
+  const auto is_there = [](const fs::path& path) {
+    std::error_code ignored;
+    return fs::exists(fs::symlink_status(path, ignored));
+  };
+  if (is_there(first.read) || is_there(first.write) || is_there(first.events)) found.insert(1);
+  const std::string name = first.file_name();
+  const std::string suffix(name.ends_with(kSuffix) ? kSuffix : std::string_view());
+  const std::string prefix = name.substr(0, name.size() - suffix.size()) + ".c";
+  std::error_code error;
+  const fs::path folder = first.read.has_parent_path() ? first.read.parent_path() : fs::path(".");
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
+    if (const auto number = number_between(entry->path().filename().string(), prefix, suffix))
+      found.insert(*number);
+  }
+  return {found.begin(), found.end()};
 }
 
 Result<TapePaths> find_tape(std::string_view argument) {

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "libport/base/result.hpp"
 
@@ -30,6 +31,11 @@ TapePaths new_tape(std::string_view argument);
 
 // `laser.log`, `laser.2.log`, `laser.3.log`, …: the names of a tape that another has to make room for.
 TapePaths numbered_tape(const TapePaths& first, unsigned number);
+
+// `laser.log`, `laser.c2.log`, `laser.c3.log`, …: the tapes of several connections of one driver's port.
+TapePaths connection_tape(const TapePaths& first, unsigned connection);
+// The connections of such a group that there are files of, ascending. Reads the folder.
+std::vector<unsigned> recorded_connections(const TapePaths& first);
 
 // An existing tape from a command-line argument: `laser.log`, `laser.logr`, `laser.logw` or `laser`; the
 // literal `<arg>r` is tried first, then `<arg>.logr`. Errc::usage when there is none, with what was looked

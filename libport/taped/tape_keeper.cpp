@@ -38,6 +38,7 @@ TapeKeeper::TapeKeeper(const PortContext& context, Options options, std::functio
 TapeKeeper::~TapeKeeper() = default;
 
 Result<void> TapeKeeper::check() const {
+  if (options_.group) return {};  // was checked as a whole
   return TapeWriter::check(options_.tape, {.on_existing = options_.on_existing});
 }
 
@@ -45,13 +46,22 @@ TapeTime TapeKeeper::tape_time(Instant at) const { return TapeTime{duration_cast
 
 void TapeKeeper::begin() {
   begun_ = true;
-  open_since_ = zero_ = *first_open_;
+  open_since_ = *first_open_;
+  if (!options_.group) zero_ = *first_open_;
   start();
+}
+
+void TapeKeeper::take_part(const TapeGroup::Part& part) {
+  part_ = part.number;
+  zero_ = part.zero;
+  options_.header.zero = part.header_zero;
+  options_.make = [group = options_.group, part = part_, connection = options_.connection](
+                      const LiveTape::Options& live) { return group->make(part, connection, live.header); };
 }
 
 void TapeKeeper::start() {
   TapeHeader header = options_.header;
-  header.zero = tape_zero(zero_, Loop::now());
+  if (!options_.group) header.zero = tape_zero(zero_, Loop::now());
   header = completed(std::move(header));
   id_ = header.id;
   LiveTape::Options live{.paths = options_.tape,
@@ -93,7 +103,10 @@ void TapeKeeper::note(Instant at, const Event& event) {
 
 void TapeKeeper::opened(Instant at) {
   open_ = true;
-  if (!first_open_) first_open_ = at;
+  if (!first_open_) {
+    first_open_ = at;
+    if (options_.group) take_part(options_.group->begin(at));
+  }
   if (begun_) {
     open_since_ = at;
     note(at, event::Open{});
@@ -198,6 +211,7 @@ void TapeKeeper::rotate(Instant now) {
   options_.on_existing = OnExisting::next;
   ++first_number_;
   zero_ = now;
+  if (options_.group) take_part(options_.group->next(part_, now));
   if (open_since_) open_since_ = now;
   start();
 }

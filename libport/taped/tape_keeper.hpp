@@ -11,14 +11,15 @@
 #include "libport/tape/live_tape.hpp"
 #include "libport/taped/ending_tapes.hpp"
 #include "libport/taped/line_observer.hpp"
+#include "libport/taped/tape_group.hpp"
 
 namespace porttape {
 
 // Keeps the tape of a line: begins it, tries again while it cannot be made, goes on with the next one at a
 // rotation, ends it, and says in the log how it stands. Never waits for a disk (LiveTape); owns the tapes.
 //
-// The tape's zero is the first open. Its files come into being then; those that replace other ones only when
-// the line is up, so that a device that cannot be opened costs nothing.
+// The tape's zero is the first open, its own or that of its group. Its files come into being then; those that
+// replace other ones only when the line is up, so that a device that cannot be opened costs nothing.
 class TapeKeeper final : public LineObserver {
  public:
   struct Options {
@@ -28,6 +29,9 @@ class TapeKeeper final : public LineObserver {
     bool fail_closed = false;  // on_must_end when the tape cannot be written; else the line stays up
     Nanos retry = std::chrono::seconds(1);  // then 2 s, 4 s, … 30 s: a tape that could not be made
     std::size_t queue_bytes = std::size_t{64} << 20;
+    // It is one of these, of this connection, whose zero and names it has; null: a tape by itself.
+    std::shared_ptr<TapeGroup> group = {};
+    unsigned connection = 1;
     // Makes the writer of each tape; empty: on files.
     std::function<Result<TapeWriter>(const LiveTape::Options&)> make = {};
     std::function<void(const TapePaths&)> on_ended = {};  // each tape that was made, at its end
@@ -54,6 +58,7 @@ class TapeKeeper final : public LineObserver {
   void begin();
   void rotate(Instant now);
   void start();
+  void take_part(const TapeGroup::Part& part);
   void end_current(Instant now);
   void tell_missed();
   void on_news();
@@ -71,6 +76,7 @@ class TapeKeeper final : public LineObserver {
   EndingTapes ending_;              // those before it
   std::optional<Instant> first_open_;
   Instant zero_{};
+  unsigned part_ = 0;  // of the group
   std::optional<Instant> open_since_;
   bool open_ = false;   // by a driver
   bool begun_ = false;  // the first tape

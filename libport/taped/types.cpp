@@ -103,6 +103,8 @@ Result<std::unique_ptr<Port>> make_recording_port(const PortContext& context, co
                  .stamped = context.pulled ? Stamped::read : Stamped::arrival},
       .on_existing = options.on_existing,
       .fail_closed = options.fail_closed,
+      .group = options.group,
+      .connection = options.connection,
       .on_ended = options.on_ended};
   auto tap = std::make_unique<TapPort>(context, std::move(*port));
   tap->add(std::make_unique<TapeKeeper>(context, std::move(tape), [&tap = *tap] { tap.must_end(); }));

@@ -1,11 +1,13 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 
 #include "libport/port/port_options.hpp"
 #include "libport/port/port_type.hpp"
 #include "libport/tape/tape_name.hpp"
 #include "libport/tape/tape_writer.hpp"
+#include "libport/taped/tape_group.hpp"
 
 namespace porttape {
 
@@ -19,6 +21,9 @@ struct RecordingOptions {
   OnExisting on_existing = OnExisting::refuse;
   bool fail_closed = false;
   std::function<void(const TapePaths&)> on_ended = {};  // each tape that was made, at its end
+  // One of these, of this connection; null: a tape by itself.
+  std::shared_ptr<TapeGroup> group = {};
+  unsigned connection = 1;
 };
 
 // What such a type has besides the options of the port.

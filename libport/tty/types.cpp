@@ -39,6 +39,7 @@ Result<PtyOptions> pty_options(const PortOptions& written) {
 PortType serial_type() {
   PortType type{"serial", {"device"}, "a serial device"};
   type.recorded_as = "seriallog";
+  type.exclusive = true;
   type.options = {{"device", Kind::text, "/dev/ttyS0", "the tty"}};
   std::ranges::copy(line_setting_options(), std::back_inserter(type.options));
   const std::vector<OptionSpec> rest = with_common({

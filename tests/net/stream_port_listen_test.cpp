@@ -1,3 +1,9 @@
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
 #include "tests/net/stream_port_rig.hpp"
 
 namespace porttape {
@@ -18,17 +24,142 @@ TEST_F(ListeningPort, ListensAndComesUpWithEachPeer) {
   until_got(second, "two");
 }
 
-TEST_F(ListeningPort, ASecondPeerWaitsUntilTheFirstIsGone) {
+TEST_F(ListeningPort, ASecondPeerIsRefusedWhileTheFirstIsThere) {
   make_listening();
   Socket first = up();
   Socket second = Socket::connect_to(number);
+  const std::string who = "127.0.0.1:" + std::to_string(second.port());
   second.send("second");
+  until_got(second, "", "reset");
   first.send("first");
   until_data("first");
   EXPECT_EQ(log.events, "up ");
+  const std::string told = who + " is refused: 127.0.0.1:" + std::to_string(first.port()) + " is connected";
+  EXPECT_NE(book.text().find(told), std::string::npos) << book.text();
+  EXPECT_NE(book.text().find("the 6 bytes that it wrote reach nobody"), std::string::npos) << book.text();
+}
+
+TEST_F(ListeningPort, ManyThatAreRefusedAreToldTogether) {
+  make_listening();
+  const Socket first = up();
+  for (int n = 0; n < 40; ++n) {
+    Socket next = Socket::connect_to(number);
+    until_got(next, "", "reset");
+  }
+  const std::string text = book.text();
+  EXPECT_LT(std::count(text.begin(), text.end(), '\n'), 20) << text;
+}
+
+TEST_F(ListeningPort, ASecondPeerWaitsForOneThatHasEnded) {
+  make_listening();
+  Socket first = up();
+  first.end_sending();
+  until("up ended ");
+  Socket second = Socket::connect_to(number);
+  second.send("second");
+  run_until(loop, [&] { return book.text().find("waits until") != std::string::npos; });
+  EXPECT_EQ(log.data, "");
+  Socket third = Socket::connect_to(number);  // while the second is there
+  until_got(third, "", "reset");
+  port->write(as_bytes("answer"));
+  until_got(first, "answer");
   first.close();
+  until_data("second");
+  EXPECT_EQ(log.events, "up ended closed up ");
+}
+
+TEST_F(ListeningPort, WhatADeadPeerWroteWhileItWaitedReachesNobody) {
+  make_listening();
+  Socket first = up();
+  first.end_sending();
+  until("up ended ");
+  Socket dead = Socket::connect_to(number);
+  dead.send("dead");
+  dead.close();
+  Socket alive = Socket::connect_to(number);
+  alive.send("alive");
+  first.close();
+  until_data("alive");
+  EXPECT_EQ(log.events, "up ended closed up ");
+  EXPECT_NE(book.text().find("went away while it waited; the 4 bytes"), std::string::npos) << book.text();
+}
+
+TEST_F(ListeningPort, ASecondPeerWaitsForBytesOfTheFirstThatAreNotRead) {
+  log.wanted = true;
+  make_listening();
+  port->set_reading(false);
+  Socket first = up();
+  first.send("first");
+  first.close();
+  Socket second = Socket::connect_to(number);
+  second.send("second");
+  run_until(loop, [&] { return book.text().find("waits until") != std::string::npos; });
+  port->set_reading(true);
   until_data("firstsecond");
   EXPECT_EQ(log.events, "up closed up ");
+}
+
+TEST_F(ListeningPort, AReconnectIsServedHoweverFastItComes) {
+  make_listening();
+  for (int n = 0; n < 30; ++n) {
+    Socket peer = Socket::connect_to(number);
+    peer.send(".");
+    until_data(std::string(static_cast<std::size_t>(n + 1), '.'));
+    n % 2 == 0 ? peer.close() : peer.reset();  // the port sees it and the next one at once
+  }
+  EXPECT_EQ(book.text().find("refused"), std::string::npos) << book.text();
+}
+
+TEST_F(ListeningPort, OneThatComesAndGoesWhileThePortIsFreeIsServed) {
+  make_listening();
+  for (const std::string text : {"one", "two", "three"}) {
+    Socket peer = Socket::connect_to(number);
+    peer.send(text);
+  }
+  until_data("onetwothree");
+}
+
+TEST_F(ListeningPort, WhoWaitsIsTurnedAwayWhenThePortCloses) {
+  make_listening();
+  Socket first = up();
+  first.end_sending();
+  until("up ended ");
+  Socket second = Socket::connect_to(number);
+  run_until(loop, [&] { return book.text().find("waits until") != std::string::npos; });
+  port->close();
+  until_got(second, "", "reset");
+}
+
+TEST_F(ListeningPort, AConnectionCanBeGivenAwayAsAPortOfItsOwn) {
+  make("tcp-listen:0");
+  std::vector<std::unique_ptr<Port>> given;
+  std::vector<std::string> names;
+  port->connections()->give_each([&](std::unique_ptr<Port> connection, const std::string& who) {
+    given.push_back(std::move(connection));
+    names.push_back(who);
+  });
+  number = test::prepare_any(*port);
+  port->open();
+  Socket one = Socket::connect_to(number);
+  Socket two = Socket::connect_to(number);
+  run_until(loop, [&] { return given.size() == 2; });
+  EXPECT_EQ(names[0], "127.0.0.1:" + std::to_string(one.port()));
+  PortLog log_one;
+  given[0]->listen(log_one);
+  EXPECT_FALSE(given[0]->passive());
+  EXPECT_EQ(given[0]->connections(), nullptr);
+  ASSERT_TRUE(given[0]->prepare().has_value());
+  given[0]->open();
+  EXPECT_EQ(log_one.events, "up ");
+  one.send("to one");
+  run_until(loop, [&] { return log_one.data == "to one"; });
+  given[0]->write(as_bytes("from one"));
+  until_got(one, "from one");
+  given.pop_back();  // unwanted
+  until_got(two, "", "reset");
+  one.close();
+  run_until(loop, [&] { return log_one.events == "up closed "; });
+  EXPECT_EQ(log.events, "");
 }
 
 TEST_F(ListeningPort, TenPeersInARowAreServed) {

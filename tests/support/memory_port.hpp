@@ -33,6 +33,7 @@ class MemoryPort final : public Port, private Recorder {
     std::optional<std::size_t> unread;  // what unread_by_peer() gives
     bool completes = true;              // finish() is answered at once
     std::function<void()> pending;      // what read_pending() does
+    std::function<void()> on_open;      // what open() does besides
     Result<void> prepared;
     std::optional<LineSettings> settings;  // it is a serial line
     bool takes_settings = true;
@@ -69,6 +70,7 @@ class MemoryPort final : public Port, private Recorder {
   }
   void open() override {
     peer_->calls += "open ";
+    if (peer_->on_open) peer_->on_open();
     if (peer_->up_at_once) listener().on_up();
   }
   void close() override {

@@ -1,0 +1,219 @@
+#include "libport/catalog/device_group.hpp"
+
+#include <fmt/format.h>
+#include <utility>
+
+#include <spdlog/spdlog.h>
+
+#include "libport/catalog/port_types.hpp"
+#include "libport/tape/tape_reader.hpp"
+#include "libport/taped/replay_port.hpp"
+#include "libport/taped/types.hpp"
+
+namespace porttape {
+namespace {
+
+// Devices that are there, with or without tapes.
+class LiveDevices final : public DeviceGroup {
+ public:
+  LiveDevices(const PortContext& context, const PortSpec& device, std::string driver)
+      : context_(context), device_(device), driver_(std::move(driver)) {
+    const RecordingOptions* const recording = device_.get<RecordingOptions>();
+    if (recording != nullptr) group_ = std::make_shared<TapeGroup>(recording->tape, recording->on_existing);
+  }
+
+  Result<void> prepare() override {
+    if (group_) {
+      if (Result<void> good = group_->check(); !good) return good;
+    }
+    PortSpec probe = spec_for(1);
+    if (const RecordingOptions* const recording = probe.get<RecordingOptions>()) {
+      PortSpec plain = recording->inner;
+      probe = std::move(plain);
+    }
+    probe.common().always_open = false;  // which would connect
+    const Result<std::unique_ptr<Port>> port = make_port(context_, probe, driver_);
+    return port ? (*port)->prepare() : Result<void>(port.error());
+  }
+
+  Result<std::unique_ptr<Port>> port_for(unsigned connection) override {
+    return make_port(context_, spec_for(connection), driver_);
+  }
+  void request(RecorderRequest what) override {
+    if (what == RecorderRequest::next_tape && group_) group_->rotate(Loop::now());
+  }
+  void finish(unsigned, std::function<void(int)> done) override { done(exit_status::kPass); }
+  [[nodiscard]] bool must_not_fail() const override {
+    const RecordingOptions* const recording = device_.get<RecordingOptions>();
+    return recording != nullptr && recording->fail_closed;
+  }
+
+ private:
+  [[nodiscard]] PortSpec spec_for(unsigned connection) const {
+    PortSpec spec = device_;
+    if (const RecordingOptions* const recording = device_.get<RecordingOptions>()) {
+      RecordingOptions own = *recording;
+      own.tape = group_->tape_of(connection);
+      own.group = group_;
+      own.connection = connection;
+      spec.set(std::move(own));
+    }
+    return spec;
+  }
+
+  PortContext context_;
+  PortSpec device_;
+  std::string driver_;
+  std::shared_ptr<TapeGroup> group_;  // null: nothing is recorded
+};
+
+// The tapes of a group in the devices' place.
+class TapedDevices final : public DeviceGroup, private PortListener {
+ public:
+  TapedDevices(const PortContext& context, const PortSpec& device, std::string driver)
+      : context_(context), device_(device), driver_(std::move(driver)) {}
+
+  Result<void> prepare() override {
+    tapes_ = tapes_of_group(options().tape);
+    if (tapes_.empty()) tapes_.push_back(options().tape);  // it says what is wrong
+    std::optional<TapeZero> zero;
+    for (unsigned connection = 1; connection <= tapes_.size(); ++connection) {
+      if (Result<void> good = check_tape(connection, zero); !good) return good;
+    }
+    context_.log->info("{} has the tapes of {} connections", tapes_.front().name(), tapes_.size());
+    return {};
+  }
+
+  Result<std::unique_ptr<Port>> port_for(unsigned connection) override {
+    if (connection > tapes_.size()) {
+      return make_error(Errc::usage,
+                        fmt::format("{} has the tapes of {} connections, and this is number {}; start again "
+                                    "to play them again",
+                                    tapes_.front().name(), tapes_.size(), connection));
+    }
+    PortSpec spec = device_;
+    ReplayPort::Options own = options();
+    own.tape = tapes_[connection - 1];
+    spec.set(std::move(own));
+    return make_port(context_, spec, driver_);
+  }
+
+  // One tape after the other, since there may be more of them than descriptors.
+  void finish(unsigned came, std::function<void(int)> done) override {
+    next_ = came + 1;
+    done_ = std::move(done);
+    finish_next();
+  }
+
+  [[nodiscard]] std::optional<unsigned> ends_after() const override {
+    const bool ends = options().once || options().config.at_end == AtEnd::exit;
+    return ends ? std::optional(static_cast<unsigned>(tapes_.size())) : std::nullopt;
+  }
+
+ private:
+  [[nodiscard]] const ReplayPort::Options& options() const { return *device_.get<ReplayPort::Options>(); }
+
+  // That it can be played, and is of the first one's recording.
+  Result<void> check_tape(unsigned connection, std::optional<TapeZero>& zero) {
+    const TapePaths& tape = tapes_[connection - 1];
+    const Result<TapeReader> reader = TapeReader::open(tape);
+    if (!reader) return reader.error();
+    const auto& header = reader->header();
+    if (header && header->zero) {
+      const bool other =
+          zero && !zero->boot.empty() &&
+          (zero->boot != header->zero->boot || zero->monotonic_us != header->zero->monotonic_us);
+      if (other) {
+        return make_error(Errc::usage,
+                          fmt::format("the tape {} is of another recording than {}; move it out of the way",
+                                      tape.name(), tapes_.front().name()));
+      }
+      if (!zero) zero = header->zero;
+    }
+    const Result<std::unique_ptr<Port>> port = port_for(connection);
+    return port ? (*port)->prepare() : Result<void>(port.error());
+  }
+
+  void finish_next() {
+    if (next_ > tapes_.size()) return std::exchange(done_, {})(status_);
+    context_.log->warn("no connection came for the tape {}", tapes_[next_ - 1].name());
+    Result<std::unique_ptr<Port>> port = port_for(next_++);
+    port_ = port ? std::move(*port) : nullptr;
+    Result<void> ready = port_ ? Result<void>() : Result<void>(port.error());
+    if (port_) {
+      port_->listen(*this);
+      ready = port_->prepare();
+    }
+    if (ready) return port_->finish();
+    context_.log->error("{}", ready.error().message);
+    on_complete(exit_status_of(ready.error().code));
+  }
+
+  void on_complete(int exit_status) override {
+    status_ = worse_exit_status(status_, exit_status);
+    context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {  // the port has called
+      if (!alive.expired()) finish_next();
+    });
+  }
+  void on_up() override {}
+  void on_data(ByteView) override {}
+  void on_drained() override {}
+  void on_down(const LineDown&) override {}
+  void on_finished(int) override {}
+
+  PortContext context_;
+  PortSpec device_;
+  std::string driver_;
+  std::vector<TapePaths> tapes_;
+  std::unique_ptr<Port> port_;  // of a tape that nobody came for
+  unsigned next_ = 1;
+  int status_ = exit_status::kPass;
+  std::function<void(int)> done_;
+  std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
+};
+
+Error usage(std::string message) { return make_error(Errc::usage, std::move(message)); }
+
+}  // namespace
+
+std::vector<TapePaths> tapes_of_group(const TapePaths& first) {
+  std::vector<TapePaths> tapes;
+  for (const unsigned connection : recorded_connections(first))
+    tapes.push_back(connection_tape(first, connection));
+  return tapes;
+}
+
+std::unique_ptr<DeviceGroup> make_device_group(const PortContext& context, const PortSpec& device,
+                                               const std::string& driver) {
+  if (device.get<ReplayPort::Options>() != nullptr)
+    return std::make_unique<TapedDevices>(context, device, driver);
+  return std::make_unique<LiveDevices>(context, device, driver);
+}
+
+Result<void> check_connections(const PortSpec& driver, const PortSpec& device, bool each) {
+  const bool listens = driver.written().flag("listen") && !driver.type().keeps_datagrams;
+  if (!listens) {
+    return usage(
+        fmt::format("option 'connections' is for a driver's port that listens for connections "
+                    "(tcp-listen:, unix-listen:); {} does not",
+                    driver.name()));
+  }
+  if (!each) return {};
+  const RecordingOptions* const recording = device.get<RecordingOptions>();
+  const PortSpec& live = recording != nullptr ? recording->inner : device;
+  if (live.type().exclusive) {
+    return usage(
+        fmt::format("option 'connections': 'each' gives every connection a device's port of its own, "
+                    "and {} can be open once; take one",
+                    live.name()));
+  }
+  for (const auto& [kind, where] : live.type().claims(live)) {
+    return usage(
+        fmt::format("option 'connections': 'each' gives every connection a device's port of its own, "
+                    "and only one can have the {} {}; take one, or another port",
+                    kind, where));
+  }
+  return {};
+}
+
+}  // namespace porttape

@@ -1,0 +1,311 @@
+#include "libport/session/connections.hpp"
+
+#include <deque>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/memory_port.hpp"
+#include "tests/support/quiet_log.hpp"
+
+namespace porttape {
+namespace {
+
+using Reason = LineDown::Reason;
+
+// A listening port whose connections the test makes.
+class Listening final : public Port, private ConnectionSource {
+ public:
+  Result<void> prepare() override { return {}; }
+  void open() override { is_open = true; }
+  void close() override { is_open = false; }
+  void write(ByteView) override {}
+  [[nodiscard]] bool congested() const override { return false; }
+  bool end_writing() override { return false; }
+  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return 0; }
+  void set_reading(bool) override {}
+  void hang_up(bool) override {}
+  void read_pending() override {}
+  [[nodiscard]] ConnectionSource* connections() override { return gives ? this : nullptr; }
+  [[nodiscard]] bool passive() const override { return true; }
+  [[nodiscard]] bool keeps_datagrams() const override { return false; }
+  [[nodiscard]] std::string name() const override { return "listening"; }
+
+  void connect(MemoryPort::Peer& peer) { take(std::make_unique<MemoryPort>(peer), "somebody"); }
+
+  bool is_open = false;
+  bool gives = true;
+  TakeConnection take;
+
+ private:
+  void give_each(TakeConnection wanted) override { take = std::move(wanted); }
+};
+
+// Devices that the test plays.
+class Devices final : public DeviceGroup {
+ public:
+  struct Test {
+    std::deque<MemoryPort::Peer> peers;  // of each connection
+    std::optional<unsigned> ends_after;
+    unsigned most = 10;
+    bool must_not_fail = false;
+    int status = 0;  // of finish()
+    bool finishes = true;
+    std::optional<unsigned> came;  // as finish() was told
+    int requests = 0;
+  };
+  explicit Devices(Test& test) : test_(&test) {}
+
+  Result<void> prepare() override { return {}; }
+  Result<std::unique_ptr<Port>> port_for(unsigned connection) override {
+    if (connection > test_->most) return make_error(Errc::usage, "one too many");
+    if (test_->peers.size() < connection) test_->peers.resize(connection);
+    return std::unique_ptr<Port>(std::make_unique<MemoryPort>(test_->peers[connection - 1]));
+  }
+  void request(RecorderRequest) override { ++test_->requests; }
+  void finish(unsigned came, std::function<void(int)> done) override {
+    test_->came = came;
+    if (test_->finishes) done(test_->status);
+  }
+  [[nodiscard]] bool must_not_fail() const override { return test_->must_not_fail; }
+  [[nodiscard]] std::optional<unsigned> ends_after() const override { return test_->ends_after; }
+
+ private:
+  Test* test_;
+};
+
+class ConnectionsTest : public testing::Test {
+ protected:
+  ConnectionsTest() {
+    auto port = std::make_unique<Listening>();
+    listening = port.get();
+    EndLimits limits;
+    limits.completing = std::chrono::milliseconds(20);
+    connections = std::make_unique<Connections>(
+        PortContext{&loop, book.log()}, std::move(port), std::make_unique<Devices>(devices),
+        [this](int status) { end_status = status; }, limits);
+  }
+  void start() { ASSERT_TRUE(connections->start().has_value()); }
+  MemoryPort::Peer& driver() {  // the next one
+    drivers.emplace_back();
+    listening->connect(drivers.back());
+    return drivers.back();
+  }
+  void run_ready() {
+    while (loop.poll_one()) {
+    }
+    loop.restart();
+  }
+  void leave(MemoryPort::Peer& peer) {
+    peer.down(Reason::closed);
+    run_ready();
+  }
+  void run_to_end() {
+    while (!end_status && loop.run_one()) {
+    }
+  }
+
+  Loop loop;
+  LogBook book;
+  std::deque<MemoryPort::Peer> drivers;
+  Devices::Test devices;
+  Listening* listening = nullptr;
+  std::optional<int> end_status;
+  std::unique_ptr<Connections> connections;
+};
+
+TEST_F(ConnectionsTest, EachHasALineOfItsOwn) {
+  start();
+  EXPECT_TRUE(listening->is_open);
+  driver();
+  driver();
+  drivers[0].send("one");
+  drivers[1].send("two");
+  devices.peers[1].send("from two");
+  EXPECT_EQ(devices.peers[0].written, "one");
+  EXPECT_EQ(devices.peers[1].written, "two");
+  EXPECT_EQ(drivers[1].written, "from two");
+  EXPECT_EQ(drivers[0].written, "");
+  EXPECT_EQ(connections->sessions().size(), 2U);
+}
+
+TEST_F(ConnectionsTest, OneThatHasEndedIsFreedAndCounts) {
+  start();
+  driver();
+  driver();
+  drivers[0].send("one");
+  leave(drivers[0]);
+  EXPECT_EQ(connections->sessions().size(), 1U);
+  drivers[1].send("two");
+  EXPECT_EQ(connections->counters().from_driver_bytes, 6U);
+  EXPECT_EQ(connections->counters().opens, 2U);
+  EXPECT_FALSE(end_status);
+  EXPECT_EQ(driver().calls, "prepare open ");  // the third
+  EXPECT_EQ(devices.peers.size(), 3U);
+}
+
+TEST_F(ConnectionsTest, OneTooManyIsRefusedAndTold) {
+  devices.most = 1;
+  start();
+  driver();
+  EXPECT_EQ(driver().calls, "");
+  EXPECT_NE(book.text().find("connection 2 of somebody is refused: one too many"), std::string::npos);
+  EXPECT_EQ(connections->sessions().size(), 1U);
+  connections->stop();
+  run_to_end();
+  EXPECT_EQ(end_status, 0);
+}
+
+TEST_F(ConnectionsTest, TheWorstStatusCounts) {
+  devices.peers.resize(2);
+  devices.peers[0].status = exit_status::kDataMismatch;
+  devices.peers[1].status = exit_status::kTimingMismatch;
+  start();
+  leave(driver());
+  leave(driver());
+  EXPECT_FALSE(end_status);
+  connections->stop();
+  run_to_end();
+  EXPECT_EQ(end_status, exit_status::kDataMismatch);
+  EXPECT_EQ(devices.came, 2U);
+  EXPECT_FALSE(listening->is_open);
+}
+
+TEST_F(ConnectionsTest, ADeviceThatIsNotThereCostsItsConnectionAlone) {
+  devices.peers.resize(1);
+  devices.peers[0].up_at_once = false;
+  start();
+  driver();
+  driver();
+  devices.peers[0].port->close();
+  devices.peers[0].down(Reason::failed, "no device");
+  EXPECT_TRUE(drivers[0].calls.ends_with("hang_up ")) << drivers[0].calls;
+  leave(drivers[0]);
+  drivers[1].send("two");
+  EXPECT_EQ(devices.peers[1].written, "two");
+  connections->stop();
+  leave(drivers[1]);
+  run_to_end();
+  EXPECT_EQ(end_status, 0);
+}
+
+TEST_F(ConnectionsTest, ADeviceThatCannotBePreparedEndsItsConnection) {
+  devices.peers.resize(1);
+  devices.peers[0].prepared = make_error(Errc::io, "no disk");
+  start();
+  EXPECT_EQ(driver().calls, "");
+  driver();
+  EXPECT_EQ(connections->sessions().size(), 1U);
+  connections->stop();
+  leave(drivers[1]);
+  run_to_end();
+  EXPECT_EQ(end_status, exit_status::kRuntime);
+}
+
+TEST_F(ConnectionsTest, AnExceptionEndsItsConnectionAlone) {
+  devices.peers.resize(1);
+  devices.peers[0].on_open = [this] { loop.post([] { throw std::runtime_error("broken"); }); };
+  start();
+  driver();
+  driver();
+  run_ready();
+  EXPECT_EQ(connections->sessions().size(), 1U);
+  EXPECT_NE(book.text().find("connection 1 is ended: broken"), std::string::npos) << book.text();
+  drivers[1].send("two");
+  EXPECT_EQ(devices.peers[1].written, "two");
+}
+
+TEST_F(ConnectionsTest, StoppingEndsAllAndWaitsForThem) {
+  start();
+  driver();
+  driver();
+  connections->stop();
+  EXPECT_FALSE(listening->is_open);
+  run_ready();
+  EXPECT_FALSE(end_status);
+  leave(drivers[0]);
+  EXPECT_FALSE(end_status);
+  leave(drivers[1]);
+  run_to_end();
+  EXPECT_EQ(end_status, 0);
+}
+
+TEST_F(ConnectionsTest, StoppingAgainEndsAtOnce) {
+  start();
+  driver();
+  connections->stop();
+  run_ready();
+  EXPECT_FALSE(end_status);
+  connections->stop();
+  connections->stop();
+  run_to_end();
+  EXPECT_EQ(end_status, 0);
+}
+
+TEST_F(ConnectionsTest, WithNobodyThereItEndsToo) {
+  devices.status = exit_status::kIncomplete;
+  start();
+  connections->stop();
+  run_to_end();
+  EXPECT_EQ(end_status, exit_status::kIncomplete);
+  EXPECT_EQ(devices.came, 0U);
+}
+
+TEST_F(ConnectionsTest, AnEndThatTakesTooLongIsGivenUp) {
+  devices.finishes = false;
+  start();
+  connections->stop();
+  run_to_end();
+  EXPECT_EQ(end_status, exit_status::kRuntime);
+}
+
+TEST_F(ConnectionsTest, AGroupThatIsPlayedOnceEndsWithItsLastConnection) {
+  devices.ends_after = 2;
+  start();
+  leave(driver());
+  EXPECT_FALSE(end_status);
+  driver();
+  driver();  // one more, where the group allows it
+  leave(drivers[1]);
+  EXPECT_FALSE(end_status);
+  leave(drivers[2]);
+  run_to_end();
+  EXPECT_EQ(end_status, 0);
+}
+
+TEST_F(ConnectionsTest, ATapeThatMustNotFailEndsAll) {
+  devices.must_not_fail = true;
+  start();
+  driver();
+  driver();
+  devices.peers[0].finish(exit_status::kRuntime);
+  run_ready();
+  leave(drivers[0]);
+  leave(drivers[1]);
+  run_to_end();
+  EXPECT_EQ(end_status, exit_status::kRuntime);
+}
+
+TEST_F(ConnectionsTest, ARequestReachesTheGroupAndEach) {
+  start();
+  driver();
+  driver();
+  connections->request(RecorderRequest::next_tape);
+  EXPECT_EQ(devices.requests, 1);
+  EXPECT_TRUE(devices.peers[0].calls.ends_with("next_tape ")) << devices.peers[0].calls;
+  EXPECT_TRUE(devices.peers[1].calls.ends_with("next_tape ")) << devices.peers[1].calls;
+}
+
+TEST_F(ConnectionsTest, APortWithoutConnectionsIsAUsageError) {
+  listening->gives = false;
+  const Result<void> started = connections->start();
+  ASSERT_FALSE(started.has_value());
+  EXPECT_EQ(started.error().code, Errc::usage);
+}
+
+}  // namespace
+}  // namespace porttape
