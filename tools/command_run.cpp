@@ -125,11 +125,16 @@ void CommandRun::watch_signals() {
   for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGQUIT}) {
     if (!is_ignored(number)) signals_.add({number});
   }
+  signals_.add({SIGUSR1});
 }
 
 // The command gets the signal, then a while to end. What a terminal sends it has got already.
 void CommandRun::signalled(int number) {
   if (!command_runs()) return;
+  if (number == SIGUSR1) {
+    if (session_) session_->request(RecorderRequest::next_tape);
+    return;
+  }
   if (std::exchange(signal_, number) != 0) return kill_command();
   if (!signals_.from_terminal() || !command_->in_our_group()) command_->kill(number);
   ending_ = true;

@@ -27,7 +27,8 @@ ChildProcess::Environment environment_of(const PortPlace& place);
 // and what the command left running. What it means is its owner's (TestRun, RecordRun).
 //
 // Drive it: start_session(), run_command(), finish(); after an error of one of them nothing more. SIGINT,
-// SIGTERM, SIGHUP and SIGQUIT go to the command, a second one kills it. Loop thread only.
+// SIGTERM, SIGHUP and SIGQUIT go to the command, a second one kills it; SIGUSR1 begins the next tape. Loop
+// thread only.
 class CommandRun {
  public:
   struct Options {

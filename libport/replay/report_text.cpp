@@ -190,7 +190,7 @@ std::string unsent_lines(const RunReport& report) {
   std::string out;
   if (!report.next_expected.empty()) {
     out = "  the tape has it at " + seconds_text(to_us(report.next_expected_tape)) + ", byte " +
-          std::to_string(report.next_expected_offset) + " of the driver's: " +
+          std::to_string(report.next_expected_offset) + " of the driver's writes: " +
           spaced_hex(first_of(report.next_expected,
                               std::min<std::uint64_t>(kBytesAfter, report.next_expected_block))) +
           '\n';
