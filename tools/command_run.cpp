@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <optional>
 #include <signal.h>
 #include <system_error>
 #include <utility>
@@ -70,11 +71,10 @@ std::vector<std::string> with_place(std::vector<std::string> command, const Port
 }
 
 ChildProcess::Environment environment_of(const PortPlace& place) {
-  ChildProcess::Environment added{{"PORTTAPE_PORT", place.text()}};
-  if (place.host.empty()) return added;
-  added["PORTTAPE_HOST"] = place.host;
-  added["PORTTAPE_TCP_PORT"] = std::to_string(place.port);
-  return added;
+  const bool socket = !place.host.empty();
+  return {{"PORTTAPE_PORT", place.text()},
+          {"PORTTAPE_HOST", socket ? std::optional(place.host) : std::nullopt},
+          {"PORTTAPE_TCP_PORT", socket ? std::optional(std::to_string(place.port)) : std::nullopt}};
 }
 
 CommandRun::CommandRun(Options options)

@@ -20,7 +20,7 @@ namespace porttape {
 
 // The command with `{port}` and, for a socket, `{host}` and `{tcp_port}` replaced.
 std::vector<std::string> with_place(std::vector<std::string> command, const PortPlace& place);
-// PORTTAPE_PORT and, for a socket, PORTTAPE_HOST and PORTTAPE_TCP_PORT.
+// PORTTAPE_PORT and, for a socket, PORTTAPE_HOST and PORTTAPE_TCP_PORT; else not these.
 ChildProcess::Environment environment_of(const PortPlace& place);
 
 // A session with one command on its driver's port: starts both, waits for the command's end, ends the session

@@ -129,6 +129,9 @@ try timeout -k 5 60 "$PYTHON" terminal.py "$PORTTAPE" record --device "$device" 
 [[ $status == 101 ]] || die "after Ctrl-C status $status: $(cat said)"
 whole interrupted
 said '4 exchanges'
+try timeout -k 5 60 "$PYTHON" terminal.py "$PORTTAPE" test --tape interrupted -- "$PYTHON" interrupted.py '{port}' 2>said
+[[ $status == 130 ]] || die "test after Ctrl-C: status $status: $(cat said)"
+said 'interrupted by SIGINT (2)'
 
 # Refused before the command starts.
 record 2 first touch ran

@@ -100,8 +100,10 @@ TEST_F(RecordVerb, OneCommandGivesATapeAndSaysWhatIsOnIt) {
 }
 
 TEST_F(RecordVerb, TheEnvironmentHasThePortToo) {
+  ::setenv("PORTTAPE_HOST", "of another one, outside", 1);
   const Ran ran =
-      record("exec 3<>\"$PORTTAPE_PORT\"; echo ask >&3; read answer <&3; test -z \"$PORTTAPE_HOST\"");
+      record("exec 3<>\"$PORTTAPE_PORT\"; echo ask >&3; read answer <&3; test -z \"${PORTTAPE_HOST+set}\"");
+  ::unsetenv("PORTTAPE_HOST");
   EXPECT_EQ(ran.status, 0) << ran.err;
   EXPECT_EQ(recorded().write.bytes, 4U);
 }
