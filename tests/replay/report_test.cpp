@@ -297,6 +297,8 @@ TEST(ReportText, ATapeNameCannotSpoilTheTerminal) {
   RunReport report = passed();
   report.tape = "a\033[2Jb";
   EXPECT_THAT(to_text(report), HasSubstr("a\\x1b[2Jb"));
+  report.tape = "M\u00fcller";
+  EXPECT_THAT(to_text(report), HasSubstr("M\u00fcller: "));
 }
 
 }  // namespace
