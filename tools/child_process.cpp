@@ -23,21 +23,23 @@ std::vector<char*> pointers(const std::vector<std::string>& texts) {
   return all;
 }
 
-// Ours with `added` in it: `NAME=VALUE` each.
-std::vector<std::string> environment_with(const ChildProcess::Environment& added) {
+// `NAME=VALUE` each.
+std::vector<std::string> environment_with(const ChildProcess::Environment& changed) {
   std::vector<std::string> all;
   for (char** entry = environ; *entry != nullptr; ++entry) {
     const std::string text = *entry;
-    if (!added.contains(text.substr(0, text.find('=')))) all.push_back(text);
+    if (!changed.contains(text.substr(0, text.find('=')))) all.push_back(text);
   }
-  for (const auto& [name, value] : added) all.push_back(fmt::format("{}={}", name, value));
+  for (const auto& [name, value] : changed) {
+    if (value) all.push_back(fmt::format("{}={}", name, *value));
+  }
   return all;
 }
 
 // The command gets the signals as they were before we ignored some.
-int spawn(const std::vector<std::string>& command, const ChildProcess::Environment& added, pid_t& pid) {
+int spawn(const std::vector<std::string>& command, const ChildProcess::Environment& changed, pid_t& pid) {
   const std::vector<char*> arguments = pointers(command);
-  const std::vector<std::string> environment = environment_with(added);
+  const std::vector<std::string> environment = environment_with(changed);
   posix_spawnattr_t attributes;
   ::posix_spawnattr_init(&attributes);
   sigset_t defaults;
@@ -69,10 +71,10 @@ std::string advice(const std::string& program, int error) {
 }  // namespace
 
 Result<std::unique_ptr<ChildProcess>> ChildProcess::start(Loop& loop, const std::vector<std::string>& command,
-                                                          const Environment& added,
+                                                          const Environment& changed,
                                                           std::function<void()> on_exit) {
   pid_t pid = 0;
-  if (const int error = spawn(command, added, pid); error != 0) {
+  if (const int error = spawn(command, changed, pid); error != 0) {
     return make_error(Errc::usage, fmt::format("command '{}' cannot be run: {}{}", command.front(),
                                                errno_text(error), advice(command.front(), error)));
   }

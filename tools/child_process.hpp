@@ -3,6 +3,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <sys/types.h>
 #include <vector>
@@ -18,12 +19,13 @@ namespace porttape {
 // use the terminal. Killed and reaped by the destructor. Loop thread only.
 class ChildProcess {
  public:
-  using Environment = std::map<std::string, std::string>;
+  using Environment = std::map<std::string, std::optional<std::string>>;  // none: not there
 
-  // Starts it, with `added` in its environment beside what we have; `on_exit` comes once, from the loop.
+  // Starts it, with `changed` of our environment; `on_exit` comes once, from the loop.
   // Errc::usage when there is no such command.
   static Result<std::unique_ptr<ChildProcess>> start(Loop& loop, const std::vector<std::string>& command,
-                                                     const Environment& added, std::function<void()> on_exit);
+                                                     const Environment& changed,
+                                                     std::function<void()> on_exit);
   ~ChildProcess();
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <optional>
 #include <signal.h>
 #include <system_error>
 #include <utility>
@@ -70,11 +71,10 @@ std::vector<std::string> with_place(std::vector<std::string> command, const Port
 }
 
 ChildProcess::Environment environment_of(const PortPlace& place) {
-  ChildProcess::Environment added{{"PORTTAPE_PORT", place.text()}};
-  if (place.host.empty()) return added;
-  added["PORTTAPE_HOST"] = place.host;
-  added["PORTTAPE_TCP_PORT"] = std::to_string(place.port);
-  return added;
+  const bool socket = !place.host.empty();
+  return {{"PORTTAPE_PORT", place.text()},
+          {"PORTTAPE_HOST", socket ? std::optional(place.host) : std::nullopt},
+          {"PORTTAPE_TCP_PORT", socket ? std::optional(std::to_string(place.port)) : std::nullopt}};
 }
 
 CommandRun::CommandRun(Options options)
@@ -125,11 +125,16 @@ void CommandRun::watch_signals() {
   for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGQUIT}) {
     if (!is_ignored(number)) signals_.add({number});
   }
+  signals_.add({SIGUSR1});
 }
 
 // The command gets the signal, then a while to end. What a terminal sends it has got already.
 void CommandRun::signalled(int number) {
   if (!command_runs()) return;
+  if (number == SIGUSR1) {
+    if (session_) session_->request(RecorderRequest::next_tape);
+    return;
+  }
   if (std::exchange(signal_, number) != 0) return kill_command();
   if (!signals_.from_terminal() || !command_->in_our_group()) command_->kill(number);
   ending_ = true;

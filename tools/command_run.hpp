@@ -20,14 +20,15 @@ namespace porttape {
 
 // The command with `{port}` and, for a socket, `{host}` and `{tcp_port}` replaced.
 std::vector<std::string> with_place(std::vector<std::string> command, const PortPlace& place);
-// PORTTAPE_PORT and, for a socket, PORTTAPE_HOST and PORTTAPE_TCP_PORT.
+// PORTTAPE_PORT and, for a socket, PORTTAPE_HOST and PORTTAPE_TCP_PORT; else not these.
 ChildProcess::Environment environment_of(const PortPlace& place);
 
 // A session with one command on its driver's port: starts both, waits for the command's end, ends the session
 // and what the command left running. What it means is its owner's (TestRun, RecordRun).
 //
 // Drive it: start_session(), run_command(), finish(); after an error of one of them nothing more. SIGINT,
-// SIGTERM, SIGHUP and SIGQUIT go to the command, a second one kills it. Loop thread only.
+// SIGTERM, SIGHUP and SIGQUIT go to the command, a second one kills it; SIGUSR1 begins the next tape. Loop
+// thread only.
 class CommandRun {
  public:
   struct Options {

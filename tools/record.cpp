@@ -22,7 +22,7 @@ namespace {
 constexpr std::string_view kAbout =
     "Runs COMMAND on a port that leads to the device, keeps a tape of what both say, and tells\n"
     "at the end what is on it. The tape is closed whole when COMMAND ends, also by Ctrl-C, which\n"
-    "goes to COMMAND (a second one kills it).\n\n"
+    "goes to COMMAND (a second one kills it). SIGUSR1 begins the next tape.\n\n"
     "Exit status: COMMAND's own, 128 + N after signal N. Without COMMAND having run: 2 wrong use,\n"
     "6 no such device. Where COMMAND gave 0: 1 something is missing from the tape, 6 the device\n"
     "was lost.\n\n";
@@ -105,8 +105,9 @@ void tell_next(const std::string& tape, const CommandVerbLine& line, std::ostrea
 int status_of(const RecordRun& record, bool whole) {
   const int status = record.command_ended() ? exit_status::kPass : record.command_end().exit_code();
   if (status != exit_status::kPass) return status;
-  if (!whole || record.tape_failed()) return exit_status::kRuntime;
-  return record.device_failed() ? exit_status::kDevice : exit_status::kPass;
+  if (record.tape_failed()) return exit_status::kRuntime;
+  if (record.device_failed()) return exit_status::kDevice;  // and what is missing then is missing for that
+  return whole ? exit_status::kPass : exit_status::kRuntime;
 }
 
 Result<int> record(const CommandVerbLine& line, std::ostream& err) {

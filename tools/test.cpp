@@ -66,9 +66,7 @@ Result<int> run_request(const TestRequest& request, std::ostream& out, std::ostr
   if (!report) return report.error();
   report->outcome = outcome_text(*report, test.end());
   report->command_end = command_end_text(*report, test.end());
-  RunReport shown = *report;
-  shown.tape = printable_line(shown.tape);
-  out << to_text(shown, wants_color(out)) << std::flush;
+  out << to_text(*report, wants_color(out)) << std::flush;
   report->process_exit = output_status(out, exit_status_of(*report, test.end()));
   if (!request.replay().report_file.empty()) {
     if (Result<void> written = write_report(request.replay().report_file, to_json(*report)); !written)

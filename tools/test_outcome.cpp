@@ -23,7 +23,7 @@ int exit_status_of(const RunReport& report, const TestEnd& end) {
 
 std::string outcome_text(const RunReport& report, const TestEnd& end) {
   if (end.interrupted_by != 0) return "interrupted by " + signal_text(end.interrupted_by);
-  if (!end.opened) return "incomplete: the command never opened its port";
+  if (!end.opened && !report.trouble) return "incomplete: the command never opened its port";
   const std::string command = text_of(end);
   if (report.verdict != Verdict::pass || report.trouble || command.empty()) return {};
   return "failed: the driver did all as recorded, but the command " + command;

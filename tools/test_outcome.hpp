@@ -9,7 +9,7 @@ namespace porttape {
 
 // How the command under `porttape test` ended, beside what the run's report says.
 struct TestEnd {
-  CommandEnd command;
+  CommandEnd command = {};
   int interrupted_by = 0;  // a signal of the user's; 0: none
   std::string ended_because =
       {};                // we ended the command: "ran longer than --timeout and was ended"; or empty

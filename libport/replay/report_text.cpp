@@ -9,6 +9,7 @@
 #include <string>
 #include <string_view>
 
+#include "libport/base/printable.hpp"
 #include "libport/replay/report.hpp"
 #include "libport/replay/seconds_text.hpp"
 
@@ -190,7 +191,7 @@ std::string unsent_lines(const RunReport& report) {
   std::string out;
   if (!report.next_expected.empty()) {
     out = "  the tape has it at " + seconds_text(to_us(report.next_expected_tape)) + ", byte " +
-          std::to_string(report.next_expected_offset) + " of the driver's: " +
+          std::to_string(report.next_expected_offset) + " of the driver's writes: " +
           spaced_hex(first_of(report.next_expected,
                               std::min<std::uint64_t>(kBytesAfter, report.next_expected_block))) +
           '\n';
@@ -205,7 +206,7 @@ std::string unsent_lines(const RunReport& report) {
 std::string counts(const RunReport& report) {
   const std::optional<std::uint64_t>& from = report.from_driver_of;
   const std::optional<std::uint64_t>& to = report.to_driver_of;
-  return (report.tape.empty() ? "" : to_printable(as_bytes(report.tape)) + ": ") + "from the driver " +
+  return (report.tape.empty() ? "" : printable_line(report.tape) + ": ") + "from the driver " +
          std::to_string(report.from_driver_matched) + (from ? " of " + counted(*from, "byte") : " bytes") +
          " as recorded, to the driver " + std::to_string(report.to_driver_bytes) +
          (to ? " of " + std::to_string(*to) : " (the tape was not counted)") + ", " +
@@ -214,7 +215,7 @@ std::string counts(const RunReport& report) {
 
 // Of a verdict that is none of pass.
 Cause cause_of(const RunReport& report) {
-  if (report.trouble) return {"failed", "the tape could not be read on: " + *report.trouble};
+  if (report.trouble) return {"failed", "the tape could not be read on: " + printable_line(*report.trouble)};
   if (report.verdict == Verdict::incomplete) return unsent_cause(report);
   return report.mismatch ? cause_of(*report.mismatch) : Cause{to_string(report.verdict), "see above"};
 }
@@ -245,7 +246,7 @@ std::string to_text(const RunReport& report, bool color) {
   const Paint paint(color);
   std::string out = finding(report, paint);
   for (const Doubt& doubt : report.doubts) {
-    out += "  doubt     " + to_printable(as_bytes(doubt.text)) + '\n';
+    out += "  doubt     " + printable_line(doubt.text) + '\n';
   }
   if (report.mismatches > 1) out += "  mismatches in all: " + std::to_string(report.mismatches) + '\n';
   if (report.mismatch && report.mismatch->kind == MismatchKind::timing) {

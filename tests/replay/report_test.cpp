@@ -224,7 +224,7 @@ TEST(ReportText, IncompleteTellsWhatIsMissing) {
   EXPECT_EQ(
       to_text(report),
       "incomplete: the driver never wrote \"QT\\n\"\n"
-      "  the tape has it at 0.900000 s, byte 36 of the driver's: 51 54 0a\n"
+      "  the tape has it at 0.900000 s, byte 36 of the driver's writes: 51 54 0a\n"
       "  6 recorded bytes never came from the driver\n"
       "  laser.log: from the driver 36 of 42 bytes as recorded, to the driver 3222 of 3222, 1.250000 s\n");
   report.next_expected_before = bytes("as");
@@ -297,6 +297,8 @@ TEST(ReportText, ATapeNameCannotSpoilTheTerminal) {
   RunReport report = passed();
   report.tape = "a\033[2Jb";
   EXPECT_THAT(to_text(report), HasSubstr("a\\x1b[2Jb"));
+  report.tape = "M\u00fcller";
+  EXPECT_THAT(to_text(report), HasSubstr("M\u00fcller: "));
 }
 
 }  // namespace

@@ -68,6 +68,14 @@ TEST(TestOutcome, AnInterruptOutranksAll) {
             (Outcome{143, "interrupted by SIGTERM (15)", ""}));
 }
 
+TEST(TestOutcome, ADamagedTapeOutranksAPortThatWasNeverOpened) {
+  RunReport report = with(Verdict::incomplete, {});
+  report.trouble = "laser.logr: damaged";
+  const TestEnd end{.opened = false};
+  EXPECT_EQ(exit_status_of(report, end), 1);
+  EXPECT_EQ(outcome_text(report, end), "");
+}
+
 TEST(TestOutcome, APortThatWasNeverOpened) {
   EXPECT_EQ(outcome(Verdict::incomplete, {.command = {.status = 1}, .opened = false}),
             (Outcome{5, "incomplete: the command never opened its port", "ended with status 1"}));
