@@ -1,7 +1,5 @@
 #include "daemon/daemon.hpp"
 
-#include <algorithm>
-#include <array>
 #include <chrono>
 #include <csignal>
 #include <fmt/format.h>
@@ -13,19 +11,6 @@
 #include "libport/tape/disks.hpp"
 
 namespace porttape {
-namespace {
-
-// Of two exit statuses the one that says more of what went wrong.
-int worse(int one, int other) {
-  constexpr std::array order = {exit_status::kPass,           exit_status::kIncomplete,
-                                exit_status::kTimingMismatch, exit_status::kDataMismatch,
-                                exit_status::kDevice,         exit_status::kUsage,
-                                exit_status::kRuntime};
-  return std::ranges::find(order, one) < std::ranges::find(order, other) ? other : one;
-}
-
-}  // namespace
-
 Daemon::Daemon(Loop& loop, std::shared_ptr<spdlog::logger> log, Options options)
     : loop_(&loop), log_(std::move(log)), options_(std::move(options)) {
   loop_->on_stall([log = log_](const Stall& stall) {
@@ -79,7 +64,7 @@ void Daemon::hung_up() {
 
 void Daemon::ended(const std::string& name, int exit_status) {
   channels_.erase(name);
-  exit_status_ = worse(exit_status_, exit_status);
+  exit_status_ = worse_exit_status(exit_status_, exit_status);
   if (channels_.empty()) loop_->stop();
 }
 

@@ -1,5 +1,8 @@
 #include "libport/base/error.hpp"
 
+#include <algorithm>
+#include <array>
+
 namespace porttape {
 
 int exit_status_of(Errc code) {
@@ -15,6 +18,14 @@ int exit_status_of(Errc code) {
       break;
   }
   return exit_status::kRuntime;
+}
+
+int worse_exit_status(int one, int other) {
+  constexpr std::array order = {exit_status::kPass,       exit_status::kTimingMismatch,
+                                exit_status::kIncomplete, exit_status::kDataMismatch,
+                                exit_status::kDevice,     exit_status::kUsage,
+                                exit_status::kRuntime};
+  return std::ranges::find(order, one) < std::ranges::find(order, other) ? other : one;
 }
 
 }  // namespace porttape

@@ -37,6 +37,10 @@ inline constexpr int kDevice = 6;
 
 int exit_status_of(Errc code);
 
+// Of two exit statuses the one that says more of what went wrong. Of verdicts: what is wrong outranks what is
+// missing, and that outranks what was late.
+int worse_exit_status(int one, int other);
+
 // "No such file or directory" for errno 2; thread-safe.
 inline std::string errno_text(int error_number) { return std::generic_category().message(error_number); }
 

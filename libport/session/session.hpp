@@ -93,6 +93,7 @@ class Session {
   void driver_up();
   void driver_data(ByteView data);
   PortListener::Answers driver_ended();
+  PortListener::Answers device_ended();
   void let_driver(bool read);
   void let_device(bool read);
   bool keep_early(Gate& gate, const Port& port, ByteView data);
