@@ -69,7 +69,9 @@ Result<int> run_request(const TestRequest& request, std::ostream& out, std::ostr
   out << to_text(*report, wants_color(out)) << std::flush;
   report->process_exit = output_status(out, exit_status_of(*report, test.end()));
   if (!request.replay().report_file.empty()) {
-    if (Result<void> written = write_report(request.replay().report_file, to_json(*report)); !written)
+    if (Result<void> written =
+            write_report(request.replay().report_file, to_json(*report, test.runs().json()));
+        !written)
       return written.error();
   }
   return *report->process_exit;

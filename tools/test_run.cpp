@@ -12,15 +12,6 @@ using std::chrono::seconds;
 
 constexpr Nanos kAfterHangUp = seconds(10);  // a command that goes on after a mismatch is ended then
 
-// The driver wrote nothing though the tape has writes: a `stty` or a probe, not a run.
-bool is_look(const RunReport& report) {
-  return report.from_driver_bytes == 0 && report.from_driver_of > 0 && !report.mismatch && !report.trouble;
-}
-
-bool is_empty(const RunReport& report) {
-  return report.from_driver_bytes == 0 && report.to_driver_bytes == 0;
-}
-
 }  // namespace
 
 TestRun::TestRun(TestRequest request)
@@ -47,20 +38,14 @@ Result<void> TestRun::start_session() {
   ChannelPorts ports = request_.ports;
   ReplayPort::Options options = request_.replay();
   options.report_file.clear();  // written once the command's exit status is known
-  options.report_unopened = options.brief = true;
+  options.brief = true;
   options.on_report = [this](const RunReport& report) { take(report); };
   ports.device.set(std::move(options));
   return run_.start_session(ports);
 }
 
-// Of several runs in one command the first that failed counts; one in which nothing passed only when it is
-// the last.
 void TestRun::take(const RunReport& report) {
-  if (is_look(report)) {
-    look_ = report;
-    return;
-  }
-  if (!report_ || is_empty(*report_) || exit_status_of(*report_) == exit_status::kPass) report_ = report;
+  runs_.add(report);
   const Instant then = Loop::now() + kAfterHangUp;
   const bool later = !late_timer_.due() || *late_timer_.due() > then;
   if (is_hung_up(report) && later && !request_.never_ends && run_.command_runs()) late_timer_.set(then);
@@ -74,9 +59,8 @@ bool TestRun::line_is_idle() {
   if (run_.channel() == nullptr) return true;
   const Channel::Counters counters = run_.counters();
   const std::uint64_t bytes = counters.from_driver_bytes + counters.to_driver_bytes + counters.opens;
-  const bool due = std::ranges::any_of(run_.sessions(), [](Session* each) {
-    return each->device().waiting()->next_due().has_value();
-  });
+  const bool due = std::ranges::any_of(
+      run_.sessions(), [](Session* each) { return each->device().waiting()->next_due().has_value(); });
   return std::exchange(seen_bytes_, bytes) == bytes && !due;
 }
 
@@ -122,20 +106,20 @@ Result<RunReport> TestRun::verdict() {
   end_.command = run_.command_end();
   end_.interrupted_by = run_.interrupted_by();
   end_.opened = run_.counters().opens > 0;
-  end_.hung_up = report_ && is_hung_up(*report_);
-  if (!report_ && look_) report_ = std::move(look_);
-  if (!report_) {
+  std::optional<RunReport> report = runs_.worst();
+  end_.hung_up = report && is_hung_up(*report);
+  if (!report) {
     return make_error(run_.session_status() == exit_status::kDevice ? Errc::device_missing : Errc::io,
                       "there was no run; what went wrong is told above");
   }
-  if (!end_.opened || is_look(*report_)) report_->verdict = Verdict::incomplete;
+  if (!end_.opened) report->verdict = Verdict::incomplete;
   if (!end_.opened) {
     run_.notes().emplace_back(
         "it is to open {port}, which stands in COMMAND for the path, or $PORTTAPE_PORT of its environment");
   }
-  report_->tape = request_.replay().tape.name();
-  report_->command_exit = end_.command.exit_code();
-  return *report_;
+  report->tape = request_.replay().tape.name();
+  report->command_exit = end_.command.exit_code();
+  return *report;
 }
 
 }  // namespace porttape

@@ -7,6 +7,7 @@
 #include "libport/catalog/channel.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/replay/report.hpp"
+#include "libport/replay/run_list.hpp"
 #include "libport/taped/replay_port.hpp"
 #include "tools/command_run.hpp"
 #include "tools/idle_watch.hpp"
@@ -36,6 +37,7 @@ class TestRun {
   // After run(): how the command ended, and what the user should know beyond the verdict, a line each.
   [[nodiscard]] const TestEnd& end() const { return end_; }
   [[nodiscard]] const std::vector<std::string>& notes() const { return run_.notes(); }
+  [[nodiscard]] const RunList& runs() const { return runs_; }
 
  private:
   Result<void> start_session();
@@ -51,8 +53,7 @@ class TestRun {
   TestRequest request_;
   CommandRun run_;
   TestEnd end_;
-  std::optional<RunReport> report_;  // of the run that counts
-  std::optional<RunReport> look_;    // of a driver that only looked
+  RunList runs_;
   std::optional<Instant> timeout_at_;
   Timer late_timer_;
   Timer idle_timer_;

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "libport/base/printable.hpp"
 #include "libport/replay/report.hpp"
@@ -179,7 +180,37 @@ std::string mismatch_lines(const Mismatch& mismatch, const Paint& paint) {
   return out;
 }
 
+// "no", "one", "two", …, in digits beyond ten.
+std::string number_word(std::uint64_t number) {
+  constexpr std::array<std::string_view, 11> words = {"no",  "one",   "two",   "three", "four", "five",
+                                                      "six", "seven", "eight", "nine",  "ten"};
+  return number < words.size() ? std::string(words.at(number)) : std::to_string(number);
+}
+
+// What the driver left out beside bytes: sessions, and its end of sending.
+std::vector<std::string> left_out(const RunReport& report) {
+  std::vector<std::string> out;
+  if (report.sessions_made < report.sessions_of && !report.nobody_came) {
+    out.push_back("the tape has " + number_word(report.sessions_of) + " session" +
+                  (report.sessions_of == 1 ? "" : "s") + ", the driver made " +
+                  number_word(report.sessions_made));
+  }
+  if (report.missed_half_close) {
+    out.push_back("on the tape the driver ends its sending (half-close) at " +
+                  seconds_text(to_us(*report.missed_half_close)) + "; here it did not");
+  }
+  return out;
+}
+
+// Whether all recorded bytes came, as far as that is known.
+bool all_came(const RunReport& report) {
+  return report.next_expected.empty() && report.from_driver_of &&
+         report.from_driver_matched >= *report.from_driver_of;
+}
+
 Cause unsent_cause(const RunReport& report) {
+  if (const std::vector<std::string> left = left_out(report); all_came(report) && !left.empty())
+    return {"incomplete", left.front()};
   const ByteView write = first_of(report.next_expected, report.next_expected_block);
   const Bytes& before = report.next_expected_before;
   if (write.empty()) return {"incomplete", "recorded bytes never came from the driver"};
@@ -234,7 +265,7 @@ std::string finding(const RunReport& report, const Paint& paint) {
            '\n';
   }
   const bool other_cause = good || report.trouble || report.verdict == Verdict::incomplete;
-  if (report.verdict == Verdict::incomplete) out += unsent_lines(report);
+  if (report.verdict == Verdict::incomplete && !all_came(report)) out += unsent_lines(report);
   if (report.mismatch && other_cause) out += "  before    " + cause_of(*report.mismatch).text + '\n';
   if (report.mismatch) out += mismatch_lines(*report.mismatch, paint);
   return out + "  " + counts(report);
@@ -245,6 +276,9 @@ std::string finding(const RunReport& report, const Paint& paint) {
 std::string to_text(const RunReport& report, bool color) {
   const Paint paint(color);
   std::string out = finding(report, paint);
+  const std::vector<std::string> left = left_out(report);
+  const std::size_t said = report.verdict == Verdict::incomplete && all_came(report) ? 1 : 0;  // as the cause
+  for (std::size_t n = said; n < left.size(); ++n) out += "  " + left[n] + '\n';
   for (const Doubt& doubt : report.doubts) {
     out += "  doubt     " + printable_line(doubt.text) + '\n';
   }
