@@ -57,6 +57,8 @@ std::string printable(std::string_view text, bool keep_lines) {
 
 std::string printable_line(std::string_view text) { return printable(text, false); }
 
+std::string in_quotes(std::string_view name) { return "'" + printable(name, false) + "'"; }
+
 std::string printable_lines(std::string_view text) { return printable(text, true); }
 
 }  // namespace porttape

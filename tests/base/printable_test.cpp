@@ -38,6 +38,12 @@ TEST(PrintableLines, LinesAreKeptAndNoneBeginsAtTheFront) {
   EXPECT_EQ(printable_lines("one\n  two\nthree\x1b\n"), "one\n  two\n  three\\x1b\n");
 }
 
+TEST(InQuotes, IsOneLineWithinQuotes) {
+  EXPECT_EQ(in_quotes("/tmp/ä€📼"), "'/tmp/ä€📼'");
+  EXPECT_EQ(in_quotes("a\nb\x1b\xff"), "'a\\nb\\x1b\\xff'");
+  EXPECT_EQ(in_quotes(""), "''");
+}
+
 TEST(JsonQuote, EscapesWhatATerminalObeys) {
   EXPECT_EQ(json_quote("\x1b\x7f\u009bé\u202e\xff"), "\"\\u001b\\u007f\\u009bé\\u202e\uFFFD\"");
 }
