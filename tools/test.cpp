@@ -31,8 +31,8 @@ namespace po = boost::program_options;
 
 constexpr std::string_view kHelp =
     "Usage: porttape test --tape NAME [options] -- COMMAND…\n\n"
-    "Runs COMMAND against a tape in the device's place and prints the verdict. {port} in COMMAND is the path "
-    "to open.\n\n"
+    "Runs COMMAND against a tape in the device's place and prints the verdict. {port}\n"
+    "in COMMAND is the path to open.\n\n"
     "Example: porttape test --tape laser -- ./laser_driver --device {port}\n";
 
 // A folder of our own for the driver's port.
@@ -61,11 +61,13 @@ std::vector<OptionSpec> test_options() {
   std::erase_if(specs, [](const OptionSpec& spec) { return spec.name == "once"; });
   for (OptionSpec& spec : specs) {
     spec.default_value = replay_default(ReplayUse::test, spec.name, spec.default_value);
-    if (spec.name == "driver") spec.help = "PORT for the command instead of a pty in a private folder";
+    if (spec.name == "driver") spec.help = "what the command opens instead of a pty in a private folder";
   }
-  specs.push_back({"timeout", OptionSpec::Kind::number, "",
-                   "seconds after which the command is ended; 0: never, not even one that sleeps for ever", 0,
-                   1e9});
+  specs.push_back({.name = "timeout",
+                   .kind = OptionSpec::Kind::number,
+                   .help = "after how long the command is ended; 0: never, not even one that sleeps for ever",
+                   .max = 1e9,
+                   .unit = "s"});
   specs.push_back({"help", OptionSpec::Kind::flag, "", "this text"});
   return specs;
 }
@@ -96,13 +98,23 @@ Result<TestRequest> read_request(const po::variables_map& values, const std::vec
     if (Result<void> place = check_report_place(file); !place) return place.error();
   }
   if (request.command.empty())
-    return make_error(Errc::usage, "the command is missing: porttape test --tape NAME -- COMMAND…");
+    return make_error(Errc::usage, "the command is missing; type porttape test --tape NAME -- COMMAND…");
   return request;
 }
 
 int fail(const Error& error, std::ostream& err) {
   fmt::print(err, "porttape test: {}\n", printable_line(error.message));
   return exit_status_of(error.code);
+}
+
+// A command without `--` in front, or a word too many.
+Error before_command(Arguments args, const StrayWord& stray) {
+  if (std::ranges::find(args, "--") != args.end())
+    return make_error(Errc::usage, with_help(stray.what(), "porttape test"));
+  std::vector<std::string> line{"porttape", "test"};
+  line.insert(line.end(), args.begin(), args.end());
+  line.insert(line.begin() + 2 + static_cast<std::ptrdiff_t>(stray.index()), "--");
+  return make_error(Errc::usage, fmt::format("-- is missing before the command; type {}", shell_line(line)));
 }
 
 int run_request(const TestRequest& request, std::ostream& out, std::ostream& err) {
@@ -143,8 +155,10 @@ int run_test(Arguments args, std::ostream& out, std::ostream& err) {
     const Result<TestRequest> request = read_request(values, specs, folder, std::move(command));
     if (!request) return fail(request.error(), err);
     return run_request(*request, out, err);
+  } catch (const StrayWord& stray) {
+    return fail(before_command(args, stray), err);
   } catch (const po::error& error) {
-    return fail(make_error(Errc::usage, fmt::format("{}; see porttape test --help", error.what())), err);
+    return fail(make_error(Errc::usage, with_help(error.what(), "porttape test")), err);
   }
 }
 
