@@ -23,7 +23,7 @@ std::string place(const std::string& path) {
 
 std::optional<Error> claim(Owners& owners, const PortType::Claim& wanted, const std::string& channel) {
   const auto& [kind, where] = wanted;
-  const bool is_path = kind == "link" || kind == "socket" || kind == "tape";
+  const bool is_path = kind == "link" || kind == "socket" || kind == "tape" || kind == "report";
   const std::string at = is_path ? in_quotes(place(where)) : where;
   const auto [owner, free] = owners.emplace(kind + " " + at, channel);
   if (free) return std::nullopt;
@@ -46,7 +46,7 @@ std::vector<ChannelProblem> check_channels(const std::map<std::string, ChannelSp
       if (!*port) continue;
       for (const PortType::Claim& wanted : (*port)->type().claims(**port)) {
         if (const auto taken = claim(owners, wanted, name))
-          problems.push_back({name, {wanted.first == "tape" ? "tape" : option, *taken}});
+          problems.push_back({name, {spec.values.contains(wanted.first) ? wanted.first : option, *taken}});
       }
     }
   }

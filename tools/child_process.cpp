@@ -10,6 +10,8 @@
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/printable.hpp"
+
 namespace porttape {
 namespace {
 
@@ -37,8 +39,8 @@ Result<std::unique_ptr<ChildProcess>> ChildProcess::start(Loop& loop, const std:
                                                           std::function<void()> on_exit) {
   pid_t pid = 0;
   if (const int error = spawn(command, pid); error != 0) {
-    return make_error(Errc::usage,
-                      fmt::format("command '{}' cannot be run: {}", command.front(), errno_text(error)));
+    return make_error(Errc::usage, fmt::format("command {} cannot be run: {}", in_quotes(command.front()),
+                                               errno_text(error)));
   }
   // glibc 2.36 declares pidfd_open() without extern "C".
   UniqueFd pid_fd(static_cast<int>(::syscall(SYS_pidfd_open, pid, 0)));

@@ -86,12 +86,6 @@ std::string title_of(const po::options_description& options) {
   return out.str().substr(0, out.str().find('\n') + 1);
 }
 
-bool is_plain(char c) {
-  constexpr std::string_view plain = "-_./:,=+@%{}";
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-         plain.find(c) != std::string_view::npos;
-}
-
 }  // namespace
 
 po::options_description describe(const std::vector<OptionSpec>& specs, const std::string& title) {
@@ -159,16 +153,7 @@ std::string with_help(std::string message, std::string_view command) {
 
 std::string shell_line(std::span<const std::string> words) {
   std::string line;
-  for (const std::string& word : words) {
-    if (!line.empty()) line += ' ';
-    if (!word.empty() && std::ranges::all_of(word, is_plain)) {
-      line += word;
-      continue;
-    }
-    line += '\'';
-    for (const char c : word) line += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    line += '\'';
-  }
+  for (const std::string& word : words) line += (line.empty() ? "" : " ") + shell_word(word);
   return line;
 }
 

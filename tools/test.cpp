@@ -41,7 +41,7 @@ class PrivateFolder {
   Result<std::string> make() {
     std::string path = (std::filesystem::temp_directory_path() / "porttape-XXXXXX").string();
     if (::mkdtemp(path.data()) == nullptr)
-      return make_error(Errc::io, fmt::format("folder '{}': {}", path, errno_text(errno)));
+      return make_error(Errc::io, fmt::format("folder {}: {}", in_quotes(path), errno_text(errno)));
     path_ = path;
     return path;
   }

@@ -209,6 +209,11 @@ PortType logreader_type() {
       {.name = "report", .help = "writes the verdict there as JSON; - is stdout", .value_name = "FILE"},
   });
   type.read = reads(replay_options);
+  type.claims = [](const PortSpec& spec) {
+    const std::string& report = spec.get<ReplayPort::Options>()->report_file;
+    const bool is_file = !report.empty() && report != "-" && !report.starts_with("/dev/");
+    return is_file ? std::vector<PortType::Claim>{{"report", report}} : std::vector<PortType::Claim>();
+  };
   type.make = makes<ReplayPort::Options>([](const auto& context, const auto&, const auto& options) {
     return std::make_unique<ReplayPort>(context, options);
   });
