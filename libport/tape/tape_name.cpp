@@ -40,12 +40,13 @@ std::string near_tape(const fs::path& path) {
     const std::string name = each->path().filename().string();
     const std::string_view tape = without_letter(name);
     if (!tape.ends_with(kSuffix) || names.size() >= most) continue;
-    for (const std::string_view spelling : {tape, tape.substr(0, tape.size() - kSuffix.size())})
-      names.push_back((path.parent_path() / spelling).string());
+    names.emplace_back(tape);
+    names.emplace_back(tape.substr(0, tape.size() - kSuffix.size()));
   }
   std::ranges::sort(names);
   const std::vector<std::string_view> known(names.begin(), names.end());
-  return did_you_mean(path.string(), known);
+  const auto near = nearest(path.filename().string(), known);
+  return near ? "; did you mean " + in_quotes((path.parent_path() / *near).string()) + "?" : "";
 }
 
 }  // namespace
@@ -97,6 +98,11 @@ Result<TapePaths> find_tape(std::string_view argument) {
     }
   }
   std::error_code ignored;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (const fs::path& read = candidates.at(i).read; fs::is_symlink(fs::symlink_status(read, ignored)))
+      return make_error(Errc::usage, "no tape " + in_quotes(name) + ": there is only " +
+                                         in_quotes(read.string()) + ", a link that leads nowhere");
+  }
   const bool is_there = fs::exists(fs::path(name), ignored);
   return make_error(Errc::usage, "no tape " + in_quotes(name) + ": there is neither " +
                                      in_quotes(candidates[0].read.string()) + " nor " +
