@@ -138,7 +138,9 @@ std::string with_option(const Verb& verb, std::span<const std::string> arguments
     return is_given(option.first) || std::ranges::find(known, option.first, &OptionSpec::name) == known.end();
   });
   if (wanted.empty()) return {};
-  line.insert(line.begin() + static_cast<std::ptrdiff_t>(stray.index()), "--" + wanted.front().first);
+  const auto word = line.begin() + static_cast<std::ptrdiff_t>(stray.index());
+  if (wanted.front().first == "device") *word = device_for(*word);
+  line.insert(word, "--" + wanted.front().first);
   for (const auto& [option, example] : std::span(wanted).subspan(1))
     line.insert(line.end(), {"--" + option, example});
   line.insert(line.begin(), {"porttaped", std::string(verb.name)});

@@ -63,8 +63,13 @@ std::string stray_option(const std::string& option, std::span<const std::string_
 
 }  // namespace
 
-std::string record_line(std::string_view port) {
-  return shell_line(Words{std::string(kDaemon), "record", "--device", std::string(port), "--driver",
+std::string device_for(std::string_view text) {
+  std::string meant = meant_port(text, LineEnd::device);
+  return meant.empty() ? "/dev/ttyUSB0" : meant;
+}
+
+std::string record_line(std::string_view device) {
+  return shell_line(Words{std::string(kDaemon), "record", "--device", device_for(device), "--driver",
                           "pty:/tmp/port", "--tape", "NAME"});
 }
 

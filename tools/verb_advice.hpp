@@ -11,8 +11,9 @@ namespace porttape {
 inline constexpr std::array<std::string_view, 4> kToolVerbs = {"info", "cat", "test", "verify"};
 inline constexpr std::array<std::string_view, 4> kDaemonVerbs = {"record", "replay", "bridge", "run"};
 
-// The lines that a user probably wanted to type.
-std::string record_line(std::string_view port);
+// What a user probably wanted to type: a device as a port, and the lines for a device and for a tape.
+std::string device_for(std::string_view text);
+std::string record_line(std::string_view device);
 std::string replay_line(std::string_view tape);
 
 // Whether each of a program's verbs is in the list, and the other way round.

@@ -73,9 +73,8 @@ std::string with_type(std::string_view text) {
   return {};
 }
 
-std::string meant(std::string_view text, LineEnd end) {
-  if (std::string url = without_slashes(text, end); !url.empty()) return url;
-  if (names_type(port_types(), text)) return {};
+// A port whose type is not there.
+std::string without_type(std::string_view text, LineEnd end) {
   if (std::string whole = with_type(text); !whole.empty()) return whole;
   const std::size_t comma = std::min(text.find(','), text.size());
   const std::string_view main = text.substr(0, comma);
@@ -97,9 +96,14 @@ bool is_tape(std::string_view text) {
 
 }  // namespace
 
+std::string meant_port(std::string_view text, LineEnd end) {
+  if (std::string url = without_slashes(text, end); !url.empty()) return url;
+  if (names_type(port_types(), text)) return std::string(text);
+  return is_tape(text) ? std::string() : without_type(text, end);
+}
+
 bool looks_like_port(std::string_view text) {
-  return names_type(port_types(), text) || is_windows_name(text) ||
-         (!is_tape(text) && !meant(text, LineEnd::device).empty());
+  return is_windows_name(text) || !meant_port(text, LineEnd::device).empty();
 }
 
 std::optional<std::string> guess_port(std::string_view text, LineEnd end) {
@@ -107,11 +111,11 @@ std::optional<std::string> guess_port(std::string_view text, LineEnd end) {
     return "is a name that Windows has; here it is a path like /dev/ttyUSB0: ls -l /dev/serial/by-id";
   if (is_tape(text)) {
     return fmt::format("is a tape, not a port; to play it: porttaped replay --tape {} --driver pty:/tmp/port",
-                       printable_line(text));
+                       printable_line(shell_word(text)));
   }
-  const std::string guess = meant(text, end);
-  if (guess.empty()) return std::nullopt;
-  return fmt::format("is not a port; did you mean {}?", in_quotes(guess));
+  const std::string meant = meant_port(text, end);
+  if (meant.empty() || meant == text) return std::nullopt;
+  return fmt::format("is not a port; did you mean {}?", in_quotes(meant));
 }
 
 }  // namespace porttape

@@ -70,6 +70,12 @@ TEST(PortGuess, WhatNamesATypeIsLeftToItsOwnErrors) {
   EXPECT_EQ(guess("device=/dev/x,baud=1"), meant("type=serial,device=/dev/x,baud=1"));
 }
 
+TEST(PortGuess, WhatIsAPortIsMeant) {
+  EXPECT_EQ(meant_port("tcp:h:1", LineEnd::driver), "tcp:h:1");
+  EXPECT_EQ(meant_port("ttyUSB0", LineEnd::device), "/dev/ttyUSB0");
+  EXPECT_EQ(meant_port("word", LineEnd::device), "");
+}
+
 TEST(PortGuess, WhatLooksLikeAPort) {
   for (const char* text : {"/dev/ttyUSB0", "pty:/tmp/x", "ttyUSB0", "COM3", "localhost:1"})
     EXPECT_TRUE(looks_like_port(text)) << text;

@@ -47,7 +47,9 @@ DAEMON_ROWS = [
     ("good.log", [near("porttaped replay --tape good.log --driver pty:/tmp/port")]),
     ("good", [near("porttaped replay --tape good --driver pty:/tmp/port")]),
     ("/dev/ttyUSB0", [record_line("/dev/ttyUSB0")]),
-    ("ttyUSB0", [record_line("ttyUSB0")]),
+    ("ttyUSB0", [record_line("/dev/ttyUSB0")]),
+    ("record localhost:2000", [record_line("tcp:localhost:2000")]),
+    ("record COM3", [record_line("/dev/ttyUSB0")]),
     ("robot.conf", [near("porttaped run robot.conf")]),
     ("record /dev/ttyUSB0", ["'/dev/ttyUSB0' stands alone", record_line("/dev/ttyUSB0")]),
     ("record --device /dev/ttyUSB0 laser", [
