@@ -12,6 +12,8 @@
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/printable.hpp"
+
 namespace porttape {
 namespace {
 
@@ -75,7 +77,7 @@ Result<std::unique_ptr<ChildProcess>> ChildProcess::start(Loop& loop, const std:
                                                           std::function<void()> on_exit) {
   pid_t pid = 0;
   if (const int error = spawn(command, changed, pid); error != 0) {
-    return make_error(Errc::usage, fmt::format("command '{}' cannot be run: {}{}", command.front(),
+    return make_error(Errc::usage, fmt::format("command {} cannot be run: {}{}", in_quotes(command.front()),
                                                errno_text(error), advice(command.front(), error)));
   }
   // glibc 2.36 declares pidfd_open() without extern "C".

@@ -21,9 +21,9 @@ namespace {
 namespace po = boost::program_options;
 
 constexpr std::string_view kPlaceHelp =
-    "{port} in COMMAND is what it is to open: the path of a tty, or HOST:PORT of a socket\n"
-    "({host} and {tcp_port} are its parts). The environment has the same: PORTTAPE_PORT,\n"
-    "and for a socket PORTTAPE_HOST and PORTTAPE_TCP_PORT.\n";
+    "{port} in COMMAND is what it is to open: the path of a tty, or HOST:PORT of a\n"
+    "socket ({host} and {tcp_port} are its parts). The environment has the same:\n"
+    "PORTTAPE_PORT, and for a socket PORTTAPE_HOST and PORTTAPE_TCP_PORT.\n";
 
 // A folder of our own for the driver's port.
 class PrivateFolder {
@@ -31,7 +31,7 @@ class PrivateFolder {
   Result<std::string> make() {
     std::string path = (std::filesystem::temp_directory_path() / "porttape-XXXXXX").string();
     if (::mkdtemp(path.data()) == nullptr)
-      return make_error(Errc::io, fmt::format("folder '{}': {}", path, errno_text(errno)));
+      return make_error(Errc::io, fmt::format("folder {}: {}", in_quotes(path), errno_text(errno)));
     path_ = path;
     return path;
   }
@@ -49,7 +49,7 @@ class PrivateFolder {
 std::vector<OptionSpec> options_of(const CommandVerb& verb) {
   std::vector<OptionSpec> specs = verb.options;
   for (OptionSpec& spec : specs) {
-    if (spec.name == "driver") spec.help = "PORT for the command instead of a pty in a private folder";
+    if (spec.name == "driver") spec.help = "what the command opens instead of a pty in a private folder";
   }
   specs.push_back({"help", OptionSpec::Kind::flag, "", "this text"});
   return specs;
@@ -64,7 +64,7 @@ Result<int> do_work(const CommandVerb& verb, CommandVerbLine line,
                     const std::function<Result<int>(CommandVerbLine)>& work) {
   if (line.command.empty())
     return make_error(Errc::usage,
-                      fmt::format("the command is missing: porttape {} {}", verb.name, verb.usage));
+                      fmt::format("the command is missing; type porttape {} {}", verb.name, verb.usage));
   // A reader that goes away, and a limit on the size of files, are errors of a write.
   ::signal(SIGPIPE, SIG_IGN);
   ::signal(SIGXFSZ, SIG_IGN);
@@ -76,6 +76,16 @@ Result<int> do_work(const CommandVerb& verb, CommandVerbLine line,
     line.own_driver = true;
   }
   return work(std::move(line));
+}
+
+// A command without `--` in front, or a word too many.
+Error before_command(const CommandVerb& verb, Arguments args, const StrayWord& stray) {
+  if (std::ranges::find(args, "--") != args.end())
+    return make_error(Errc::usage, with_help(stray.what(), fmt::format("porttape {}", verb.name)));
+  std::vector<std::string> line{"porttape", std::string(verb.name)};
+  line.insert(line.end(), args.begin(), args.end());
+  line.insert(line.begin() + 2 + static_cast<std::ptrdiff_t>(stray.index()), "--");
+  return make_error(Errc::usage, fmt::format("-- is missing before the command; type {}", shell_line(line)));
 }
 
 }  // namespace
@@ -96,29 +106,14 @@ int run_command_verb(const CommandVerb& verb, Arguments args, std::ostream& out,
     }
     line.values = given_values(values, specs);
     status = do_work(verb, std::move(line), work);
+  } catch (const StrayWord& stray) {
+    status = before_command(verb, args, stray);
   } catch (const po::error& error) {
-    status = make_error(Errc::usage, fmt::format("{}; see porttape {} --help", error.what(), verb.name));
+    status = make_error(Errc::usage, with_help(error.what(), fmt::format("porttape {}", verb.name)));
   }
   if (status) return *status;
   fmt::print(err, "porttape {}: {}\n", verb.name, printable_line(status.error().message));
   return exit_status_of(status.error().code);
-}
-
-std::string shell_words(const std::vector<std::string>& words) {
-  constexpr std::string_view plain =
-      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./:,=+@%{}";
-  std::string all;
-  for (const std::string& word : words) {
-    if (!all.empty()) all += ' ';
-    if (!word.empty() && word.find_first_not_of(plain) == std::string::npos) {
-      all += word;
-      continue;
-    }
-    all += '\'';
-    for (const char character : word) all += character == '\'' ? "'\\''" : std::string(1, character);
-    all += '\'';
-  }
-  return all;
 }
 
 }  // namespace porttape

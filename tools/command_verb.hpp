@@ -34,7 +34,4 @@ struct CommandVerbLine {
 int run_command_verb(const CommandVerb& verb, Arguments args, std::ostream& out, std::ostream& err,
                      const std::function<Result<int>(CommandVerbLine line)>& work);
 
-// The words as a shell takes them, quoted where they must be.
-std::string shell_words(const std::vector<std::string>& words);
-
 }  // namespace porttape

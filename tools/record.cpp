@@ -12,6 +12,7 @@
 #include "libport/tape/tape_summary.hpp"
 #include "libport/taped/types.hpp"
 #include "tools/command_verb.hpp"
+#include "tools/option_description.hpp"
 #include "tools/record_run.hpp"
 #include "tools/text.hpp"
 #include "tools/verbs.hpp"
@@ -20,12 +21,13 @@ namespace porttape {
 namespace {
 
 constexpr std::string_view kAbout =
-    "Runs COMMAND on a port that leads to the device, keeps a tape of what both say, and tells\n"
-    "at the end what is on it. The tape is closed whole when COMMAND ends, also by Ctrl-C, which\n"
-    "goes to COMMAND (a second one kills it). SIGUSR1 begins the next tape.\n\n"
-    "Exit status: COMMAND's own, 128 + N after signal N. Without COMMAND having run: 2 wrong use,\n"
-    "6 no such device. Where COMMAND gave 0: 1 something is missing from the tape, 6 the device\n"
-    "was lost.\n\n";
+    "Runs COMMAND on a port that leads to the device, keeps a tape of what both say,\n"
+    "and tells at the end what is on it. The tape is closed whole when COMMAND ends,\n"
+    "also by Ctrl-C, which goes to COMMAND (a second one kills it). SIGUSR1 begins\n"
+    "the next tape.\n\n"
+    "Exit status: COMMAND's own, 128 + N after signal N. Without COMMAND having run:\n"
+    "2 wrong use, 6 no such device. Where COMMAND gave 0: 1 something is missing from\n"
+    "the tape, 6 the device was lost.\n\n";
 
 void tell(std::ostream& err, std::string_view text) {
   fmt::print(err, "porttape record: {}\n", printable_line(text));
@@ -56,7 +58,7 @@ void tell_unopened(const std::vector<std::string>& command, const std::string& d
       std::ranges::any_of(command, [](const std::string& word) { return word.find("{port}") != word.npos; });
   if (corrected != command) {
     tell(err, fmt::format("it names the device itself; what is recorded is {{port}}: -- {}",
-                          shell_words(corrected)));
+                          shell_line(corrected)));
   } else if (!has_port) {
     tell(err, "write {port} in COMMAND for what it is to open, or let it open $PORTTAPE_PORT");
   }
@@ -94,12 +96,12 @@ bool tell_tape(const TapePaths& paths, std::ostream& err) {
 }
 
 void tell_next(const std::string& tape, const CommandVerbLine& line, std::ostream& err) {
-  const std::string name = shell_words({tape});
+  const std::string name = shell_line(std::vector{tape});
   const std::string driver =
-      line.own_driver ? "" : "--driver " + shell_words({line.values.at("driver")}) + ' ';
+      line.own_driver ? "" : "--driver " + shell_line(std::vector{line.values.at("driver")}) + ' ';
   fmt::print(err, "  look at it    porttape cat {}\n  test with it  porttape test --tape {} {}-- {}\n",
              printable_line(name), printable_line(name), printable_line(driver),
-             printable_line(shell_words(line.command)));
+             printable_line(shell_line(line.command)));
 }
 
 int status_of(const RecordRun& record, bool whole) {

@@ -22,8 +22,8 @@ namespace {
 
 constexpr std::string_view kAbout =
     "Runs COMMAND against a tape in the device's place and prints the verdict.\n\n"
-    "Exit status: 0 pass, 1 failure at run time or of the command itself, 2 wrong use, 3 other\n"
-    "data, 4 other timing, 5 incomplete; 130 and 143 when interrupted.\n\n";
+    "Exit status: 0 pass, 1 failure at run time or of the command itself, 2 wrong use,\n"
+    "3 other data, 4 other timing, 5 incomplete; 130 and 143 when interrupted.\n\n";
 
 std::vector<OptionSpec> test_options() {
   std::vector<OptionSpec> specs = channel_options(ChannelMode::replay);
@@ -31,9 +31,11 @@ std::vector<OptionSpec> test_options() {
   for (OptionSpec& spec : specs) {
     spec.default_value = replay_default(ReplayUse::test, spec.name, spec.default_value);
   }
-  specs.push_back({"timeout", OptionSpec::Kind::number, "",
-                   "seconds after which the command is ended; 0: never, not even one that sleeps for ever", 0,
-                   1e9});
+  specs.push_back({.name = "timeout",
+                   .kind = OptionSpec::Kind::number,
+                   .help = "after how long the command is ended; 0: never, not even one that sleeps for ever",
+                   .max = 1e9,
+                   .unit = "s"});
   return specs;
 }
 

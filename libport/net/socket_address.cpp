@@ -11,6 +11,7 @@
 #include <netinet/in.h>
 #include <sys/un.h>
 
+#include "libport/base/printable.hpp"
 #include "libport/port/spelling.hpp"
 
 namespace porttape {
@@ -80,7 +81,7 @@ Result<std::vector<SocketAddress>> resolve(const std::string& host, std::uint16_
     addresses.push_back(copy_of(entry->ai_addr, entry->ai_addrlen));
   }
   if (addresses.empty()) {
-    return make_error(Errc::device_missing, fmt::format("the name '{}' does not resolve ({})", host,
+    return make_error(Errc::device_missing, fmt::format("the name {} does not resolve ({})", in_quotes(host),
                                                         ::gai_strerror(status == 0 ? EAI_NONAME : status)));
   }
   return addresses;
@@ -106,8 +107,8 @@ Result<SocketAddress> unix_address(const std::string& path) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   if (path.size() >= sizeof address.sun_path) {
-    return make_error(Errc::usage, fmt::format("option 'path': '{}' is {} bytes long; accepted: at most {}",
-                                               path, path.size(), sizeof address.sun_path - 1));
+    return make_error(Errc::usage, fmt::format("option 'path': {} is {} bytes long; accepted: at most {}",
+                                               in_quotes(path), path.size(), sizeof address.sun_path - 1));
   }
   std::copy(path.begin(), path.end(), address.sun_path);
   return copy_of(&address, offsetof(sockaddr_un, sun_path) + path.size() + 1);

@@ -15,6 +15,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include "libport/base/printable.hpp"
 #include "libport/port/spelling.hpp"
 
 namespace porttape {
@@ -133,10 +134,10 @@ void UdpPort::resolved(const Result<std::vector<SocketAddress>>& addresses) {
   if (fitting == addresses->end()) {
     listener().on_down(
         {.reason = LineDown::Reason::failed,
-         .error = make_error(
-             Errc::device_missing,
-             fmt::format("'{}' has no address of the kind of recv_ip; give one of both as a number",
-                         options_.to_host))});
+         .error =
+             make_error(Errc::device_missing,
+                        fmt::format("{} has no address of the kind of recv_ip; give one of both as a number",
+                                    in_quotes(options_.to_host)))});
     return;
   }
   peer_ = *fitting;

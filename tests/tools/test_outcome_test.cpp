@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tools/command_verb.hpp"
+#include "tools/option_description.hpp"
 
 namespace porttape {
 namespace {
@@ -87,9 +87,11 @@ TEST(CommandEnd, AShellsStatusNamesTheSignal) {
   EXPECT_EQ(CommandEnd{.signal = 9}.exit_code(), 137);
 }
 
-TEST(ShellWords, QuoteWhatAShellWouldTakeApart) {
-  EXPECT_EQ(shell_words({"python3", "a.py", "--port={port}"}), "python3 a.py --port={port}");
-  EXPECT_EQ(shell_words({"sh", "-c", "echo 'x' >{port}", ""}), "sh -c 'echo '\\''x'\\'' >{port}' ''");
+TEST(ShellLine, QuotesWhatAShellWouldTakeApart) {
+  EXPECT_EQ(shell_line(std::vector<std::string>{"python3", "a.py", "--port={port}"}),
+            "python3 a.py --port={port}");
+  EXPECT_EQ(shell_line(std::vector<std::string>{"sh", "-c", "echo 'x' >{port}", ""}),
+            "sh -c 'echo '\\''x'\\'' >{port}' ''");
 }
 
 }  // namespace

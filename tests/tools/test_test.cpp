@@ -181,6 +181,14 @@ TEST_F(TestVerb, LeavesNothingBehind) {
   EXPECT_TRUE(std::filesystem::is_empty(temporary));
 }
 
+TEST_F(TestVerb, ACommandWithoutTheDashesBeforeItIsShownWithThem) {
+  EXPECT_EQ(
+      run({"test", "--tape", "x", "./driver", "--device", "{port}", "a b"}).err,
+      "porttape test: -- is missing before the command; type porttape test --tape x -- ./driver --device "
+      "{port} 'a b'\n");
+  EXPECT_THAT(run({"test", "--tape", "x", "y", "--", "true"}).err, HasSubstr("'y' is not an option"));
+}
+
 TEST_F(TestVerb, HelpHasAnExample) {
   const Ran ran = run({"test", "--help"});
   EXPECT_EQ(ran.status, 0);
