@@ -255,6 +255,7 @@ ReplayActions Engine::Impl::advance(Instant at, std::size_t max_bytes) {
   run.player().set_behind(!inputs.empty());
   if (driver_open && !switching()) run.play(now, max_bytes, out);
   dirty = dirty || !inputs.empty();
+  if (pending.empty()) return out;
   out.mismatches = std::move(pending.mismatches);
   out.hang_up = out.hang_up || pending.hang_up;
   out.run_ended = std::move(pending.run_ended);

@@ -133,7 +133,7 @@ void LinePort::open() {
   accepting_ = true;
   if (passive()) return soon();
   if (line_->open_ || line_->kind_.always_open) {
-    line_->near_ended_ = false;
+    line_->near_ended_ = line_->ended_ = false;  // another connection
     up_ = true;
     interrupted_ = !line_->open_;
     listener().on_up();
@@ -295,7 +295,10 @@ void LinePort::look() {
       quiet_since_ = Loop::now();
       answers_ = listener().on_ended();
       if (!up_) return;
-      if (*answers_ == PortListener::Answers::none) return go_down(LineDown::Reason::closed);
+      if (*answers_ == PortListener::Answers::none) {
+        drop_unsent();
+        return go_down(LineDown::Reason::closed);
+      }
     }
     const bool ends = answers_ == PortListener::Answers::until_it_is_quiet;
     if (ends && !congested() && Loop::now() - quiet_since_ >= kQuiet)

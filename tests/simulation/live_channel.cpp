@@ -105,8 +105,8 @@ void LiveChannel::reads_soon(Line& line, bool& stalls, bool& planned) {
     if (stalls) return;
     const std::size_t most = world().chance(0.3) ? 1 : 1 << 20;
     line.read(calm_ ? line.unread() : most);
-    // A device that was sent the end of its input ends too.
-    if (&line == &device_ && line.near_ended() && line.unread() == 0) {
+    // One that was sent the end of its input ends too.
+    if (line.near_ended() && line.unread() == 0) {
       if (world().chance(0.5))
         (void)line.send(world().some_bytes(static_cast<std::size_t>(world().between(1, 100))));
       return line.close();
@@ -153,6 +153,8 @@ void LiveChannel::device_acts() {
     device_.unplug();
   } else if (act < 86 && !device_.kind().always_open) {
     device_.close();
+  } else if (act < 89 && !device_.kind().always_open) {
+    device_.half_close();
   }
   world().after(world().some_time(pace_), [this] { device_acts(); });
 }
