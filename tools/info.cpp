@@ -15,8 +15,9 @@ namespace {
 constexpr VerbHelp kHelp{
     "info", "TAPE... [--json]",
     "Says what tapes hold: times, blocks, bytes and rates of both directions, exchanges and how\n"
-    "long the device took to answer, events, gaps, damage. Rates are over the whole tape. Exit\n"
-    "status: 0, 1 a tape is damaged or cannot be read, 2 one is not a tape or not there.\n",
+    "long the device took to answer, sessions, events, gaps, damage. Rates are over the whole\n"
+    "tape; a session is from an open of the driver's to its close. Exit status: 0, 1 a tape is damaged or "
+    "cannot be read, 2 one is not a tape or not there.\n",
     "  porttape info laser.log\n"
     "  porttape info --json *.logr | jq .latency_us.p99\n"};
 
@@ -90,6 +91,20 @@ std::string to_json(const std::vector<GapSummary>& gaps) {
   return "[" + list + "]";
 }
 
+std::string to_json(const std::vector<SessionSummary>& sessions) {
+  std::string list;
+  for (const SessionSummary& session : sessions) {
+    JsonObject json;
+    json.add_or_null("open_us", us_of(session.opened))
+        .add_or_null("close_us", us_of(session.closed))
+        .add("duration_us", session.duration.count())
+        .add("read_bytes", session.read_bytes)
+        .add("write_bytes", session.write_bytes);
+    list += (list.empty() ? "" : ",") + json.str();
+  }
+  return "[" + list + "]";
+}
+
 std::string to_json(const std::vector<std::string>& texts) {
   std::string list;
   for (const std::string& text : texts) list += (list.empty() ? "" : ",") + json_quote(text);
@@ -142,6 +157,8 @@ void print_json(const TapeSummary& tape, const Judgement& judgement, std::ostrea
       .add("exchanges", tape.exchanges)
       .add("answered", tape.answered)
       .add_raw("latency_us", to_json(tape.latency))
+      .add("session_count", tape.session_count)
+      .add_raw("sessions", to_json(tape.sessions))
       .add_raw("events", to_json(tape.events))
       .add_raw("sound", judgement.sound() ? "true" : "false")
       .add("verdict", to_string(judgement.verdict))
@@ -211,6 +228,23 @@ void print_events(const EventsSummary& events, std::ostream& out) {
   label(out, "ended") << (events.ended ? "yes\n" : "no\n");
 }
 
+constexpr std::size_t kSessionsShown = 20;
+
+void print_sessions(const TapeSummary& tape, std::ostream& out) {
+  label(out, "sessions") << tape.session_count << '\n';
+  std::size_t number = 0;
+  for (const SessionSummary& session : tape.sessions) {
+    if (++number > kSessionsShown) break;
+    const std::int64_t opened = session.opened ? to_us(*session.opened) : 0;
+    label(out, "") << std::right << std::setw(2) << number << "  " << seconds_text(opened) << " to "
+                   << seconds_text(opened + session.duration.count()) << " s"
+                   << (session.closed ? "" : " (no close)") << ", " << span_text(session.duration.count())
+                   << ", " << session.read_bytes << " bytes read, " << session.write_bytes << " written\n";
+  }
+  if (tape.session_count > kSessionsShown)
+    label(out, "") << "and " << tape.session_count - kSessionsShown << " more\n";
+}
+
 void print_text(const TapeSummary& tape, const Judgement& judgement, std::ostream& out) {
   out << safe(tape.name) << '\n';
   label(out, "layout") << to_string(tape.layout) << '\n';
@@ -224,6 +258,7 @@ void print_text(const TapeSummary& tape, const Judgement& judgement, std::ostrea
                           << span_text(tape.latency->median_us) << ", p99 " << span_text(tape.latency->p99_us)
                           << '\n';
   }
+  print_sessions(tape, out);
   print_events(tape.events, out);
   label(out, "state") << words_of(judgement.verdict) << '\n';
   for (const std::string& note : judgement.notes) label(out, "note") << safe(note) << '\n';

@@ -118,7 +118,9 @@ int run_request(const TestRequest& request, std::ostream& out, std::ostream& err
     fmt::print(err, "porttape test: the command ended with status {}\n", *report->command_exit);
   report->process_exit = output_status(out, test.exit_status(*report));
   if (!request.replay().report_file.empty()) {
-    if (Result<void> written = write_report(request.replay().report_file, to_json(*report)); !written)
+    if (Result<void> written =
+            write_report(request.replay().report_file, to_json(*report, test.runs().json()));
+        !written)
       return fail(written.error(), err);
   }
   return *report->process_exit;

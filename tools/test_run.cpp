@@ -46,15 +46,6 @@ bool is_ignored(int signal_number) {
   return ::sigaction(signal_number, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
 }
 
-// The driver wrote nothing though the tape has writes: a `stty` or a probe, not a run.
-bool is_look(const RunReport& report) {
-  return report.from_driver_bytes == 0 && report.from_driver_of > 0 && !report.mismatch && !report.trouble;
-}
-
-bool is_empty(const RunReport& report) {
-  return report.from_driver_bytes == 0 && report.to_driver_bytes == 0;
-}
-
 }  // namespace
 
 TestRun::TestRun(TestRequest request)
@@ -90,7 +81,7 @@ Result<void> TestRun::start_session() {
   ChannelPorts ports = request_.ports;
   ReplayPort::Options options = request_.replay();
   options.report_file.clear();  // written once the command's exit status is known
-  options.report_unopened = options.brief = true;
+  options.brief = true;
   options.on_report = [this](const RunReport& report) { take(report); };
   ports.device.set(std::move(options));
   Result<std::unique_ptr<Channel>> made = make_channel({&loop_, log_}, ports, [this](int status) {
@@ -130,14 +121,8 @@ void TestRun::signalled(int number) {
   kill_timer_.set_after(kAfterTerm);
 }
 
-// Of several runs in one command the first that failed counts; one in which nothing passed only when it is
-// the last.
 void TestRun::take(const RunReport& report) {
-  if (is_look(report)) {
-    look_ = report;
-    return;
-  }
-  if (!report_ || is_empty(*report_) || exit_status_of(*report_) == exit_status::kPass) report_ = report;
+  runs_.add(report);
   const Instant then = Loop::now() + kAfterHangUp;
   const bool later = !kill_timer_.due() || *kill_timer_.due() > then;
   if (is_hung_up(report) && later && !request_.never_ends && command_ && command_->running())
@@ -210,11 +195,8 @@ void TestRun::end_what_is_left() {
 }
 
 Result<RunReport> TestRun::verdict() {
-  if (!report_ && look_) {
-    report_ = std::move(look_);
-    report_->verdict = Verdict::incomplete;
-  }
-  if (!report_) {
+  std::optional<RunReport> report = runs_.worst();
+  if (!report) {
     return make_error(session_status_ == exit_status::kDevice ? Errc::device_missing : Errc::io,
                       "there was no run; what went wrong is told above");
   }
@@ -222,9 +204,9 @@ Result<RunReport> TestRun::verdict() {
     notes_.emplace_back("the command never opened the port");
     trouble_ = true;
   }
-  report_->tape = request_.replay().tape.name();
-  report_->command_exit = command_->exit_code();
-  return *report_;
+  report->tape = request_.replay().tape.name();
+  report->command_exit = command_->exit_code();
+  return *report;
 }
 
 int TestRun::exit_status(const RunReport& report) const {

@@ -10,6 +10,7 @@
 #include "libport/loop/signal_watch.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/replay/report.hpp"
+#include "libport/replay/run_list.hpp"
 #include "libport/session/make_session.hpp"
 #include "libport/taped/replay_port.hpp"
 #include "tools/child_process.hpp"
@@ -43,6 +44,7 @@ class TestRun {
   [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
   // The status that the program ends with, which the report has too.
   [[nodiscard]] int exit_status(const RunReport& report) const;
+  [[nodiscard]] const RunList& runs() const { return runs_; }
 
  private:
   Result<void> start_session();
@@ -64,8 +66,7 @@ class TestRun {
   std::shared_ptr<spdlog::logger> log_;
   std::unique_ptr<Channel> session_;
   std::unique_ptr<ChildProcess> command_;
-  std::optional<RunReport> report_;  // of the run that counts
-  std::optional<RunReport> look_;    // of a driver that only looked
+  RunList runs_;
   std::optional<Instant> timeout_at_;
   Timer kill_timer_;
   Timer idle_timer_;

@@ -14,8 +14,9 @@ constexpr VerbHelp kHelp{
     "Reads tapes from end to end and says of each whether it is sound: whole, ended, without a\n"
     "gap, and its files those that were recorded (by the digests in its end). A tape of which\n"
     "that is not so is 'no damage found', and notes say why: a gap, no end, a torn tail, still\n"
-    "being written. One without digests is 'sound as far as it can be checked'. A missing,\n"
-    "swapped, shortened or foreign file is damage. Exit status: 0 no damage, 1 one is damaged\n"
+    "being written. Of one without digests, and of one whose two directions hold the same bytes,\n"
+    "they say what could not be checked. A missing, swapped, shortened or foreign file is damage. Exit "
+    "status: 0 no damage, 1 one is damaged\n"
     "or cannot be read, 2 one is not a tape or not there.\n",
     "  porttape verify laser.log\n"
     "  porttape verify *.logr || echo do not use these\n"};

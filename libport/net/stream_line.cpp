@@ -94,6 +94,11 @@ void StreamLine::end_writing() {
 
 void StreamLine::on_drained() {
   if (end_wanted_) (void)::shutdown(fd_.get(), SHUT_WR);
+  if (end_wanted_ && phase_ == Phase::half_closed) {  // that was the last of both directions
+    loop_->post([this, alive = std::weak_ptr<int>(alive_)] {
+      if (!alive.expired() && phase_ == Phase::half_closed) tell_closed();
+    });
+  }
   owner_->line_drained();
 }
 
@@ -172,7 +177,8 @@ void StreamLine::peer_ended() {
   watch_.watch_readable(false);
   // It may still read what is queued; a dead one shows when that is sent.
   if (phase_ == Phase::sending && owner_->look_at_peer(fd_.get()) != PeerState::gone) return;
-  if (!hung_up && !end_wanted_ && owner_->look_at_peer(fd_.get()) != PeerState::gone) {
+  const bool sent_all = end_wanted_ && !congested();
+  if (!hung_up && !sent_all && owner_->look_at_peer(fd_.get()) != PeerState::gone) {
     // Before it is asked, since the last answer may come from within the question.
     phase_ = Phase::half_closed;
     since_ = Loop::now();
@@ -184,6 +190,11 @@ void StreamLine::peer_ended() {
       return;
     }
   }
+  tell_closed();
+}
+
+void StreamLine::tell_closed() {
+  const bool hung_up = phase_ >= Phase::sending;
   owner_->line_over(
       {.reason = hung_up ? LineDown::Reason::hung_up : LineDown::Reason::closed,
        .error = make_error(Errc::device_lost, fmt::format("{} has closed the connection", name_)),

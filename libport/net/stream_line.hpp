@@ -99,6 +99,7 @@ class StreamLine {
   void on_readable();
   void received(ByteView data);
   void peer_ended();
+  void tell_closed();
   void broken(int error_number);
   void on_drained();
   void on_timer();

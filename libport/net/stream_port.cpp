@@ -169,7 +169,7 @@ bool StreamPort::discard() {
 }
 
 bool StreamPort::end_writing() {
-  if (!line_ || always_open()) return false;  // the next session writes on this connection
+  if (!line_ || !has_half_close()) return false;
   line_->end_writing();
   return true;
 }
@@ -201,6 +201,7 @@ void StreamPort::line_drained() {
 }
 
 PortListener::Answers StreamPort::line_ended() {
+  if (!has_half_close()) return PortListener::Answers::none;
   const PortListener::Answers answers = listener().on_ended();
   if (answers != PortListener::Answers::none) context_.log->debug("{}: the peer sends no more", name());
   return answers;

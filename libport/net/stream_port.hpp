@@ -62,6 +62,8 @@ class StreamPort : public Port,
   [[nodiscard]] ConnectionSource* connections() override { return passive() ? this : nullptr; }
   [[nodiscard]] bool keeps_datagrams() const override { return false; }
   bool end_writing() override;
+  // Not where the next session writes on the same connection.
+  [[nodiscard]] bool has_half_close() const override { return !always_open(); }
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;

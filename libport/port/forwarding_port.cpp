@@ -17,6 +17,7 @@ void ForwardingPort::close() { inner_->close(); }
 void ForwardingPort::write(ByteView data) { inner_->write(data); }
 bool ForwardingPort::congested() const { return inner_->congested(); }
 bool ForwardingPort::end_writing() { return inner_->end_writing(); }
+bool ForwardingPort::has_half_close() const { return inner_->has_half_close(); }
 std::optional<std::size_t> ForwardingPort::unread_by_peer() const { return inner_->unread_by_peer(); }
 std::optional<LineSettings> ForwardingPort::settings() const { return inner_->settings(); }
 Result<void> ForwardingPort::apply(const LineSettings& settings) { return inner_->apply(settings); }
@@ -41,6 +42,7 @@ void ForwardingPort::on_down(const LineDown& down) { listener().on_down(down); }
 void ForwardingPort::on_finished(int exit_status) { listener().on_finished(exit_status); }
 void ForwardingPort::on_complete(int exit_status) { listener().on_complete(exit_status); }
 PortListener::Answers ForwardingPort::on_ended() { return listener().on_ended(); }
+bool ForwardingPort::half_closes() const { return listener().half_closes(); }
 bool ForwardingPort::wants_rest() { return listener().wants_rest(); }
 void ForwardingPort::on_interrupted(const LineDown& down) { listener().on_interrupted(down); }
 void ForwardingPort::on_resumed() { listener().on_resumed(); }

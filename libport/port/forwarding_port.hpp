@@ -27,6 +27,7 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override;
   bool end_writing() override;
+  [[nodiscard]] bool has_half_close() const override;
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
   [[nodiscard]] std::optional<LineSettings> settings() const override;
   Result<void> apply(const LineSettings& settings) override;
@@ -56,6 +57,7 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   void on_finished(int exit_status) override;
   void on_complete(int exit_status) override;
   Answers on_ended() override;
+  [[nodiscard]] bool half_closes() const override;
   bool wants_rest() override;
   void on_interrupted(const LineDown& down) override;
   void on_resumed() override;

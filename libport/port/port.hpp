@@ -74,6 +74,8 @@ class PortListener {
     until_it_is_quiet  // nobody will say which is the last: the port decides
   };
   virtual Answers on_ended() { return Answers::none; }
+  // Whether the session's other line has a half-close (has_half_close() of its port).
+  [[nodiscard]] virtual bool half_closes() const { return false; }
   // The peer is gone while it is not being read. True: what it has left will be read before long.
   virtual bool wants_rest() { return false; }
   // The line is interrupted, and the port brings it up again by itself (`alwaysopen`): the session goes on,
@@ -179,6 +181,9 @@ class Port {
   // No more bytes will be written until close(): the peer sees the end of what was sent, and may still send.
   // True: it will end the line itself (on_down) when it has sent all. False: the line has no half-close.
   virtual bool end_writing() = 0;
+
+  // Whether the line can end in one direction: end_writing() gives true, and on_ended() may come.
+  [[nodiscard]] virtual bool has_half_close() const { return false; }
 
   // Bytes that were taken and that the peer has not read yet, as far as this machine knows; nothing where it
   // cannot be known. May cost a few system calls; after close() the bytes may be taken from the peer, which

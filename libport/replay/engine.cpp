@@ -166,8 +166,10 @@ void Engine::Impl::begin_open() {
   } else if (on_open == Reopen::restart_session) {
     run.player().restart_session(now);
   } else if (on_open == Reopen::next_open) {
+    run.count_session();
     run.player().continue_at_next_open(now);
   } else {
+    run.count_session();
     resuming = true;
   }
 }

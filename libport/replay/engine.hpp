@@ -24,6 +24,9 @@ struct ReplayActions {
   std::vector<std::size_t> block_ends;
   // New ones, to tell. At most 16 between two calls; the report counts all.
   std::vector<Mismatch> mismatches;
+  // Let the driver see the end of what the device sends; it may still write. Nothing where its line has no
+  // half-close.
+  bool end_sending = false;
   // Make the driver see the line break (on-mismatch fail, at-end hangup, a recorded hang-up), once it has
   // read what was delivered.
   bool hang_up = false;
@@ -34,7 +37,7 @@ struct ReplayActions {
   bool exit = false;
 
   [[nodiscard]] bool empty() const {
-    return deliver.empty() && mismatches.empty() && !hang_up && !run_ended && !exit;
+    return deliver.empty() && mismatches.empty() && !end_sending && !hang_up && !run_ended && !exit;
   }
 };
 
@@ -73,6 +76,8 @@ class Engine {
     // each session sets anew.
     ReplayClock* clock = nullptr;
     Micros tape_begin{};  // of this tape, by the clock's tape time
+    // The driver's line can end in one direction; else its recorded half-closes are passed by.
+    bool half_closes = false;
   };
 
   Engine(const ReplayConfig& config, const TapeFacts& facts, RecordSource& schedule, RecordSource& writes)

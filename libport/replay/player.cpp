@@ -7,8 +7,9 @@
 namespace porttape {
 
 Player::Player(const ReplayConfig& config, const Engine::TapeFacts& facts, const ClockPlace& place,
-               RecordSource& schedule, Budget& budget, Matcher& matcher)
+               bool half_closes, RecordSource& schedule, Budget& budget, Matcher& matcher)
     : config_(config),
+      half_closes_(half_closes),
       budget_(budget),
       matcher_(matcher),
       schedule_(schedule, budget),
@@ -24,6 +25,7 @@ void Player::begin(Instant now) {
   arrivals_.rewind();
   gate_.begin_run();
   sessions_.forget_passed_open();
+  missed_half_close_.reset();
   untimed_ = false;
   gaps_reached_ = 0;
   used_up_ = false;
@@ -98,7 +100,9 @@ Player::Progress Player::step(Turn& turn) {
     case RecordKind::close:
       return at_close(turn);
     case RecordKind::hang_up:
-      return at_hang_up(turn);
+      return at_device_end(turn, &ReplayActions::hang_up);
+    case RecordKind::half_close:
+      return at_half_close(turn);
     case RecordKind::gap:
       return at_gap();
     case RecordKind::event:
@@ -165,8 +169,8 @@ void Player::deliver(Turn& turn, Instant when) {
   }
 }
 
-// Due as a read would be.
-Player::Progress Player::at_hang_up(Turn& turn) {
+// Of its line or of its sending: due as a read would be.
+Player::Progress Player::at_device_end(Turn& turn, bool ReplayActions::*what) {
   const TapeTime at = schedule_.head()->at;
   if (!schedule_.line_closed()) {
     if (!gate_opens(turn.now, at)) return Progress::waits;
@@ -175,9 +179,36 @@ Player::Progress Player::at_hang_up(Turn& turn) {
     if (!dropped) {
       if (turn.blocked) return wait(std::nullopt);
       if (turn.mode != Mode::deliver || turn.now < when) return wait(when);
-      turn.out->hang_up = true;
+      turn.out->*what = true;
     }
     pace_.played(at, when, dropped ? when : turn.now);
+  }
+  schedule_.pop();
+  return Progress::passed;
+}
+
+Player::Progress Player::at_half_close(Turn& turn) {
+  const auto* half_close = std::get_if<event::HalfClose>(schedule_.head()->event);
+  const bool by_device = half_close != nullptr && half_close->by == Side::device;
+  return by_device ? at_device_end(turn, &ReplayActions::end_sending) : at_driver_end(turn);
+}
+
+// A gate like a write: what follows is timed from the driver's own end of writing, which a close is too. One
+// that never comes is waited for with patience.
+Player::Progress Player::at_driver_end(const Turn& turn) {
+  const TapeTime at = schedule_.head()->at;
+  if (half_closes_ && !schedule_.line_closed()) {
+    const Instant when = timeline().real(at);
+    if (turn.mode == Mode::flush) return wait(std::nullopt);
+    if (!gated() && turn.mode == Mode::deliver && turn.now < when) return wait(when);
+    if (gated() && turn.mode == Mode::deliver) {
+      if (!gate_opens(turn.now, at)) return Progress::waits;
+      const Instant patience = gate_.patience_end(at);
+      if (!writing_ended_ && turn.now < patience) return wait(patience);
+      if (!writing_ended_ && !missed_half_close_) missed_half_close_ = at;
+      const Instant since = writing_ended_.value_or(patience);
+      pace_.go_on_from(at, since, since);
+    }
   }
   schedule_.pop();
   return Progress::passed;

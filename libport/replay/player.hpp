@@ -36,8 +36,9 @@ class Player {
     Micros error{};
   };
 
+  // `half_closes`: the driver's line can end in one direction.
   Player(const ReplayConfig& config, const Engine::TapeFacts& facts, const ClockPlace& place,
-         RecordSource& schedule, Budget& budget, Matcher& matcher);
+         bool half_closes, RecordSource& schedule, Budget& budget, Matcher& matcher);
   Player(const Player&) = delete;
   Player& operator=(const Player&) = delete;
 
@@ -77,6 +78,11 @@ class Player {
   void become_lenient(Instant now) { gate_.become_lenient(now); }
 
   [[nodiscard]] std::optional<Instant> wake() const { return wake_; }
+  // The driver writes no more in this session since then; nothing: it may.
+  void set_writing_ended(std::optional<Instant> since) { writing_ended_ = since; }
+  // When the first half-close was recorded that the driver was to make in this run and did not.
+  [[nodiscard]] const std::optional<TapeTime>& missed_half_close() const { return missed_half_close_; }
+
   // All reads are delivered and all writes came.
   [[nodiscard]] bool used_up() const { return used_up_; }
 
@@ -116,7 +122,9 @@ class Player {
 
   Progress step(Turn& turn);
   Progress at_read(Turn& turn);
-  Progress at_hang_up(Turn& turn);
+  Progress at_device_end(Turn& turn, bool ReplayActions::*what);
+  Progress at_half_close(Turn& turn);
+  Progress at_driver_end(const Turn& turn);
   Progress at_write(const Turn& turn);
   Progress at_timed_write(const Turn& turn);
   Progress at_gap();
@@ -133,6 +141,7 @@ class Player {
                                                         Instant expected) const;
 
   ReplayConfig config_;
+  bool half_closes_;
   Budget& budget_;
   Matcher& matcher_;
   Schedule schedule_;
@@ -144,6 +153,8 @@ class Player {
   TapeTime session_start_{};
   Seek seek_;
   std::size_t gaps_reached_ = 0;
+  std::optional<Instant> writing_ended_;
+  std::optional<TapeTime> missed_half_close_;
   bool untimed_ = false;  // a gap is between the last event and the next
   bool used_up_ = false;
   std::optional<Instant> wake_;

@@ -33,13 +33,14 @@ ReplayRun::ReplayRun(const ReplayConfig& config, const Engine::TapeFacts& facts,
                      RecordSource& schedule, RecordSource& writes, Budget& budget)
     : config_(effective(config, parts)),
       hang_ups_(facts.hang_ups),
+      opens_(facts.opens),
       totals_(facts.totals),
       gaps_(facts.gaps),
       budget_(budget),
       own_clock_(config_.rate, ReplayClock::Sessions::set_it),
       clock_(parts.clock != nullptr ? *parts.clock : own_clock_),
       matcher_(writes, budget, config_.burst_gap, parts.expectation),
-      player_(config_, facts, {clock_, parts.tape_begin}, schedule, budget, matcher_) {
+      player_(config_, facts, {clock_, parts.tape_begin}, parts.half_closes, schedule, budget, matcher_) {
   if (config_.strictness > 0) matcher_.set_gaps(gaps_);
 }
 
@@ -49,6 +50,7 @@ ReplayRun::~ReplayRun() {
 
 void ReplayRun::begin(Instant now) {
   tape_end_told_ = false;
+  sessions_ = 1;
   clock_.join();
   ledger_.emplace(now);
   matcher_.rewind();
@@ -56,10 +58,14 @@ void ReplayRun::begin(Instant now) {
   stop_if_damaged(now);
 }
 
-void ReplayRun::begin_session() { exchanged_ = writing_ended_ = device_gone_ = false; }
+void ReplayRun::begin_session() {
+  exchanged_ = writing_ended_ = device_gone_ = false;
+  player_.set_writing_ended(std::nullopt);
+}
 
 void ReplayRun::end_writing(Instant now) {
   writing_ended_ = true;
+  player_.set_writing_ended(now);
   pause(now);
 }
 
@@ -177,7 +183,11 @@ void ReplayRun::at_tape_end(Instant now) {
 
 void ReplayRun::end(Instant now) {
   const std::optional<bool> any_unsent = matcher_.any_unsent();
-  RunReport report = ledger_->report(config_, now, any_unsent.value_or(false));
+  const bool half_close_missing = player_.missed_half_close().has_value();
+  RunReport report = ledger_->report(config_, now, any_unsent.value_or(false) || half_close_missing);
+  report.missed_half_close = player_.missed_half_close();
+  report.sessions_made = sessions_;
+  report.sessions_of = std::max<std::uint64_t>(1, opens_);
   report.from_driver_matched = matcher_.matched();
   if (!any_unsent && ledger_->report(config_, now, true).verdict != report.verdict) {
     report.undecided_from = matcher_.position();

@@ -38,6 +38,8 @@ class ReplayRun {
 
   // The driver has opened.
   void begin_session();
+  // And that is a further session of the run.
+  void count_session() { ++sessions_; }
   // The driver writes no more in this session and still reads.
   void end_writing(Instant now);
   // Whether it said so, and was not told of the device's end yet; told of it now.
@@ -85,6 +87,7 @@ class ReplayRun {
 
   ReplayConfig config_;
   std::vector<TapeTime> hang_ups_;
+  std::uint64_t opens_;  // on the tape
   std::optional<TapeTotals> totals_;
   std::vector<TapeGap> gaps_;
   Budget& budget_;
@@ -94,6 +97,7 @@ class ReplayRun {
   Player player_;
 
   std::optional<RunLedger> ledger_;  // while a run goes on
+  std::uint64_t sessions_ = 0;       // of the driver's in this run
   bool tape_end_told_ = false;
   bool writing_ended_ = false;  // in this session
   bool device_gone_ = false;    // in this session: hung up as recorded

@@ -62,7 +62,9 @@ struct TapeTotals {
 // The verdict on one run with what led to it. The report file and `porttape test` print it.
 struct RunReport {
   Verdict verdict = Verdict::pass;
-  std::string tape;  // filled in by the port that owns the engine
+  std::string tape;          // filled in by the port that owns the engine, as are `when` and `nobody_came`
+  std::string when;          // RFC 3339: the driver's first open
+  bool nobody_came = false;  // no driver has opened the port: there was no run
   int strictness = 1;
   Timing timing = Timing::reactive;
   double rate = 1.0;
@@ -82,6 +84,13 @@ struct RunReport {
   std::optional<int> process_exit;  // what the program ends with, where more than the verdict decides
   std::optional<std::string>
       trouble;  // the tape could not be read on: damage, I/O; the exit status is then 1
+
+  // The driver's opens that made a session of the run, and what the tape (or the part that is played) has.
+  std::uint64_t sessions_made = 1;
+  std::uint64_t sessions_of = 1;
+  std::optional<std::uint64_t> session;  // only this one of the tape is played
+  // When the driver had ended its sending on the tape, and in this run did not.
+  std::optional<TapeTime> missed_half_close;
 
   // The verdict stands only if the tape has no writes beyond this offset, which was not known when the run
   // ended: add_totals() settles it.
@@ -103,7 +112,10 @@ void give_up_totals(RunReport& report, std::string_view why);
 int exit_status_of(const RunReport& report);
 
 // The report of contract section 6, one JSON object, newline at the end.
-std::string to_json(const RunReport& report);
+// `runs` (JSON), where it is given, is its key of that name.
+std::string to_json(const RunReport& report, std::string_view runs = {});
+// What a list of runs has of each: one JSON object.
+std::string run_json(const RunReport& report);
 
 // The verdict for a person: one line, and for a mismatch the lines that show it. `color` adds ANSI colours.
 std::string to_text(const RunReport& report, bool color = false);

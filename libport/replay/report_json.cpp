@@ -77,7 +77,24 @@ double seconds(Nanos time) { return static_cast<double>(std::chrono::floor<Micro
 
 }  // namespace
 
-std::string to_json(const RunReport& report) {
+std::string run_json(const RunReport& report) {
+  const std::optional<Mismatch>& mismatch = report.mismatch;
+  JsonObject json;
+  json.add("verdict", to_string(report.verdict))
+      .add("exit", exit_status_of(report))
+      .add("when", report.when)
+      .add("duration_s", seconds(report.duration))
+      .add_raw("mismatch",
+               mismatch
+                   ? JsonObject().add("kind", name_of(mismatch->kind)).add("offset", mismatch->offset).str()
+                   : "null")
+      .add(
+          "bytes",
+          JsonObject().add("to_driver", report.to_driver_bytes).add("from_driver", report.from_driver_bytes));
+  return json.str();
+}
+
+std::string to_json(const RunReport& report, std::string_view runs) {
   JsonObject json;
   json.add("verdict", to_string(report.verdict))
       .add("exit", exit_status_of(report))
@@ -101,7 +118,12 @@ std::string to_json(const RunReport& report) {
       .add("mismatches", report.mismatches)
       .add_raw("doubts", doubts_json(report.doubts))
       .add_raw("next_expected", report.next_expected.empty() ? "null" : next_expected_json(report));
+  json.add("sessions", JsonObject().add("made", report.sessions_made).add("of", report.sessions_of))
+      .add_or_null("session", report.session)
+      .add_or_null("missed_half_close_us",
+                   report.missed_half_close ? std::optional(to_us(*report.missed_half_close)) : std::nullopt);
   if (report.trouble) json.add("trouble", *report.trouble);
+  if (!runs.empty()) json.add_raw("runs", runs);
   return json.str() + '\n';
 }
 

@@ -130,6 +130,34 @@ std::string unsent_lines(const RunReport& report) {
          ":\n  expected  " + next.hex + "  " + next.text + '\n';
 }
 
+// "no", "one", "two", …, in digits beyond ten.
+std::string number_word(std::uint64_t number) {
+  constexpr std::array<std::string_view, 11> words = {"no",  "one",   "two",   "three", "four", "five",
+                                                      "six", "seven", "eight", "nine",  "ten"};
+  return number < words.size() ? std::string(words.at(number)) : std::to_string(number);
+}
+
+// What the driver left out beside bytes: sessions, and its end of sending.
+std::string left_out_lines(const RunReport& report) {
+  std::string out;
+  if (report.sessions_made < report.sessions_of && !report.nobody_came) {
+    out += "  the tape has " + number_word(report.sessions_of) + " session" +
+           (report.sessions_of == 1 ? "" : "s") + ", the driver made " + number_word(report.sessions_made) +
+           '\n';
+  }
+  if (report.missed_half_close) {
+    out += "  on the tape the driver ends its sending (half-close) at " +
+           seconds_text(to_us(*report.missed_half_close)) + "; here it did not\n";
+  }
+  return out;
+}
+
+// Whether all recorded bytes came, as far as that is known.
+bool all_came(const RunReport& report) {
+  return report.next_expected.empty() && report.from_driver_of &&
+         report.from_driver_matched >= *report.from_driver_of;
+}
+
 std::string head_line(const RunReport& report, const Paint& paint) {
   const std::string verdict(to_string(report.verdict));
   const std::optional<std::uint64_t>& from = report.from_driver_of;
@@ -154,7 +182,8 @@ std::string to_text(const RunReport& report, bool color) {
     out += "  doubt     " + to_printable(as_bytes(doubt.text)) + '\n';
   }
   if (report.mismatches > 1) out += "  mismatches in all: " + std::to_string(report.mismatches) + '\n';
-  if (report.verdict == Verdict::incomplete) out += unsent_lines(report);
+  if (report.verdict == Verdict::incomplete && !all_came(report)) out += unsent_lines(report);
+  out += left_out_lines(report);
   if (report.mismatch && report.mismatch->kind == MismatchKind::timing) {
     out += "  our own timers were late by " + micros(report.timer_late_p50_us) + " (median), " +
            micros(report.timer_late_p99_us) + " (99 %), " + micros(report.timer_late_max_us) + " (most)\n";

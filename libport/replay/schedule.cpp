@@ -65,6 +65,9 @@ void Schedule::pop() {
       ++breaks_passed_;
       ++hang_ups_passed_;
       break;
+    case RecordKind::half_close:
+      ++breaks_passed_;
+      break;
     case RecordKind::gap:
       ++gaps_passed_;
       break;

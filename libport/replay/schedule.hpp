@@ -45,7 +45,7 @@ class Schedule {
   // Bytes of either direction in the records passed.
   [[nodiscard]] const Totals& passed() const { return passed_; }
   [[nodiscard]] std::uint64_t records_passed() const { return records_passed_; }
-  // Writes, opens, closes and hang-ups: what ends an arrival.
+  // Writes, opens, closes, half-closes and hang-ups: what ends an arrival.
   [[nodiscard]] std::uint64_t breaks_passed() const { return breaks_passed_; }
   [[nodiscard]] std::uint64_t opens_passed() const { return opens_passed_; }
   [[nodiscard]] std::size_t hang_ups_passed() const { return hang_ups_passed_; }

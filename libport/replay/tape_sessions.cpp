@@ -3,6 +3,13 @@
 #include "libport/replay/timeline.hpp"
 
 namespace porttape {
+namespace {
+
+bool ends_a_direction(RecordKind kind) {
+  return kind == RecordKind::hang_up || kind == RecordKind::half_close;
+}
+
+}  // namespace
 
 std::optional<TapeTime> TapeSessions::pass_to_first() {
   while (!schedule_.at_end() && is_note(schedule_.head()->kind)) {
@@ -34,7 +41,7 @@ bool TapeSessions::open_ahead() {
 std::optional<bool> TapeSessions::nothing_left() {
   while (!schedule_.at_end()) {
     const RecordKind kind = schedule_.head()->kind;
-    if (!is_note(kind) && kind != RecordKind::close && kind != RecordKind::hang_up) return false;
+    if (!is_note(kind) && kind != RecordKind::close && !ends_a_direction(kind)) return false;
     if (budget_.spent()) return std::nullopt;
     schedule_.pop();
   }
@@ -46,7 +53,7 @@ std::optional<bool> TapeSessions::nothing_left() {
 
 std::optional<bool> TapeSessions::at_recorded_reopen() {
   while (!schedule_.at_end() &&
-         (is_note(schedule_.head()->kind) || schedule_.head()->kind == RecordKind::hang_up)) {
+         (is_note(schedule_.head()->kind) || ends_a_direction(schedule_.head()->kind))) {
     if (budget_.spent()) return std::nullopt;
     schedule_.pop();
   }

@@ -41,6 +41,7 @@ struct Session::DriverSide final : PortListener {
   void on_flush(FlushQueue queue) override { session.driver_flushed(queue); }
   void on_settings(const SeenSettings& seen) override { session.driver_settings(seen); }
   Answers on_ended() override { return session.driver_ended(); }
+  [[nodiscard]] bool half_closes() const override { return session.device_->has_half_close(); }
   bool wants_rest() override {
     return session.device_state_ != DeviceState::closed && session.end_.takes_in();
   }
@@ -68,6 +69,8 @@ struct Session::DeviceSide final : PortListener {
   }
   void on_interrupted(const LineDown& down) override { session.device_interrupted(down); }
   void on_resumed() override { session.device_resumed(); }
+  Answers on_ended() override { return session.device_ended(); }
+  [[nodiscard]] bool half_closes() const override { return session.driver_->has_half_close(); }
   void on_settings(const SeenSettings&) override {
     session.show_settings();
   }  // it took others than asked for
@@ -173,6 +176,14 @@ PortListener::Answers Session::driver_ended() {
   context_.log->debug("{}: the driver sends no more", driver_->name());
   return device_->end_writing() ? PortListener::Answers::until_hang_up
                                 : PortListener::Answers::until_it_is_quiet;
+}
+
+// A driver that can be told of it may still write; any other one's line goes down with the device's.
+PortListener::Answers Session::device_ended() {
+  const bool passes = device_state_ == DeviceState::up && driver_up_ && end_.running();
+  if (!passes || !driver_->end_writing()) return PortListener::Answers::none;
+  context_.log->debug("{}: the device sends no more", device_->name());
+  return PortListener::Answers::until_hang_up;
 }
 
 void Session::dropped_by_driver(std::uint64_t bytes, std::string_view why) {

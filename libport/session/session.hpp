@@ -82,6 +82,7 @@ class Session final : public Channel {
   void driver_up();
   void driver_data(ByteView data);
   PortListener::Answers driver_ended();
+  PortListener::Answers device_ended();
   void let_driver(bool read);
   void let_device(bool read);
   bool keep_early(Gate& gate, const Port& port, ByteView data);

@@ -10,7 +10,7 @@
 namespace porttape {
 namespace {
 
-constexpr std::string_view kUnseen = "a missing, swapped or shortened file would not be seen";
+constexpr std::string_view kUnseen = "a missing, swapped, shortened or foreign file would not be seen";
 
 std::string plural(std::uint64_t count, std::string_view what) {
   return std::to_string(count) + " " + std::string(what) + (count == 1 ? "" : "s");
@@ -109,6 +109,26 @@ std::vector<std::string> flaws_of(const TapeSummary& tape) {
   return flaws;
 }
 
+// What cannot be checked; none where everything was.
+std::vector<std::string> unchecked_of(const TapeSummary& tape) {
+  const EventsSummary& events = tape.events;
+  if (!events.exists) return {"no events file, so no digests: " + std::string(kUnseen)};
+  if (!events.ended) return {};  // a flaw, which says so
+  const std::string& name = events.path;
+  if (!events.end_read || !events.end_write)
+    return {"no digests in " + name + ", nor how much it was: " + std::string(kUnseen)};
+  if (!events.header || events.header->id.empty())
+    return {"no id in " + name +
+            ", so no digests are compared: changed bytes, or another tape's of the same "
+            "length, would not be seen"};
+  if (!events.end_read->xxh3 || !events.end_write->xxh3)
+    return {"no digests in " + name +
+            ": changed bytes, or another tape's of the same length, would not be seen"};
+  if (tape.read.bytes > 0 && tape.read.totals() == tape.write.totals())
+    return {tape.read.path + " and " + tape.write.path + " hold the same bytes: a swap would not be seen"};
+  return {};
+}
+
 }  // namespace
 
 Judgement judge(const TapeSummary& tape) {
@@ -116,22 +136,18 @@ Judgement judge(const TapeSummary& tape) {
   for (const Error& damage : tape.damages()) judgement.damages.push_back(damage.message);
   const EventsSummary& events = tape.events;
   const bool has_totals = events.end_read && events.end_write;
-  const bool has_digests =
-      has_totals && events.end_read->xxh3 && events.end_write->xxh3 && tape.read.xxh3 && tape.write.xxh3;
   if (has_totals && !tape.being_written) {
     check_files({tape.read, *events.end_read}, {tape.write, *events.end_write}, events.path, judgement);
   }
   const std::vector<std::string> flaws = flaws_of(tape);
   judgement.notes.insert(judgement.notes.end(), flaws.begin(), flaws.end());
-  const bool unchecked = !events.exists || (events.ended && !has_digests);
-  if (unchecked && judgement.damages.empty()) {
-    judgement.notes.push_back((events.exists ? "no digests: " : "no events file, so no digests: ") +
-                              std::string(kUnseen));
-  }
+  const std::vector<std::string> unchecked = unchecked_of(tape);
+  if (judgement.damages.empty())
+    judgement.notes.insert(judgement.notes.end(), unchecked.begin(), unchecked.end());
   using Verdict = Judgement::Verdict;
   judgement.verdict = !judgement.damages.empty() ? Verdict::damaged
                       : !flaws.empty()           ? Verdict::flawed
-                      : unchecked                ? Verdict::unchecked
+                      : !unchecked.empty()       ? Verdict::unchecked
                                                  : Verdict::sound;
   return judgement;
 }
@@ -141,7 +157,7 @@ std::string_view words_of(Judgement::Verdict verdict) {
     case Judgement::Verdict::sound:
       return "sound";
     case Judgement::Verdict::unchecked:
-      return "sound as far as it can be checked";
+      return "no damage found, as far as it can be checked";
     case Judgement::Verdict::flawed:
       return "no damage found";
     case Judgement::Verdict::damaged:

@@ -13,7 +13,7 @@ namespace porttape {
 struct Judgement {
   enum class Verdict : std::uint8_t {
     sound,      // whole, and each file is what the `end` event tells of
-    unchecked,  // the same as far as it can be seen: there are no digests
+    unchecked,  // the same as far as it can be seen; a note says what could not be checked
     flawed,  // no damage found, but notes say what is missing or not known (a gap, no end, a torn tail, …)
     damaged
   };
@@ -28,7 +28,7 @@ struct Judgement {
 
 Judgement judge(const TapeSummary& tape);
 
-// For a person: "sound", "sound as far as it can be checked", "no damage found", "damaged".
+// For a person: "sound", "no damage found, as far as it can be checked", "no damage found", "damaged".
 std::string_view words_of(Judgement::Verdict verdict);
 // For a program: "sound", "unchecked", "no-damage-found", "damaged".
 std::string_view to_string(Judgement::Verdict verdict);

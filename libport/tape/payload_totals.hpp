@@ -34,6 +34,7 @@ class PayloadCounter {
   void begin_block() { ++blocks_; }
   void add(ByteView data);
   [[nodiscard]] PayloadTotals totals() const;
+  [[nodiscard]] std::uint64_t bytes() const { return bytes_; }
 
  private:
   struct Digest;

@@ -14,9 +14,10 @@ namespace porttape {
 // As the driver sees it: `read` is device → driver (the r file), `write` is driver → device (the w file).
 enum class Direction : std::uint8_t { read, write };
 
-// `hang_up`: the device went away and the driver's line broke (a device-lost event that says so). `gap`:
-// bytes are missing from here on, or did not reach the other side.
-enum class RecordKind : std::uint8_t { read, write, open, close, hang_up, gap, event };
+// `hang_up`: the device went away and the driver's line broke (a device-lost event that says so).
+// `half_close`: one side has sent its last byte and still reads (its event says which). `gap`: bytes are
+// missing from here on, or did not reach the other side.
+enum class RecordKind : std::uint8_t { read, write, open, close, hang_up, half_close, gap, event };
 
 // Tells of something, and is no step of the conversation.
 constexpr bool is_note(RecordKind kind) { return kind == RecordKind::event || kind == RecordKind::gap; }

@@ -112,10 +112,13 @@ std::string random_id() {
 
 }  // namespace
 
+std::string wall_text(Instant at, Instant now) {
+  return rfc3339(wall_now() - std::chrono::duration_cast<Micros>(now - at));
+}
+
 TapeZero tape_zero(Instant zero, Instant now) {
-  const auto ago = std::chrono::duration_cast<Micros>(now - zero);
   const auto since_boot = std::chrono::duration_cast<Micros>(zero.time_since_epoch());
-  return {rfc3339(wall_now() - ago), since_boot.count(), boot_id()};
+  return {wall_text(zero, now), since_boot.count(), boot_id()};
 }
 
 std::optional<Micros> since(const TapeZero& first, const TapeZero& zero) {

@@ -17,6 +17,8 @@ struct TapeZero {
   friend bool operator==(const TapeZero&, const TapeZero&) = default;
 };
 
+// RFC 3339 with microseconds: `at`, a moment near `now`, on this machine's wall.
+std::string wall_text(Instant at, Instant now);
 // How this machine's clocks call `zero`, a moment near `now`.
 TapeZero tape_zero(Instant zero, Instant now);
 

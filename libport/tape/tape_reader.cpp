@@ -73,6 +73,8 @@ RecordKind kind_of(const Event& event) {
   if (std::holds_alternative<event::Open>(event)) return RecordKind::open;
   if (std::holds_alternative<event::Close>(event)) return RecordKind::close;
   if (std::holds_alternative<event::Gap>(event)) return RecordKind::gap;
+  const auto* ended = std::get_if<event::HalfClose>(&event);
+  if (ended != nullptr && ended->by) return RecordKind::half_close;
   const auto* lost = std::get_if<event::DeviceLost>(&event);
   return lost != nullptr && lost->hung_up ? RecordKind::hang_up : RecordKind::event;
 }

@@ -15,6 +15,7 @@ namespace {
 
 constexpr std::size_t kMaxKinds = 64;
 constexpr std::size_t kMaxGaps = 64;
+constexpr std::size_t kMaxSessions = 1000;
 
 // Counts exchanges and measures answers, told the blocks in order.
 class ExchangeMeter {
@@ -47,6 +48,54 @@ class ExchangeMeter {
   Quantiles latency_;
 };
 
+// Tells the tape's sessions apart, by its opens and closes and the bytes before them.
+class SessionMeter {
+ public:
+  struct Passed {  // bytes
+    std::uint64_t read = 0;
+    std::uint64_t write = 0;
+  };
+
+  void on_open(TapeTime at, const Passed& before) {
+    end(at, before);
+    open_.emplace();
+    open_->opened = at;
+    opened_at_ = at;
+    before_ = before;
+    ++count_;
+  }
+  void on_close(TapeTime at, const Passed& before) {
+    if (open_) open_->closed = at;
+    end(at, before);
+  }
+  // What is left open ends with the tape; one without opens is one session.
+  void report(TapeTime last, const Passed& all, TapeSummary& summary) {
+    if (count_ == 0 && all.read + all.write > 0) {
+      open_ = SessionSummary{};
+      count_ = 1;
+    }
+    end(last, all);
+    summary.session_count = count_;
+    summary.sessions = std::move(sessions_);
+  }
+
+ private:
+  void end(TapeTime at, const Passed& passed) {
+    if (!open_) return;
+    open_->duration = std::max(at - opened_at_, Micros{});
+    open_->read_bytes = passed.read - before_.read;
+    open_->write_bytes = passed.write - before_.write;
+    if (sessions_.size() < kMaxSessions) sessions_.push_back(*open_);
+    open_.reset();
+  }
+
+  std::optional<SessionSummary> open_;
+  TapeTime opened_at_{};
+  Passed before_;
+  std::uint64_t count_ = 0;
+  std::vector<SessionSummary> sessions_;
+};
+
 // One r or w file with its next block in view.
 class BlockStream {
  public:
@@ -65,6 +114,10 @@ class BlockStream {
   // When the block in view is.
   [[nodiscard]] TapeTime at() const { return has_block_ ? file_->piece().at : kNoMore; }
   [[nodiscard]] bool failed() const { return summary_.damage.has_value(); }
+  // Payload before the block in view.
+  [[nodiscard]] std::uint64_t bytes_before() const {
+    return payload_.bytes() - (has_block_ ? file_->piece().data.size() : 0);
+  }
 
   // Counts the block in view and goes on to the next one.
   void advance() {
@@ -161,20 +214,29 @@ class EventStream {
   bool has_event_ = false;
 };
 
-bool opens_or_closes(const Event& event) {
-  return std::holds_alternative<event::Open>(event) || std::holds_alternative<event::Close>(event);
+struct Meters {
+  ExchangeMeter exchanges;
+  SessionMeter sessions;
+};
+
+void meet(const Event& event, TapeTime at, const SessionMeter::Passed& before, Meters& meters) {
+  const bool opens = std::holds_alternative<event::Open>(event);
+  if (!opens && !std::holds_alternative<event::Close>(event)) return;
+  meters.exchanges.on_open_or_close();
+  opens ? meters.sessions.on_open(at, before) : meters.sessions.on_close(at, before);
 }
 
-// Goes through the three in the tape's order. Behind damage the order is unknown, so exchanges are counted no
-// further.
-void merge(BlockStream& read, BlockStream& write, EventStream& events, ExchangeMeter& meter) {
+// Goes through the three in the tape's order. Behind damage the order is unknown, so exchanges and sessions
+// are counted no further.
+void merge(BlockStream& read, BlockStream& write, EventStream& events, Meters& meters) {
+  ExchangeMeter& meter = meters.exchanges;
   for (;;) {
     const bool ordered = !read.failed() && !write.failed() && !events.failed();
     switch (next_in_order(events.at(), write.at(), read.at())) {
       case TapeFile::none:
         return;
       case TapeFile::events:
-        if (ordered && opens_or_closes(events.event())) meter.on_open_or_close();
+        if (ordered) meet(events.event(), events.at(), {read.bytes_before(), write.bytes_before()}, meters);
         events.advance();
         break;
       case TapeFile::write:
@@ -242,9 +304,11 @@ Result<TapeSummary> summarize(std::string name, TapeSources sources) {
   const bool has_digests = summary.events.header && !summary.events.header->id.empty();
   BlockStream read(std::move(sources.read), *layout, has_digests, summary.read);
   BlockStream write(std::move(sources.write), *layout, has_digests, summary.write);
-  ExchangeMeter meter;
-  merge(read, write, events, meter);
-  meter.report(summary);
+  Meters meters;
+  merge(read, write, events, meters);
+  meters.exchanges.report(summary);
+  const TapeTime last = TapeTime{} + summary.duration();
+  meters.sessions.report(last, {summary.read.bytes, summary.write.bytes}, summary);
   return summary;
 }
 

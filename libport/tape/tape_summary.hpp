@@ -42,6 +42,15 @@ struct GapSummary {
   std::string why;
 };
 
+// From an open to the close behind it; bytes that nobody had the line open for belong to none.
+struct SessionSummary {
+  std::optional<TapeTime> opened;  // nothing: a tape without opens, which is one session
+  std::optional<TapeTime> closed;  // nothing: the next open, or the tape's end, came without a close
+  Micros duration{};
+  std::uint64_t read_bytes = 0;
+  std::uint64_t write_bytes = 0;
+};
+
 struct EventsSummary {
   std::string path;
   bool exists = false;
@@ -85,6 +94,8 @@ struct TapeSummary {
   std::uint64_t exchanges = 0;  // a run of write blocks and the read blocks up to the next write
   std::uint64_t answered = 0;   // exchanges with a read block, with no open or close in between
   std::optional<LatencySummary> latency;
+  std::uint64_t session_count = 0;       // as far as the tape is undamaged
+  std::vector<SessionSummary> sessions;  // the first 1000
 
   // From the tape's zero to its last block or event.
   [[nodiscard]] Micros duration() const;

@@ -39,41 +39,73 @@ constexpr int kSpinShare = 5;
 struct Known {
   Engine::TapeFacts facts;
   std::optional<TapeZero> zero;
+  TapePart part;
 };
 
-// What is to be known of a tape beforehand. The events file is small, so that it may be read through.
-Result<Known> known_of(const TapePaths& tape) {
-  Known known;
-  Engine::TapeFacts& facts = known.facts;
-  std::error_code unknown;
-  if (!std::filesystem::exists(tape.events, unknown)) return known;
-  Result<std::unique_ptr<FileSource>> source = FileSource::open(tape.events);
-  if (!source) return source.error();
-  Result<EventFile> events = EventFile::create(std::move(*source));
-  if (!events) return events.error();
-  for (;;) {
-    const EventFile::Step step = events->next();
-    if (step == EventFile::Step::failed) return events->error();
-    if (step == EventFile::Step::end) {
-      if (const auto& header = events->header()) known.zero = header->zero;
-      return known;
-    }
-    const auto& [at, event] = events->event();
-    if (std::holds_alternative<event::Open>(event)) ++facts.opens;
-    if (const auto* lost = std::get_if<event::DeviceLost>(&event); lost && lost->hung_up) {
-      facts.hang_ups.push_back(at);
-    }
-    if (const auto* gap = std::get_if<event::Gap>(&event)) {
-      facts.gaps.push_back({gap->from.value_or(TapeTime{}), at, gap->bytes, gap->why});
-    }
-    if (const auto* end = std::get_if<event::End>(&event); end && end->read && end->write) {
-      facts.totals = TapeTotals{end->read->bytes, end->write->bytes};
-    }
+void add_fact(const TapeEvent& told, const SessionSearch& search, Engine::TapeFacts& facts) {
+  const auto& [at, event] = told;
+  if (const auto* end = std::get_if<event::End>(&event); end && end->read && end->write) {
+    facts.totals = TapeTotals{end->read->bytes, end->write->bytes};
+  }
+  if (!search.inside()) return;
+  if (const auto* lost = std::get_if<event::DeviceLost>(&event); lost && lost->hung_up) {
+    facts.hang_ups.push_back(at);
+  }
+  if (const auto* gap = std::get_if<event::Gap>(&event)) {
+    facts.gaps.push_back({gap->from.value_or(TapeTime{}), at, gap->bytes, gap->why});
   }
 }
 
+// Of a part alone, counted from its beginning.
+void keep_part(const TapePart& part, Engine::TapeFacts& facts) {
+  if (part.whole()) return;
+  facts.opens = 1;
+  facts.totals.reset();
+  for (TapeTime& at : facts.hang_ups) at = part.shifted(at);
+  for (TapeGap& gap : facts.gaps) {
+    gap.from = part.shifted(std::max(gap.from, part.from));
+    gap.to = part.shifted(gap.to);
+  }
+}
+
+Error no_such_session(const TapePaths& tape, std::uint64_t session, std::uint64_t sessions) {
+  return make_error(Errc::usage,
+                    fmt::format("option 'session': tape '{}' has {} session{}, and no number {}; `porttape "
+                                "info` lists them",
+                                tape.name(), sessions, sessions == 1 ? "" : "s", session));
+}
+
+// What is to be known of a tape beforehand. The events file is small, so that it may be read through.
+Result<Known> known_of(const TapePaths& tape, std::uint64_t session) {
+  Known known;
+  Engine::TapeFacts& facts = known.facts;
+  SessionSearch search(session);
+  std::error_code unknown;
+  if (std::filesystem::exists(tape.events, unknown)) {
+    Result<std::unique_ptr<FileSource>> source = FileSource::open(tape.events);
+    if (!source) return source.error();
+    Result<EventFile> events = EventFile::create(std::move(*source));
+    if (!events) return events.error();
+    EventFile::Step step{};
+    while ((step = events->next()) == EventFile::Step::event) {
+      const TapeEvent& told = events->event();
+      if (std::holds_alternative<event::Open>(told.what)) search.on_open(told.at);
+      add_fact(told, search, facts);
+      if (std::holds_alternative<event::Close>(told.what)) search.on_close(told.at);
+    }
+    if (step == EventFile::Step::failed) return events->error();
+    if (const auto& header = events->header()) known.zero = header->zero;
+  }
+  facts.opens = search.opens();
+  const std::optional<TapePart> part = search.found();
+  if (!part) return no_such_session(tape, session, std::max<std::uint64_t>(1, search.opens()));
+  known.part = *part;
+  keep_part(known.part, facts);
+  return known;
+}
+
 // What a tape holds that is counted in no time; nothing for a larger one.
-std::optional<TapeTotals> count_small(const TapePaths& paths, TapeReader& tape) {
+std::optional<TapeTotals> count_small(const TapePaths& paths, RecordSource& tape) {
   std::uintmax_t size = 0;
   for (const auto& path : {paths.read, paths.write}) {
     std::error_code absent;
@@ -99,7 +131,7 @@ Result<void> ReplayPort::prepare() {
   if (!schedule) return schedule.error();
   Result<TapeReader> writes = TapeReader::open(options_.tape, TapeReader::Select::writes_only);
   if (!writes) return writes.error();
-  Result<Known> known = known_of(options_.tape);
+  Result<Known> known = known_of(options_.tape, options_.session);
   if (!known) return known.error();
   Engine::TapeFacts& facts = known->facts;
   if (!options_.report_file.empty()) {
@@ -112,15 +144,24 @@ Result<void> ReplayPort::prepare() {
                                             : header->device.starts_with("udp"));
   facts.stamped_at_arrival =
       header && header->stamped ? *header->stamped == Stamped::arrival : schedule_->has_events();
+  RecordSource* played = &*schedule_;
+  RecordSource* played_writes = &*writes_;
+  if (!known->part.whole()) {
+    played = &schedule_part_.emplace(*schedule_, known->part);
+    played_writes = &writes_part_.emplace(*writes_, known->part);
+  }
   if (options_.brief && facts.opens <= 1) context_.loop->file_events().begin_after(kBrief);
-  if (const auto counted = count_small(options_.tape, *schedule_)) facts.totals = counted;
+  if (const auto counted = count_small(options_.tape, *played)) facts.totals = counted;
   reports_ = std::make_unique<ReplayReports>(
-      context_, ReplayReports::Options{options_.tape, options_.report_file, facts.totals},
+      context_, ReplayReports::Options{options_.tape, options_.report_file, facts.totals, known->part},
       [this](const RunReport& report) { publish(report); });
-  engine_ = std::make_unique<Engine>(
-      options_.config, facts, *schedule_, *writes_,
-      Engine::Parts{options_.expectation.get(), options_.clock.get(),
-                    options_.clock && known->zero ? options_.clock->tape_begin(*known->zero) : Micros{}});
+  const bool has_place = options_.clock && known->zero;
+  const Micros begin = has_place ? options_.clock->tape_begin(*known->zero) : Micros{};
+  engine_ = std::make_unique<Engine>(options_.config, facts, *played, *played_writes,
+                                     Engine::Parts{.expectation = options_.expectation.get(),
+                                                   .clock = options_.clock.get(),
+                                                   .tape_begin = begin + (known->part.from - TapeTime{}),
+                                                   .half_closes = listener().half_closes()});
   return {};
 }
 
@@ -209,6 +250,7 @@ void ReplayPort::pump() {
 
 void ReplayPort::perform(ReplayActions& actions) {
   if (!actions.deliver.empty() && !dropping_) listener().on_arrivals(actions.deliver, actions.block_ends);
+  if (actions.end_sending) (void)listener().on_ended();
   for (const Mismatch& mismatch : actions.mismatches) {
     context_.log->warn("{}: {}", options_.tape.name(), to_text(mismatch));
   }
@@ -236,10 +278,18 @@ void ReplayPort::perform(ReplayActions& actions) {
 
 void ReplayPort::take_report(RunReport report) {
   any_run_ = true;
+  const Instant now = Loop::now();
+  report.nobody_came = !run_begun_;
+  const Instant begun = std::exchange(run_begun_, std::nullopt).value_or(now);
   report.tape = options_.tape.name();
-  add_stalls(report, std::exchange(run_begun_, std::nullopt).value_or(Loop::now()));
+  report.when = wall_text(begun, now);
+  if (report.nobody_came) report.sessions_made = 0;
+  if (options_.session > 0) report.session = options_.session;
+  add_stalls(report, begun);
+  const bool look = is_look(report);
   reports_->add(std::move(report));
-  if (options_.once) listener().on_finished(exit_status::kPass);  // the verdict's comes with on_complete
+  // The verdict's status comes with on_complete.
+  if (options_.once && !look) listener().on_finished(exit_status::kPass);
 }
 
 void ReplayPort::add_stalls(RunReport& report, Instant begun) const {
@@ -257,12 +307,18 @@ void ReplayPort::add_stalls(RunReport& report, Instant begun) const {
 
 void ReplayPort::publish(const RunReport& report) {
   report_ = report;
-  context_.log->info("{}", to_text(report));
+  if (is_look(report)) {
+    context_.log->info("{}: the driver wrote nothing, and the tape has writes: a look, and no run",
+                       options_.tape.name());
+  } else if (!report.nobody_came) {
+    context_.log->info("{}", to_text(report));
+  }
   if (options_.on_report) options_.on_report(report);
 }
 
 int ReplayPort::status() const {
-  const int verdict = report_ ? exit_status_of(*report_) : exit_status::kPass;
+  const std::optional<RunReport>& worst = reports_->runs().worst();
+  const int verdict = worst ? exit_status_of(*worst) : exit_status::kPass;
   return verdict == exit_status::kPass && report_failed_ ? exit_status::kRuntime : verdict;
 }
 
@@ -296,8 +352,8 @@ void ReplayPort::on_timer() {
 void ReplayPort::finish() {
   if (!engine_) return listener().on_complete(0);
   const Instant now = Loop::now();
-  // A run that no driver has begun is a verdict too, for one who waits for it.
-  if ((options_.once || options_.report_unopened) && !any_run_) engine_->on_open(now);
+  // That no driver has come is a verdict too, but of no interest to a program that has the port to itself.
+  if (!context_.pulled && !any_run_ && !run_begun_) engine_->on_open(now);
   options_.once = false;  // the session is ending already
   finish_limit_ = now + kFinishLimit;
   finish_timer_.emplace(*context_.loop, [this] {
@@ -316,6 +372,7 @@ void ReplayPort::continue_finish() {
   finish_timer_.reset();
   reports_->finish(finish_limit_, [this](bool written) {
     report_failed_ = !written;
+    if (any_run_) context_.log->info("{}: {}", options_.tape.name(), reports_->runs().text());
     listener().on_complete(status());
   });
 }

@@ -9,6 +9,7 @@
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
 #include "libport/replay/engine.hpp"
+#include "libport/replay/tape_part.hpp"
 #include "libport/tape/tape_name.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "libport/taped/replay_reports.hpp"
@@ -17,19 +18,20 @@ namespace porttape {
 
 // A tape in the device's place: reads the tape and the clock, and does what the engine says. Each run's
 // report goes to the log and, when asked for, to a file; with `once` the session ends after the first run.
+// The exit status is that of the worst run.
 class ReplayPort final : public Port, private WaitingCalls {
  public:
   struct Options {
     TapePaths tape;
     ReplayConfig config;
     bool once = false;
+    std::uint64_t session = 0;  // only this one of the tape is played, 1-based; 0: all of them
     std::string report_file = {};
     std::shared_ptr<const Expectation> expectation = {};  // what of a write may vary; null: nothing
     // That other ports play by too, with its rate instead of the one in `config`; null: the context's, or one
     // of its own. On a shared one tapes begin as their zeros lie, and one without a zero with the first.
     std::shared_ptr<ReplayClock> clock = {};
     std::function<void(const RunReport&)> on_report = {};  // each run's, or empty
-    bool report_unopened = false;  // a run that no driver began gets its report at the end, as with `once`
     // The program ends soon, and has no other ports: where the tape has no reopen, opens are looked for in
     // the first 30 ms instead of being told by inotify, which takes the kernel some 15 ms to close.
     bool brief = false;
@@ -43,6 +45,7 @@ class ReplayPort final : public Port, private WaitingCalls {
   void close() override;
   void write(ByteView data) override;
   bool end_writing() override;
+  [[nodiscard]] bool has_half_close() const override { return true; }
   // A driver that writes on while the tape is read on to where it writes.
   [[nodiscard]] bool congested() const override { return congested_; }
   // A driver that flushes what came to it: what is due counts as read, if the tape is stamped at arrival. A
@@ -57,12 +60,12 @@ class ReplayPort final : public Port, private WaitingCalls {
   [[nodiscard]] bool keeps_datagrams() const override { return datagrams_; }
   void set_reading(bool on) override;
   void hang_up(bool) override {}
-  // Ends the run; the status is its verdict's. Takes 5 s at most: what is not known or not written then is
-  // told.
+  // Ends the run; the status is that of the worst verdict, and where no driver has come, or none that did
+  // more than look, that of `incomplete`. Takes 5 s at most: what is not known or not written then is told.
   void finish() override;
   [[nodiscard]] std::string name() const override { return "logreader:" + options_.tape.name(); }
 
-  // The latest run's, once it is complete.
+  // The latest run's, a look's too, once it is complete.
   [[nodiscard]] const std::optional<RunReport>& report() const { return report_; }
 
  private:
@@ -95,6 +98,8 @@ class ReplayPort final : public Port, private WaitingCalls {
   Options options_;
   std::optional<TapeReader> schedule_;
   std::optional<TapeReader> writes_;
+  std::optional<PartOfTape> schedule_part_;  // of those, where not all is played
+  std::optional<PartOfTape> writes_part_;
   std::unique_ptr<Engine> engine_;
   Timer timer_;
   std::unique_ptr<ReplayReports> reports_;

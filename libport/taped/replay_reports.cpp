@@ -56,9 +56,11 @@ void ReplayReports::begin_count() {
   if (options_.totals || count_) return;
   count_ = std::make_shared<Count>();
   const auto found = std::make_shared<std::optional<TapeTotals>>();
-  const auto work = [count = count_, found, tape = options_.tape] {
+  const auto work = [count = count_, found, tape = options_.tape, part = options_.part] {
     Result<TapeReader> reader = TapeReader::open(tape);
-    if (reader) *found = count_tape(*reader, [&count] { return count->stop.load(); });
+    if (!reader) return;
+    PartOfTape played(*reader, part);
+    *found = count_tape(played, [&count] { return count->stop.load(); });
   };
   const bool begun = run(count_strand_, count_, work, [this, found] {
     count_->totals = *found;
@@ -73,10 +75,11 @@ void ReplayReports::look_for_hint(const Mismatch& mismatch) {
   auto search = std::make_shared<Search>();
   search->mismatch = mismatch;
   const auto found = std::make_shared<std::optional<std::string>>();
-  const auto work = [search, found, tape = options_.tape] {
+  const auto work = [search, found, tape = options_.tape, part = options_.part] {
     Result<TapeReader> reader = TapeReader::open(tape, TapeReader::Select::writes_only);
     if (!reader) return;
-    *found = find_hint(*reader, search->mismatch.tape_offset, search->mismatch.got,
+    PartOfTape played(*reader, part);
+    *found = find_hint(played, search->mismatch.tape_offset, search->mismatch.got,
                        [&search] { return search->stop.load(); });
   };
   const bool begun = run(hint_strand_, search, work, [this, search, found] {
@@ -116,7 +119,8 @@ void ReplayReports::move_on() {
   while (!waiting_.empty() && complete(waiting_.front(), now)) {
     const RunReport report = std::move(waiting_.front().report);
     waiting_.pop_front();
-    if (!options_.file.empty()) write_file(to_json(report));
+    runs_.add(report);
+    if (!options_.file.empty()) write_file(to_json(runs_));
     publish_(report);
   }
   set_timer();

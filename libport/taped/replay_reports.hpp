@@ -12,6 +12,8 @@
 #include "libport/loop/timer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/replay/report.hpp"
+#include "libport/replay/run_list.hpp"
+#include "libport/replay/tape_part.hpp"
 #include "libport/tape/tape_name.hpp"
 
 namespace porttape {
@@ -32,8 +34,9 @@ class ReplayReports {
 
   struct Options {
     TapePaths tape;
-    std::string file;                  // for the latest report, or empty
+    std::string file;                  // for the latest run and the list of all, or empty
     std::optional<TapeTotals> totals;  // if known without counting
+    TapePart part = {};                // of the tape that is played
   };
   // In the order of the runs; the file follows.
   using Publish = std::function<void(const RunReport&)>;
@@ -49,6 +52,9 @@ class ReplayReports {
   // Calls `done` once all reports are published and the file is written, or at `limit` (count and hint are
   // given up kFileTime before); whether the file could be written. No report may be added then.
   void finish(Instant limit, std::function<void(bool written)> done);
+
+  // Of the reports published.
+  [[nodiscard]] const RunList& runs() const { return runs_; }
 
  private:
   struct Job;
@@ -84,6 +90,7 @@ class ReplayReports {
   bool file_under_way_ = false;
   std::optional<std::string> next_file_;  // to be written after that one
   bool file_failed_ = false;
+  RunList runs_;
   std::optional<Instant> limit_;
   std::function<void(bool)> done_;
   Timer timer_;

@@ -1,6 +1,7 @@
 #include "libport/taped/types.hpp"
 
 #include <array>
+#include <charconv>
 #include <memory>
 #include <string>
 #include <utility>
@@ -65,13 +66,29 @@ Result<TapePaths> tape_of(const PortOptions& written) {
   return literal_tape(file);
 }
 
+// The number of a session; 0: all.
+Result<std::uint64_t> session_of(const std::string& written) {
+  std::uint64_t session = 0;
+  if (written == "all") return session;
+  const char* const end = written.data() + written.size();
+  const auto [stop, error] = std::from_chars(written.data(), end, session);
+  if (error == std::errc() && stop == end && session > 0) return session;
+  return make_error(Errc::usage, "option 'session' is '" + written +
+                                     "'; accepted: all, or the number of one session of the tape, from 1 on");
+}
+
 Result<ReplayPort::Options> replay_options(const PortOptions& written) {
   const Result<TapePaths> tape = tape_of(written);
   if (!tape) return tape.error();
+  const Result<std::uint64_t> session = session_of(written.text("session"));
+  if (!session) return session.error();
   const Result<ReplayConfig> config = replay_config(written);
   if (!config) return config.error();
-  return ReplayPort::Options{
-      .tape = *tape, .config = *config, .once = written.flag("once"), .report_file = written.text("report")};
+  return ReplayPort::Options{.tape = *tape,
+                             .config = *config,
+                             .once = written.flag("once"),
+                             .session = *session,
+                             .report_file = written.text("report")};
 }
 
 OnExisting on_existing(const PortOptions& written) {
@@ -163,6 +180,7 @@ PortType logreader_type() {
        {"auto", "recorded", "burst"}},
       {"burst-gap", Kind::integer, "500", "µs, reads closer than this are one burst", 0, 1e9},
       {"patience", Kind::number, "1", "s, strictness 0 waits this long for a write", 0, 1e9},
+      {"session", Kind::text, "all", "play this session of the tape alone (1, 2, …), or all"},
       {"once", Kind::flag, "", "the program ends after the first run, with its verdict"},
       {"report", Kind::text, "", "file for the verdict as JSON"},
   });

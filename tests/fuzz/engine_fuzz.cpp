@@ -46,7 +46,7 @@ class Play {
                  .hang_ups = tape.hang_ups(),
                  .gaps = tape.gaps(),
                  .totals = TapeTotals{reads_.size(), writes_.size()}},
-                schedule_, write_source_) {}
+                schedule_, write_source_, {.half_closes = sessions}) {}
 
   void run(Choices& input) {
     while (!input.done()) {
@@ -211,8 +211,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const ReplayConfig config = make_config(input);
   const bool sessions = input(2) == 1;
   const std::size_t piece = 1 + input(9);
-  const MemoryTape tape = random_tape(
-      input, {.sessions = sessions, .hang_ups = sessions, .gaps = input(2) == 1, .max_records = 40});
+  const MemoryTape tape = random_tape(input, {.sessions = sessions,
+                                              .hang_ups = sessions,
+                                              .half_closes = sessions,
+                                              .gaps = input(2) == 1,
+                                              .max_records = 40});
   Play(tape, config, sessions, piece).run(input);
   return 0;
 }

@@ -1,5 +1,6 @@
 #include "libport/net/stream_line.hpp"
 
+#include <array>
 #include <chrono>
 #include <string>
 #include <sys/socket.h>
@@ -82,6 +83,32 @@ TEST_F(StreamLineTest, AHalfClosedPeerIsKeptUntilItIsGone) {
   EXPECT_TRUE(line->takes());
   state = PeerState::gone;
   until_over();
+  EXPECT_EQ(over->reason, Reason::closed);
+}
+
+// Both directions end while a slow peer has not taken all: what is queued goes out first.
+TEST_F(StreamLineTest, WhatIsQueuedGoesOutThoughBothSidesHaveEnded) {
+  make(StreamLine::Side::accepted);
+  state = PeerState::remote;
+  answers = Answers::until_hang_up;
+  const Bytes much(std::size_t{4} << 20, Byte{7});
+  line->write(much);
+  line->end_writing();
+  ASSERT_TRUE(line->congested());
+  ::shutdown(peer.get(), SHUT_WR);
+  run_until(loop, [this] { return ended == 1; });
+  EXPECT_FALSE(over.has_value());
+  std::size_t got = 0;
+  std::array<Byte, 65536> buffer{};
+  while (!over) {
+    for (ssize_t size = 1; size > 0;) {
+      size = ::read(peer.get(), buffer.data(), buffer.size());
+      if (size > 0) got += static_cast<std::size_t>(size);
+    }
+    loop.run_one();
+  }
+  EXPECT_EQ(got, much.size());
+  EXPECT_EQ(lost, 0U);
   EXPECT_EQ(over->reason, Reason::closed);
 }
 

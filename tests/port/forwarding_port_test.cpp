@@ -26,6 +26,7 @@ class ToldPort final : public Port, private WaitingCalls, private Recorder {
   void write(ByteView data) override { say("write " + std::string(as_text(data))); }
   [[nodiscard]] bool congested() const override { return true; }
   bool end_writing() override { return true; }
+  [[nodiscard]] bool has_half_close() const override { return true; }
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return 7; }
   [[nodiscard]] std::optional<LineSettings> settings() const override { return LineSettings{.baud = 7}; }
   Result<void> apply(const LineSettings& settings) override {
@@ -87,6 +88,7 @@ TEST_F(ForwardingPortTest, PassesOnEveryCallToTheInnerPort) {
                                       "hang up later", "read pending", "peer flushed", "close", "finish"}));
   EXPECT_TRUE(wrapper.congested());
   EXPECT_TRUE(wrapper.end_writing());
+  EXPECT_TRUE(wrapper.has_half_close());
   EXPECT_EQ(wrapper.unread_by_peer(), 7U);
   EXPECT_EQ(wrapper.settings(), LineSettings{.baud = 7});
   ASSERT_NE(wrapper.waiting(), nullptr);
@@ -112,6 +114,7 @@ class WholeLog final : public PortListener {
   void on_finished(int) override { calls.emplace_back("finished"); }
   void on_complete(int) override { calls.emplace_back("complete"); }
   Answers on_ended() override { return Answers::until_hang_up; }
+  [[nodiscard]] bool half_closes() const override { return true; }
   bool wants_rest() override { return true; }
   void on_interrupted(const LineDown&) override { calls.emplace_back("interrupted"); }
   void on_resumed() override { calls.emplace_back("resumed"); }
@@ -145,6 +148,7 @@ TEST(ForwardingPort, PassesOnEveryCallToTheListener) {
             (std::vector<std::string>{"up", "data", "arrivals", "drained", "down", "finished", "complete",
                                       "interrupted", "resumed", "flush", "settings", "dropped"}));
   EXPECT_EQ(told.on_ended(), PortListener::Answers::until_hang_up);
+  EXPECT_TRUE(told.half_closes());
   EXPECT_TRUE(told.wants_rest());
 }
 

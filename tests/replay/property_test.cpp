@@ -70,6 +70,7 @@ class PerfectDriver {
         write(entry.data);
         break;
       case RecordKind::hang_up:
+      case RecordKind::half_close:
       case RecordKind::gap:
       case RecordKind::event:
         break;

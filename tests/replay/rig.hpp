@@ -105,6 +105,7 @@ class Rig {
       delivered += as_text(actions.deliver);
     }
     mismatches.insert(mismatches.end(), actions.mismatches.begin(), actions.mismatches.end());
+    ended = ended || actions.end_sending;
     hung_up = hung_up || actions.hang_up;
     exits = exits || actions.exit;
     if (actions.run_ended) {
@@ -149,6 +150,7 @@ class Rig {
   std::vector<Delivery> deliveries;
   std::string delivered;
   std::vector<Mismatch> mismatches;
+  bool ended = false;  // the device's sending
   bool hung_up = false;
   bool exits = false;
   int runs = 0;

@@ -289,6 +289,39 @@ TEST_F(SessionTest, WhereTheDeviceHasNoHalfCloseQuietEndsTheDriver) {
   EXPECT_EQ(driver.end(), PortListener::Answers::until_it_is_quiet);
 }
 
+TEST_F(SessionTest, ADeviceThatSendsNoMoreIsStillWrittenTo) {
+  start();
+  driver.up();
+  device.send("bye");
+  EXPECT_EQ(device.end(), PortListener::Answers::until_hang_up);
+  EXPECT_EQ(driver.written, "bye");
+  EXPECT_EQ(driver.calls, "prepare open end_writing ");
+  driver.send("more");
+  EXPECT_EQ(device.written, "more");
+  driver.down(Reason::closed);
+  EXPECT_EQ(device.calls, "prepare open close ");
+}
+
+TEST_F(SessionTest, WhereTheDriversLineHasNoHalfCloseTheDevicesIsItsEnd) {
+  driver.half_closes = false;
+  start();
+  driver.up();
+  EXPECT_EQ(device.end(), PortListener::Answers::none);
+}
+
+TEST_F(SessionTest, ADeviceThatEndsWithNoDriverThereIsOver) {
+  start();
+  EXPECT_EQ(device.end(), PortListener::Answers::none);
+  EXPECT_EQ(driver.calls, "prepare open ");
+}
+
+TEST_F(SessionTest, EachSideIsToldWhetherTheOthersLineHasAHalfClose) {
+  driver.half_closes = false;
+  start();
+  EXPECT_FALSE(device.other_half_closes());
+  EXPECT_TRUE(driver.other_half_closes());
+}
+
 TEST_F(SessionTest, WhatTheDriversSideDropsIsOneGapASession) {
   start();
   driver.up();

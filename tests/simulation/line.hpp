@@ -97,6 +97,7 @@ class LinePort final : public Port {
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return line_->to_far_.size() > line_->kind_.capacity; }
   bool end_writing() override;
+  [[nodiscard]] bool has_half_close() const override { return line_->kind_.half_closes; }
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;

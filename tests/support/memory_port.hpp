@@ -49,6 +49,7 @@ class MemoryPort final : public Port, private Recorder {
       port->listener().on_down({.reason = reason, .error = make_error(Errc::device_lost, std::move(why))});
     }
     PortListener::Answers end() { return port->listener().on_ended(); }
+    [[nodiscard]] bool other_half_closes() const { return port->listener().half_closes(); }
     bool wants_rest() { return port->listener().wants_rest(); }
     void interrupt() { port->listener().on_interrupted({.reason = LineDown::Reason::lost, .error = {}}); }
     void resume() { port->listener().on_resumed(); }
@@ -85,6 +86,7 @@ class MemoryPort final : public Port, private Recorder {
     peer_->calls += "end_writing ";
     return peer_->half_closes;
   }
+  [[nodiscard]] bool has_half_close() const override { return peer_->half_closes; }
   [[nodiscard]] Recorder* recorder() override { return this; }
   [[nodiscard]] bool keeps_datagrams() const override { return peer_->datagrams; }
   [[nodiscard]] bool congested() const override { return peer_->congested; }

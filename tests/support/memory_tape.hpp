@@ -31,6 +31,10 @@ class MemoryTape {
   MemoryTape& open(std::int64_t us) { return add(RecordKind::open, us, {}); }
   MemoryTape& close(std::int64_t us) { return add(RecordKind::close, us, {}); }
   MemoryTape& hang_up(std::int64_t us) { return add(RecordKind::hang_up, us, {}); }
+  MemoryTape& half_close(std::int64_t us, Side by) {
+    entries_.push_back({RecordKind::half_close, us, {}, event::HalfClose{by}});
+    return *this;
+  }
   MemoryTape& gap(std::int64_t us, std::uint64_t bytes, std::int64_t from_us) {
     entries_.push_back({RecordKind::gap, us, {}, event::Gap{bytes, tape_time_us(from_us), "disk full"}});
     return *this;
@@ -118,7 +122,7 @@ class MemorySource final : public RecordSource {
     Record record;
     record.kind = entry.kind;
     record.at = tape_time_us(entry.us);
-    if (is_note(entry.kind)) record.event = &entry.event;
+    if (is_note(entry.kind) || entry.kind == RecordKind::half_close) record.event = &entry.event;
     if (entry.kind == RecordKind::read || entry.kind == RecordKind::write) {
       const ByteView data = as_bytes(entry.data);
       const std::size_t size = std::min(piece_, data.size() - taken_);

@@ -33,6 +33,7 @@ class PortLog final : public PortListener {
     events += "ended ";
     return answers;
   }
+  [[nodiscard]] bool half_closes() const override { return peer_half_closes; }
   bool wants_rest() override { return wanted; }
   void on_interrupted(const LineDown& down) override {
     events += "interrupted ";
@@ -58,7 +59,8 @@ class PortLog final : public PortListener {
   SeenSettings settings;  // the last that on_settings told
   std::uint64_t dropped = 0;
   Answers answers = Answers::until_it_is_quiet;  // what on_ended gives
-  bool wanted = false;                           // what wants_rest gives
+  bool peer_half_closes = false;
+  bool wanted = false;  // what wants_rest gives
 };
 
 // A peer that reads whatever comes.

@@ -9,8 +9,9 @@ namespace porttape::test {
 
 // What kind of tape random_tape() makes.
 struct RandomTapeShape {
-  bool sessions = false;  // several opens and closes
-  bool hang_ups = false;  // at the end of some sessions
+  bool sessions = false;     // several opens and closes
+  bool hang_ups = false;     // at the end of some sessions
+  bool half_closes = false;  // of either side
   bool gaps = false;
   bool empty_blocks = true;  // zero-length reads and writes among the others
   std::uint32_t max_records = 60;
@@ -45,6 +46,8 @@ MemoryTape random_tape(Choose&& choose, const RandomTapeShape& shape = {}) {
       const std::int64_t from = now;
       now += 1 + choose(30'000);
       tape.gap(now, choose(20), from);
+    } else if (shape.half_closes && line_open && kind == 3) {
+      tape.half_close(++now, choose(2) == 0 ? Side::driver : Side::device);
     } else if (kind == 1) {
       tape.event(now, event::Unknown{"settings"});
     } else if (line_open && kind < 6) {

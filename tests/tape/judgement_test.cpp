@@ -155,7 +155,7 @@ TEST(Judgement, ATapeThatNeverEndedIsNotSound) {
   EXPECT_FALSE(judgement.sound());
   EXPECT_THAT(judgement.notes,
               ElementsAre("t.loge has no end: its recorder was killed, or it is shortened; a missing, "
-                          "swapped or shortened file would not be seen"));
+                          "swapped, shortened or foreign file would not be seen"));
   files.write.reset();
   EXPECT_THAT(judged(files).notes, testing::Contains("t.logw is missing; what it held is not known"));
 }
@@ -196,7 +196,7 @@ TEST(Judgement, ATapeBeingWrittenIsNotSoundAndNotCompared) {
   EXPECT_THAT(judgement.notes, testing::Contains(HasSubstr("it is being written")));
 }
 
-TEST(Judgement, WithoutDigestsItIsSoundAsFarAsItCanBeChecked) {
+TEST(Judgement, WithoutDigestsItSaysWhatCouldNotBeChecked) {
   Files files = recorded();
   files.events.reset();
   EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
@@ -207,8 +207,23 @@ TEST(Judgement, WithoutDigestsItIsSoundAsFarAsItCanBeChecked) {
     files.events = kHeader + end;
     EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
   }
+  EXPECT_THAT(judged(files).notes,
+              ElementsAre("no digests in t.loge: changed bytes, or another tape's of the same "
+                          "length, would not be seen"));
+  files.events = encode(TapeHeader{.device = "device", .driver = "driver"}) +
+                 encode(tape_time_us(9), event::End{totals(kAnswers), totals(kQuestions)});
   EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
-  EXPECT_THAT(judged(files).notes, ElementsAre(HasSubstr("no digests: ")));
+  EXPECT_THAT(judged(files).notes, ElementsAre(HasSubstr("no id in t.loge, so no digests are compared")));
+  EXPECT_EQ(words_of(Verdict::unchecked).find("sound"), std::string_view::npos);
+}
+
+TEST(Judgement, ASwapOfEqualFilesCannotBeSeenAndIsTold) {
+  const Blocks echo{{2, "hello"}};
+  const Judgement judgement = judged(recorded(echo, {{1, "hello"}}));
+  EXPECT_EQ(judgement.verdict, Verdict::unchecked);
+  EXPECT_THAT(judgement.notes,
+              ElementsAre("t.logr and t.logw hold the same bytes: a swap would not be seen"));
+  EXPECT_EQ(judged(recorded({{2, "hel"}, {3, "lo"}}, {{1, "hello"}})).verdict, Verdict::sound);
 }
 
 TEST(Judgement, DamageIsNotToldTwice) {

@@ -23,15 +23,17 @@ using testing::HasSubstr;
 
 class ReplayPortTest : public testing::Test {
  protected:
-  void start(const std::string& report = {}, OnMismatch on_mismatch = OnMismatch::fail) {
+  void start(const std::string& report = {}, OnMismatch on_mismatch = OnMismatch::fail, bool open = true) {
     ReplayPort::Options options;
     options.tape = literal_tape(dir / "t.log");
     options.config.on_mismatch = on_mismatch;
     options.report_file = report;
+    options.once = once;
+    options.session = session;
     port = std::make_unique<ReplayPort>(PortContext{&loop, book.log()}, std::move(options));
     port->listen(log);
     ASSERT_TRUE(port->prepare().has_value());
-    port->open();
+    if (open) port->open();
   }
   void write(std::string_view text) { port->write(as_bytes(text)); }
   // How long it took until finish() was done.
@@ -46,6 +48,8 @@ class ReplayPortTest : public testing::Test {
   Loop loop;
   LogBook book;
   PortLog log;
+  bool once = false;
+  std::uint64_t session = 0;
   std::unique_ptr<ReplayPort> port;
 };
 
@@ -70,6 +74,139 @@ TEST_F(ReplayPortTest, TheReportFileIsThereWhenTheEndIsTold) {
   (void)finish();
   EXPECT_EQ(log.status, 0);
   EXPECT_THAT(std::string(as_text(test::read_file(dir / "report.json"))), HasSubstr(R"("verdict":"pass")"));
+}
+
+TEST_F(ReplayPortTest, TheStatusIsTheWorstRunsAndTheFileHasAllOfThem) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
+  start(dir / "report.json");
+  write("oxe");
+  port->close();
+  port->open();
+  write("one");
+  port->close();
+  port->open();  // a look
+  port->close();
+  (void)finish();
+  EXPECT_EQ(log.status, 3);
+  const std::string file(as_text(test::read_file(dir / "report.json")));
+  EXPECT_THAT(file, HasSubstr(R"({"verdict":"pass","exit":3,)"));
+  EXPECT_THAT(file, HasSubstr(R"("runs":{"count":2,"looks":1,"worst":"data-mismatch","list":[{)"));
+  EXPECT_THAT(file, testing::ContainsRegex(R"("when":"[0-9-]+T[0-9:]+\.[0-9]+Z")"));
+  EXPECT_THAT(book.text(), HasSubstr("2 runs, the worst: data-mismatch; 1 look"));
+}
+
+// Two sessions of one exchange each.
+class TwoSessions : public ReplayPortTest {
+ protected:
+  TwoSessions() {
+    test::write_file(dir / "t.logw", test::block_bytes({{1'000, "one"}, {101'000, "two!"}}));
+    test::write_file(dir / "t.logr", test::block_bytes({{2'000, "first"}, {102'000, "second"}}));
+    test::write_file(dir / "t.loge",
+                     as_bytes(encode(TapeHeader{}) + encode(tape_time_us(0), event::Open{}) +
+                              encode(tape_time_us(5'000), event::Close{}) +
+                              encode(tape_time_us(90'000), event::Gap{3, tape_time_us(80'000), "disk full"}) +
+                              encode(tape_time_us(100'000), event::Open{}) +
+                              encode(tape_time_us(105'000), event::Close{})));
+  }
+};
+
+TEST_F(TwoSessions, OneOfThemIsPlayedAsIfItWereTheTape) {
+  session = 2;
+  start(dir / "report.json");
+  write("two!");
+  run_until(loop, [this] { return !log.data.empty(); });
+  EXPECT_EQ(log.data, "second");
+  port->close();
+  (void)finish();
+  EXPECT_EQ(log.status, 0) << book.text();
+  const std::string file(as_text(test::read_file(dir / "report.json")));
+  EXPECT_THAT(file,
+              HasSubstr(R"("to_driver":{"bytes":6,"of":6},"from_driver":{"bytes":4,"matched":4,"of":4})"));
+  EXPECT_THAT(file, HasSubstr(R"("sessions":{"made":1,"of":1},"session":2)"));
+  EXPECT_THAT(file, HasSubstr(R"("doubts":[])")) << "the gap is before it";
+}
+
+TEST_F(TwoSessions, AHintIsOfThePartThatIsPlayed) {
+  session = 2;
+  start();
+  write("one");
+  run_until(loop, [this] { return port->report().has_value(); });
+  EXPECT_EQ(port->report()->mismatch->tape_offset, 0U);
+  EXPECT_EQ(port->report()->mismatch->hint, "");
+  (void)finish();
+  EXPECT_EQ(log.status, 3);
+}
+
+TEST_F(TwoSessions, OneThatIsNotThereIsAnErrorThatSaysHowManyThereAre) {
+  ReplayPort::Options options;
+  options.tape = literal_tape(dir / "t.log");
+  options.session = 3;
+  ReplayPort other(PortContext{&loop, book.log()}, std::move(options));
+  other.listen(log);
+  const Result<void> prepared = other.prepare();
+  ASSERT_FALSE(prepared.has_value());
+  EXPECT_EQ(prepared.error().code, Errc::usage);
+  EXPECT_THAT(prepared.error().message, HasSubstr("has 2 sessions, and no number 3"));
+}
+
+TEST_F(ReplayPortTest, TheDevicesHalfCloseIsToldAndTheDriversIsWaitedFor) {
+  test::write_file(dir / "t.logw", test::block_bytes({{1'000, "ask"}}));
+  test::write_file(dir / "t.logr", test::block_bytes({{3'000, "answer"}}));
+  test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{}) + encode(tape_time_us(0), event::Open{}) +
+                                            encode(tape_time_us(2'000), event::HalfClose{Side::driver}) +
+                                            encode(tape_time_us(4'000), event::HalfClose{Side::device}) +
+                                            encode(tape_time_us(9'000'000), event::DeviceLost{"", true})));
+  log.peer_half_closes = true;
+  start();
+  write("ask");
+  const auto due = port->waiting()->next_due();
+  ASSERT_TRUE(due.has_value());
+  EXPECT_GT(*due - Loop::now(), std::chrono::milliseconds(500)) << "patience";
+  EXPECT_TRUE(port->end_writing());
+  run_until(loop, [this] { return log.events.find("hung_up") != std::string::npos; });
+  EXPECT_EQ(log.data, "answer");
+  port->close();
+  (void)finish();
+  EXPECT_EQ(log.status, 0) << book.text();
+}
+
+TEST_F(ReplayPortTest, TheDevicesHalfCloseIsToldBehindItsBytes) {
+  test::write_file(dir / "t.logr", test::block_bytes({{1'000, "hello"}}));
+  test::write_file(dir / "t.logw", test::block_bytes({{5'000, "bye"}}));
+  test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{}) + encode(tape_time_us(0), event::Open{}) +
+                                            encode(tape_time_us(2'000), event::HalfClose{Side::device})));
+  log.peer_half_closes = true;
+  start();
+  run_until(loop, [this] { return log.events == "up ended "; });
+  EXPECT_EQ(log.data, "hello");
+  write("bye");
+  port->close();
+  (void)finish();
+  EXPECT_EQ(log.status, 0) << book.text();
+}
+
+TEST_F(ReplayPortTest, ThatNobodyCameIsIncompleteAndTold) {
+  test::write_file(dir / "t.logr", test::block_bytes({{0, "one"}}));
+  start(dir / "report.json", OnMismatch::fail, false);
+  (void)finish();
+  EXPECT_EQ(log.status, 5);
+  EXPECT_THAT(std::string(as_text(test::read_file(dir / "report.json"))),
+              HasSubstr(R"("runs":{"count":0,"looks":0,"worst":"incomplete","list":[]})"));
+  EXPECT_THAT(book.text(), HasSubstr("nobody has opened the port"));
+}
+
+TEST_F(ReplayPortTest, ALookDoesNotEndAReplayThatRunsOnce) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
+  once = true;
+  start();
+  port->close();
+  EXPECT_EQ(log.events, "up ");
+  port->open();
+  write("one");
+  port->close();
+  EXPECT_EQ(log.events, "up up finished0 ");
+  (void)finish();
+  EXPECT_EQ(log.status, 0);
 }
 
 TEST_F(ReplayPortTest, AReportThatCannotBeWrittenIsAFailure) {

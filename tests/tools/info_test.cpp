@@ -36,6 +36,41 @@ TEST(Info, TellsWhatTheTapeHolds) {
   EXPECT_THAT(ran.out, HasSubstr("gaps       1, 5 bytes missing"));
 }
 
+TEST(Info, ListsTheSessions) {
+  const TempDir dir;
+  const std::string tape =
+      make_tape(dir, "t", {{1'100'000, "answer"}, {1'600'000, "nobody's"}, {2'100'000, "more"}},
+                {{1'000'000, "ask"}, {2'000'000, "again"}, {2'200'000, "!"}},
+                "{\"t_us\":0,\"event\":\"open\"}\n{\"t_us\":1500000,\"event\":\"close\"}\n"
+                "{\"t_us\":1900000,\"event\":\"open\"}\n");
+  const auto ran = run({"info", tape});
+  EXPECT_THAT(ran.out, HasSubstr("sessions   2\n"));
+  EXPECT_THAT(ran.out, HasSubstr(" 1  0.000000 to 1.500000 s, 1.50 s, 6 bytes read, 3 written\n"));
+  EXPECT_THAT(ran.out,
+              HasSubstr(" 2  1.900000 to 2.200000 s (no close), 300.0 ms, 4 bytes read, 6 written\n"));
+  const auto json = boost::json::parse(run({"info", "--json", tape}).out).as_object();
+  EXPECT_EQ(json.at("session_count").as_int64(), 2);
+  const auto& sessions = json.at("sessions").as_array();
+  ASSERT_EQ(sessions.size(), 2U);
+  EXPECT_EQ(sessions[0].at("open_us").as_int64(), 0);
+  EXPECT_EQ(sessions[0].at("close_us").as_int64(), 1'500'000);
+  EXPECT_EQ(sessions[0].at("duration_us").as_int64(), 1'500'000);
+  EXPECT_EQ(sessions[0].at("read_bytes").as_int64(), 6);
+  EXPECT_EQ(sessions[1].at("write_bytes").as_int64(), 6);
+  EXPECT_TRUE(sessions[1].at("close_us").is_null());
+}
+
+TEST(Info, ATapeWithoutOpensIsOneSession) {
+  const TempDir dir;
+  const std::string tape = make_tape(dir, "t", {{1, "ab"}}, {{4, "c"}});
+  const auto json = boost::json::parse(run({"info", "--json", tape}).out).as_object();
+  EXPECT_EQ(json.at("session_count").as_int64(), 1);
+  const auto& only = json.at("sessions").at(0);
+  EXPECT_TRUE(only.at("open_us").is_null());
+  EXPECT_EQ(only.at("duration_us").as_int64(), 4);
+  EXPECT_EQ(only.at("read_bytes").as_int64(), 2);
+}
+
 TEST(Info, JsonSaysTheSame) {
   const TempDir dir;
   const std::string tape = sample(dir);

@@ -99,6 +99,44 @@ TEST_F(TestVerb, TheUnopenedRunsReportHasTheTapesTotals) {
   EXPECT_THAT(text, HasSubstr(R"("to_driver":{"bytes":0,"of":3})"));
 }
 
+// Two sessions, each with an exchange of its own.
+class TestOfSessions : public TestVerb {
+ protected:
+  TestOfSessions() {
+    tape = make_tape(dir, "two", {{2000, "42\n"}, {102'000, "43\n"}}, {{1000, "ask\n"}, {101'000, "more\n"}},
+                     "{\"t_us\":0,\"event\":\"open\"}\n{\"t_us\":9000,\"event\":\"close\"}\n"
+                     "{\"t_us\":100000,\"event\":\"open\"}\n{\"t_us\":109000,\"event\":\"close\"}\n");
+  }
+  static constexpr const char* kSecond =
+      "exec 3<>{port}; echo more >&3; read answer <&3; test \"$answer\" = 43";
+};
+
+TEST_F(TestOfSessions, BothAreWanted) {
+  const Ran both = test(std::string(kGood) + "; exec 3>&-; sleep 0.2; " + kSecond);
+  EXPECT_EQ(both.status, 0) << both.out << both.err;
+  const Ran one = test(kGood);
+  EXPECT_EQ(one.status, 5);
+  EXPECT_THAT(one.out, HasSubstr("the tape has two sessions, the driver made one"));
+}
+
+TEST_F(TestOfSessions, OneCanBePlayedAlone) {
+  const std::string report = dir / "report.json";
+  const Ran second = test(kSecond, {"--session", "2", "--report", report});
+  EXPECT_EQ(second.status, 0) << second.out << second.err;
+  const std::string text(as_text(read_file(report)));
+  EXPECT_THAT(text, HasSubstr(R"("from_driver":{"bytes":5,"matched":5,"of":5})"));
+  EXPECT_THAT(text, HasSubstr(R"("runs":{"count":1,"looks":0,"worst":"pass")"));
+  EXPECT_EQ(test(kGood, {"--session", "1"}).status, 0);
+  EXPECT_EQ(test(kGood, {"--session", "2"}).status, 3);
+}
+
+TEST_F(TestOfSessions, WhichOneIsChecked) {
+  EXPECT_EQ(test(kGood, {"--session", "3"}).status, 2);
+  EXPECT_THAT(test(kGood, {"--session", "3"}).err, HasSubstr("has 2 sessions"));
+  EXPECT_THAT(test(kGood, {"--session", "0"}).err, HasSubstr("accepted: all, or the number of one session"));
+  EXPECT_EQ(test(kGood, {"--session", "one"}).status, 2);
+}
+
 TEST_F(TestVerb, UsageErrorsAreTwo) {
   EXPECT_EQ(run({"test", "--tape", tape}).status, 2);
   EXPECT_EQ(run({"test", "--tape", tape, "--", "/no/such/program"}).status, 2);

@@ -39,9 +39,11 @@ TEST(Verify, WithoutDigestsItSaysWhatItCannotSee) {
   const std::string tape = make_tape(dir, "t", {{1, "a"}}, {{2, "b"}}, "{\"t_us\":3,\"event\":\"end\"}\n");
   const auto ran = run({"verify", tape});
   EXPECT_EQ(ran.status, 0);
-  EXPECT_EQ(ran.out, tape + ": sound as far as it can be checked: 1 read and 1 write blocks, 0.000003 s\n" +
-                         tape +
-                         ": note: no digests: a missing, swapped or shortened file would not be seen\n");
+  EXPECT_EQ(ran.out,
+            tape + ": no damage found, as far as it can be checked: 1 read and 1 write blocks, 0.000003 s\n" +
+                tape + ": note: no digests in " + tape +
+                "e, nor how much it was: a missing, swapped, shortened or foreign file would not be "
+                "seen\n");
 }
 
 TEST(Verify, AFileOfAnotherTapeIs1AndNamed) {

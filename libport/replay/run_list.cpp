@@ -1,0 +1,62 @@
+#include "libport/replay/run_list.hpp"
+
+#include "libport/base/error.hpp"
+
+namespace porttape {
+namespace {
+
+std::string counted(std::uint64_t count, std::string_view noun) {
+  return std::to_string(count) + ' ' + std::string(noun) + (count == 1 ? "" : "s");
+}
+
+}  // namespace
+
+bool is_look(const RunReport& report) {
+  const bool wrote = report.from_driver_bytes > 0 || report.mismatch;
+  const bool expected = report.from_driver_of ? *report.from_driver_of > 0
+                                              : report.undecided_from || !report.next_expected.empty();
+  return !report.nobody_came && !wrote && expected && !report.trouble;
+}
+
+void RunList::add(const RunReport& report) {
+  const bool look = is_look(report);
+  if (look) ++looks_;
+  if (look || report.nobody_came) {
+    none_ = report;
+    none_->verdict = Verdict::incomplete;
+    return;
+  }
+  ++count_;
+  latest_ = report;
+  const int status = exit_status_of(report);
+  if (!worst_ || worse_exit_status(status, exit_status_of(*worst_)) != exit_status_of(*worst_))
+    worst_ = report;
+  if (listed_.size() == kMostListed) listed_.pop_front();
+  listed_.push_back(run_json(report));
+}
+
+std::string RunList::json() const {
+  std::string list;
+  for (const std::string& run : listed_) list += (list.empty() ? "" : ",") + run;
+  const std::string_view verdict = worst() ? to_string(worst()->verdict) : to_string(Verdict::incomplete);
+  return "{\"count\":" + std::to_string(count_) + ",\"looks\":" + std::to_string(looks_) + ",\"worst\":\"" +
+         std::string(verdict) + "\",\"list\":[" + list + "]}";
+}
+
+std::string RunList::text() const {
+  std::string text = count_ > 0
+                         ? counted(count_, "run") + ", the worst: " + std::string(to_string(worst_->verdict))
+                         : "no run, so the verdict is incomplete";
+  if (count_ == 0 && looks_ == 0) return text + ": nobody has opened the port";
+  if (looks_ > 0) text += "; " + counted(looks_, "look") + " (opened, and nothing written)";
+  return text;
+}
+
+std::string to_json(const RunList& runs) {
+  if (!runs.latest()) return {};
+  RunReport report = *runs.latest();
+  report.process_exit = exit_status_of(*runs.worst());
+  return to_json(report, runs.json());
+}
+
+}  // namespace porttape
