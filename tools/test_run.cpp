@@ -204,7 +204,7 @@ Result<RunReport> TestRun::verdict() {
     notes_.emplace_back("the command never opened the port");
     trouble_ = true;
   }
-  report->tape = request_.replay().tape.name();
+  if (!report->connection) report->tape = request_.replay().tape.name();
   report->command_exit = command_->exit_code();
   return *report;
 }

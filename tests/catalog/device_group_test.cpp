@@ -118,7 +118,6 @@ TEST_F(DeviceGroupTest, AConnectionMeetsTheTapeOfItsNumber) {
   EXPECT_NE(third.error().message.find("has the tapes of 2 connections, and this is number 3"),
             std::string::npos);
   EXPECT_EQ(group->ends_after(), std::nullopt);
-  EXPECT_EQ(make(ChannelMode::replay, {{"tape", dir / "laser"}, {"once", ""}})->ends_after(), 0U);
 }
 
 TEST_F(DeviceGroupTest, APartWhoseFirstConnectionHadGoneIsPlayedToo) {
