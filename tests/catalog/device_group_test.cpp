@@ -99,7 +99,7 @@ TEST_F(DeviceGroupTest, AMissingDeviceIsToldAtTheStart) {
 TEST_F(DeviceGroupTest, ATapeInTheWayIsToldAtTheStart) {
   tape("laser.c3", "x");
   const auto group = make(ChannelMode::record,
-                          {{"device", "tcp:127.0.0.1:1"}, {"tape", dir / "laser"}, {"fail-closed", ""}});
+                          {{"device", "tcp:127.0.0.1:1"}, {"tape", dir / "laser"}, {"fail-closed", "on"}});
   EXPECT_TRUE(group->must_not_fail());
   const Result<void> prepared = group->prepare();
   ASSERT_FALSE(prepared.has_value());
@@ -145,7 +145,7 @@ TEST_F(DeviceGroupTest, ATapeOfAnotherRecordingIsAUsageError) {
 TEST_F(DeviceGroupTest, TapesThatNobodyCameForAreIncomplete) {
   tape("laser", "one");
   tape("laser.c2", "two");
-  const auto group = make(ChannelMode::replay, {{"tape", dir / "laser"}, {"once", ""}});
+  const auto group = make(ChannelMode::replay, {{"tape", dir / "laser"}, {"once", "on"}});
   ASSERT_TRUE(group->prepare().has_value());
   EXPECT_EQ(group->ends_after(), 2U);
   std::optional<int> status;

@@ -75,7 +75,7 @@ TEST_F(TapeGroupTest, ARotationIsOneForAll) {
 TEST_F(TapeGroupTest, PartsAndConnectionsHaveTheirNames) {
   make(OnExisting::refuse);
   ASSERT_TRUE(group->check().has_value());
-  for (const auto [part, connection] : {std::pair{1U, 1U}, {1U, 2U}, {2U, 2U}, {2U, 3U}})
+  for (const auto& [part, connection] : {std::pair{1U, 1U}, {1U, 2U}, {2U, 2U}, {2U, 3U}})
     ASSERT_TRUE(tape(part, connection).has_value());
   EXPECT_EQ(tapes(), (Names{"laser.log", "laser.c2.log", "laser.2.c2.log", "laser.2.c3.log"}));
 }
