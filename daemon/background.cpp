@@ -10,6 +10,8 @@
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/printable.hpp"
+
 namespace porttape {
 namespace {
 
@@ -76,7 +78,7 @@ void Background::ready() {
 
 Result<void> PidFile::write(const std::string& path) {
   const auto refuse = [&path](const std::string& why) {
-    return make_error(Errc::usage, fmt::format("pidfile '{}' {}; name another file", path, why));
+    return make_error(Errc::usage, fmt::format("pidfile {} {}; name another file", in_quotes(path), why));
   };
   const auto open_it = [&path](int how) {
     return UniqueFd(::open(path.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC | how, 0644));

@@ -3,7 +3,9 @@
 #include <filesystem>
 #include <fmt/format.h>
 #include <system_error>
+#include <utility>
 
+#include "libport/base/printable.hpp"
 #include "libport/port/port_options.hpp"
 
 namespace porttape {
@@ -19,38 +21,36 @@ std::string place(const std::string& path) {
   return ((error ? absolute.parent_path() : folder) / absolute.filename()).lexically_normal().string();
 }
 
-Result<void> claim(Owners& owners, const PortType::Claim& wanted, const std::string& channel) {
+std::optional<Error> claim(Owners& owners, const PortType::Claim& wanted, const std::string& channel) {
   const auto& [kind, where] = wanted;
-  const bool is_path = kind == "link" || kind == "socket" || kind == "tape";
-  const std::string what = kind + " " + (is_path ? place(where) : where);
-  const auto [owner, free] = owners.emplace(what, channel);
-  if (free) return {};
-  return make_error(Errc::usage,
-                    fmt::format("{} is that of channel '{}'; name another", what, owner->second));
-}
-
-Result<void> check_channel(Owners& owners, const std::string& name, const ChannelSpec& spec) {
-  const Result<ChannelPorts> ports = named_ports(spec);
-  if (!ports) return ports.error();
-  for (const PortSpec* port : {&ports->driver, &ports->device}) {
-    for (const PortType::Claim& wanted : port->type().claims(*port)) {
-      if (Result<void> free = claim(owners, wanted, name); !free) return free;
-    }
-  }
-  return {};
+  const bool is_path = kind == "link" || kind == "socket" || kind == "tape" || kind == "report";
+  const std::string at = is_path ? in_quotes(place(where)) : where;
+  const auto [owner, free] = owners.emplace(kind + " " + at, channel);
+  if (free) return std::nullopt;
+  if (owner->second == channel)
+    return make_error(Errc::usage, fmt::format("{} {} is there twice; name another", kind, at));
+  return make_error(Errc::usage, fmt::format("{} {} is that of channel {}; name another", kind, at,
+                                             in_quotes(owner->second)));
 }
 
 }  // namespace
 
-Result<void> check_channels(const std::map<std::string, ChannelSpec>& channels) {
+std::vector<ChannelProblem> check_channels(const std::map<std::string, ChannelSpec>& channels) {
+  std::vector<ChannelProblem> problems;
   Owners owners;
   for (const auto& [name, spec] : channels) {
-    const Result<void> good = check_channel(owners, name, spec);
-    if (good) continue;
-    if (channels.size() == 1) return good;
-    return make_error(good.error().code, fmt::format("channel '{}': {}", name, good.error().message));
+    const ReadChannel read = read_channel(spec);
+    for (const OptionProblem& problem : read.problems) problems.push_back({name, problem});
+    for (const auto& [option, port] :
+         {std::pair{"driver", &read.driver}, std::pair{"device", &read.device}}) {
+      if (!*port) continue;
+      for (const PortType::Claim& wanted : (*port)->type().claims(**port)) {
+        if (const auto taken = claim(owners, wanted, name))
+          problems.push_back({name, {spec.values.contains(wanted.first) ? wanted.first : option, *taken}});
+      }
+    }
   }
-  return {};
+  return problems;
 }
 
 }  // namespace porttape

@@ -2,15 +2,20 @@
 
 #include <map>
 #include <string>
+#include <vector>
 
 #include "libport/base/result.hpp"
 #include "libport/catalog/channel.hpp"
 
 namespace porttape {
 
-// Whether the channels of one process are right in themselves, whatever devices and tapes there are: every
-// option is good, and no two have the same tape or the same driver's port. Errc::usage names the channel,
-// where there are several.
-Result<void> check_channels(const std::map<std::string, ChannelSpec>& channels);
+struct ChannelProblem {
+  std::string channel;
+  OptionProblem problem;
+};
+
+// All that is wrong with channels that are to run at the same time: their options, and what two of them want
+// and only one can have, a link, a port to listen on or a tape. Looks at folders, opens nothing.
+std::vector<ChannelProblem> check_channels(const std::map<std::string, ChannelSpec>& channels);
 
 }  // namespace porttape

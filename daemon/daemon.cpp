@@ -7,7 +7,6 @@
 
 #include <spdlog/spdlog.h>
 
-#include "daemon/channel_check.hpp"
 #include "libport/tape/disks.hpp"
 
 namespace porttape {
@@ -21,7 +20,6 @@ Daemon::Daemon(Loop& loop, std::shared_ptr<spdlog::logger> log, Options options)
 Daemon::~Daemon() = default;
 
 Result<void> Daemon::start(const std::map<std::string, ChannelSpec>& channels) {
-  if (Result<void> good = check_channels(channels); !good) return good;
   signals_.emplace(*loop_, [this](int number) { signalled(number); });
   signals_->add({SIGTERM, SIGINT, SIGUSR1, SIGUSR2});
   if (!options_.ignores_hang_up) signals_->add({SIGHUP});

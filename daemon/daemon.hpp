@@ -33,8 +33,7 @@ class Daemon {
   Daemon(Loop& loop, std::shared_ptr<spdlog::logger> log, Options options);
   ~Daemon();
 
-  // Errc::usage: the options are wrong, or two channels want one tape or one driver's port. Otherwise all
-  // channels or, where they are kept, as many as can be started now.
+  // Channels that are good by check_channels(): all or, where they are kept, as many as can be started now.
   Result<void> start(const std::map<std::string, ChannelSpec>& channels);
 
   // The exit status: the worst that a channel ended with.

@@ -1,16 +1,22 @@
 #include "daemon/invocation.hpp"
 
+#include <algorithm>
 #include <fmt/format.h>
+#include <iterator>
 #include <string_view>
 #include <utility>
 
 #include <boost/program_options/errors.hpp>
 #include <boost/program_options/value_semantic.hpp>
 
+#include "daemon/channel_check.hpp"
 #include "daemon/config_file.hpp"
+#include "libport/base/printable.hpp"
 #include "libport/base/version.hpp"
+#include "libport/catalog/port_guess.hpp"
 #include "libport/catalog/port_types.hpp"
 #include "tools/option_description.hpp"
+#include "tools/verb_advice.hpp"
 
 namespace porttape {
 namespace {
@@ -18,34 +24,38 @@ namespace {
 namespace po = boost::program_options;
 
 constexpr std::string_view kUsage =
-    "Usage: porttaped record --device PORT --driver PORT --tape NAME [--on-existing refuse|next|overwrite]\n"
-    "       porttaped replay --tape NAME --driver PORT [replay options]\n"
-    "       porttaped bridge --device PORT --driver PORT\n"
-    "       porttaped run CONFIG\n"
-    "       porttaped VERB --help, --help-ports, --version\n\n"
-    "Sits between a driver and a device, records both directions, and plays a recording back in the device's "
-    "place.\n";
+    "Usage: porttaped record --device PORT --driver PORT --tape NAME [options]\n"
+    "       porttaped replay --tape NAME --driver PORT [options]\n"
+    "       porttaped bridge --device PORT --driver PORT [options]\n"
+    "       porttaped run CONFIG [options]\n"
+    "       porttaped VERB --help | --help | --help-ports | --version\n\n"
+    "Sits between a driver and a device, records both directions, and plays a\n"
+    "recording back in the device's place.\n\n"
+    "Example: porttaped record --device /dev/ttyUSB0,baud=115200 \\\n"
+    "           --driver pty:/tmp/laser --tape laser\n";
 
 constexpr std::string_view kRunHelp =
-    "CONFIG is an INI file with a section a channel; its keys are the options of the verbs. A section with "
-    "device and tape\n"
-    "records, with tape alone it replays, with device alone it bridges:\n\n"
+    "Usage: porttaped run CONFIG [options]\n\n"
+    "Runs every channel of a configuration file.\n\n"
+    "CONFIG is an INI file with a section a channel; its keys are the options of the\n"
+    "verbs. A section with device and tape records, with tape alone it replays, with\n"
+    "device alone it bridges:\n\n"
+    "    # comment\n"
     "    [channel laser]\n"
     "    device = serial:/dev/ttyUSB0,baud=115200\n"
     "    driver = pty:/run/porttape/robot/laser,mode=0660,group=dialout\n"
     "    tape = laser\n\n"
-    "As /etc/porttape/robot.conf this is run by the unit porttaped@robot: its links go to "
-    "/run/porttape/robot, "
-    "its tapes\n"
-    "to /var/log/porttape/robot, and a driver's user is in the group dialout.\n\n"
-    "A channel in trouble (its device is missing, say) is tried again after 1 s, 2 s, … 30 s; the others go "
-    "on. A tape\n"
-    "whose name is taken gets the next free one (on-existing = next). Signals: SIGTERM and SIGINT end (a "
-    "second one at\n"
-    "once), SIGUSR1 starts the next tapes, SIGHUP opens the log file again. Exit status: 2 for a wrong "
-    "configuration,\n"
-    "else the worst of the channels that ended: 0, the verdicts of replays (3, 4, 5), 1 for a tape that is "
-    "incomplete.\n";
+    "As /etc/porttape/robot.conf this is run by the unit porttaped@robot: its links\n"
+    "go to /run/porttape/robot, its tapes to /var/log/porttape/robot, and a driver's\n"
+    "user is in the group dialout.\n\n"
+    "What is wrong in the file is told with its lines, and nothing starts. A channel\n"
+    "in trouble (its device is missing, say) is tried again after 1 s, 2 s, … 30 s;\n"
+    "the others go on. A tape whose name is taken gets the next free one (on-existing\n"
+    "= next). Signals: SIGTERM and SIGINT end (a second one at once), SIGUSR1 starts\n"
+    "the next tapes, SIGHUP opens the log file again. Exit status: 2 for a wrong\n"
+    "configuration, else the worst of the channels that ended: 0, the verdicts of\n"
+    "replays (3, 4, 5), 1 for a tape that is incomplete.\n\n"
+    "Example: porttaped run robot.conf --check-config\n\n";
 
 struct Verb {
   std::string_view name;
@@ -56,35 +66,49 @@ struct Verb {
 
 constexpr Verb kVerbs[] = {
     {"record", ChannelMode::record, "Passes bytes between a driver and a device and keeps a tape of them.",
-     "porttaped record --device /dev/ttyUSB0,baud=115200 --driver pty:/tmp/laser --tape laser"},
+     "porttaped record --device /dev/ttyUSB0,baud=115200 \\\n"
+     "           --driver pty:/tmp/laser --tape laser"},
     {"replay", ChannelMode::replay, "Is the device: plays a tape back and checks what the driver writes.",
-     "porttaped replay --tape laser --driver pty:/tmp/laser --report report.json"},
+     "porttaped replay --tape laser --driver pty:/tmp/laser \\\n"
+     "           --report report.json"},
     {"bridge", ChannelMode::bridge, "Passes bytes between a driver and a device.",
-     "porttaped bridge --device /dev/ttyUSB0,baud=115200 --driver pty:/tmp/laser"},
+     "porttaped bridge --device /dev/ttyUSB0,baud=115200 \\\n"
+     "           --driver pty:/tmp/laser"},
 };
+constexpr std::string_view kRun = "run";
+static_assert(std::size(kVerbs) + 1 == kDaemonVerbs.size());
 
 Error usage(std::string message) { return make_error(Errc::usage, std::move(message)); }
 
-po::options_description common_options() {
-  po::options_description options("Common options");
-  options.add_options()      //
-      ("help", "this text")  //
-      ("log-level", po::value<std::string>()->default_value("info"),
-       "trace, debug, info, warn, error, off")  //
-      ("log-file", po::value<std::string>(),
-       "writes the log there, not to stderr; with -b and without it: to the journal or syslog, else to "
-       "$XDG_STATE_HOME/porttape/PID.log")                                              //
-      ("background,b", "returns once the link is there and goes on in the background")  //
-      ("pidfile", po::value<std::string>(), "writes the process's number there");
-  return options;
+using Kind = OptionSpec::Kind;
+
+const OptionSpec kLogLevel{"log-level",
+                           Kind::choice,
+                           "info",
+                           "how much is logged",
+                           0,
+                           0,
+                           {"trace", "debug", "info", "warn", "error", "off"}};
+
+std::vector<OptionSpec> common_options() {
+  return {
+      {"help", Kind::flag, "", "this text"},
+      {"help-ports", Kind::flag, "", "what a PORT is: all types and their options"},
+      kLogLevel,
+      {.name = "log-file",
+       .help = "writes the log there, not to stderr; with -b and without it: to the journal or syslog, else "
+               "to $XDG_STATE_HOME/porttape/PID.log",
+       .value_name = "FILE"},
+      {"background", Kind::flag, "", "returns once the link is there and goes on in the background"},
+      {.name = "pidfile", .help = "writes the process's number there", .value_name = "FILE"},
+  };
 }
 
 Result<void> take_common(const po::variables_map& values, Invocation& line) {
-  const std::string level = values["log-level"].as<std::string>();
-  line.log_level = spdlog::level::from_str(level);
-  if (line.log_level == spdlog::level::off && level != "off") {
-    return usage(fmt::format(
-        "option 'log-level': '{}' is not valid; accepted: trace, debug, info, warn, error, off", level));
+  if (values.contains("log-level")) {
+    const Result<std::string> level = check_value(kLogLevel, values["log-level"].as<std::string>());
+    if (!level) return level.error();
+    line.log_level = spdlog::level::from_str(*level);
   }
   if (values.contains("log-file")) line.log_file = values["log-file"].as<std::string>();
   if (values.contains("pidfile")) line.pid_file = values["pidfile"].as<std::string>();
@@ -92,73 +116,130 @@ Result<void> take_common(const po::variables_map& values, Invocation& line) {
   return {};
 }
 
-Result<Invocation> parse_verb(const Verb& verb, std::span<const std::string> arguments) {
-  const std::vector<OptionSpec> specs = channel_options(verb.mode);
-  po::options_description options = describe(specs, fmt::format("Options of {}", verb.name));
-  options.add(common_options());
-  const po::variables_map values = read_options(arguments, options);
+Result<Invocation> help_ports() {
   Invocation line;
-  if (values.contains("help")) {
-    line.print = fmt::format(
-        "Usage: porttaped {} [options]\n\n{}\n\nExample: {}\n\n{}\n`porttaped --help-ports` tells what a "
-        "PORT is.\n",
-        verb.name, verb.help, verb.example, as_text(options));
-    return line;
-  }
-  if (Result<void> taken = take_common(values, line); !taken) return taken.error();
-  line.channels.emplace(verb.name, ChannelSpec{verb.mode, given_values(values, specs)});
+  line.print = port_help(port_types());
   return line;
 }
 
-Result<Invocation> parse_run(std::span<const std::string> arguments) {
-  po::options_description hidden;
-  hidden.add_options()("config", po::value<std::string>());
-  po::options_description options = common_options();
-  po::options_description all;
-  all.add(options).add(hidden);
-  po::positional_options_description positions;
-  positions.add("config", 1);
-  const po::variables_map values = read_options(arguments, all, positions);
+// The line with the option that a bare word is the value of, and with what is missing besides.
+std::string with_option(const Verb& verb, std::span<const std::string> arguments, const StrayWord& stray) {
+  std::vector<std::string> line(arguments.begin(), arguments.end());
+  const auto is_given = [&](const std::string& option) {
+    return std::ranges::any_of(line, [&](const std::string& word) {
+      return word == "--" + option || word.starts_with("--" + option + "=");
+    });
+  };
+  std::vector<std::pair<std::string, std::string>> wanted = {
+      {"device", "/dev/ttyUSB0"}, {"driver", "pty:/tmp/port"}, {"tape", "NAME"}};
+  if (!looks_like_port(stray.word())) std::ranges::rotate(wanted, wanted.end() - 1);
+  const std::vector<OptionSpec> known = channel_options(verb.mode);
+  std::erase_if(wanted, [&](const auto& option) {
+    return is_given(option.first) || std::ranges::find(known, option.first, &OptionSpec::name) == known.end();
+  });
+  if (wanted.empty()) return {};
+  const auto word = line.begin() + static_cast<std::ptrdiff_t>(stray.index());
+  if (wanted.front().first == "device") *word = device_for(*word);
+  line.insert(word, "--" + wanted.front().first);
+  for (const auto& [option, example] : std::span(wanted).subspan(1))
+    line.insert(line.end(), {"--" + option, example});
+  line.insert(line.begin(), {"porttaped", std::string(verb.name)});
+  return shell_line(line);
+}
+
+// Reads the options of a verb, and gives what is wrong with them.
+Result<po::variables_map> read_verb(const Verb& verb, std::span<const std::string> arguments,
+                                    const po::options_description& options) {
+  const std::string command = fmt::format("porttaped {}", verb.name);
+  try {
+    return read_options(arguments, options);
+  } catch (const UnknownOption& unknown) {
+    const auto owner = owner_of_option(unknown.option(), verb.mode);
+    return usage(owner ? *owner : with_help(unknown.what(), command));
+  } catch (const StrayWord& stray) {
+    const std::string line = with_option(verb, arguments, stray);
+    if (line.empty()) return usage(with_help(stray.what(), command));
+    return usage(fmt::format("{} stands alone; did you mean {}?", in_quotes(stray.word()), in_quotes(line)));
+  }
+}
+
+Result<Invocation> parse_verb(const Verb& verb, std::span<const std::string> arguments) {
+  const std::vector<OptionSpec> specs = channel_options(verb.mode);
+  const po::options_description own = describe(specs, fmt::format("Options of {}", verb.name));
+  const po::options_description common = describe(common_options(), "Common options");
+  po::options_description options;
+  options.add(own).add(common);
+  const Result<po::variables_map> values = read_verb(verb, arguments, options);
+  if (!values) return values.error();
   Invocation line;
-  if (values.contains("help")) {
+  if (values->contains("help-ports")) return help_ports();
+  if (values->contains("help")) {
     line.print = fmt::format(
-        "Usage: porttaped run CONFIG [options]\n\nRuns every channel of a configuration file.\n\n{}\n{}",
-        kRunHelp, as_text(options));
+        "Usage: porttaped {} [options]\n\n{}\n\nExample: {}\n\n{}\n{}\n"
+        "`porttaped --help-ports` tells what a PORT is.\n",
+        verb.name, verb.help, verb.example, as_text(own), as_text(common));
     return line;
   }
-  if (Result<void> taken = take_common(values, line); !taken) return taken.error();
-  if (!values.contains("config"))
-    return usage("run: the configuration file is missing; see porttaped run --help");
-  Result<std::map<std::string, ChannelSpec>> channels = read_config_file(values["config"].as<std::string>());
+  if (Result<void> taken = take_common(*values, line); !taken) return taken.error();
+  line.channels.emplace(verb.name, ChannelSpec{verb.mode, given_values(*values, specs)});
+  const std::vector<ChannelProblem> problems = check_channels(line.channels);
+  if (!problems.empty()) return problems.front().problem.error;
+  return line;
+}
+
+Result<Invocation> run_channels(Invocation line, const std::string& file, bool check_only) {
+  Result<std::map<std::string, ChannelSpec>> channels = read_config_file(file);
   if (!channels) return channels.error();
+  if (check_only) {
+    line.print = fmt::format("{}: {} channel{}, good\n", printable_line(file), channels->size(),
+                             channels->size() == 1 ? "" : "s");
+    return line;
+  }
   line.channels = std::move(*channels);
   line.keeps_channels = true;
   return line;
 }
 
+Result<Invocation> parse_run(std::span<const std::string> arguments) {
+  std::vector<OptionSpec> specs = common_options();
+  specs.insert(specs.begin(),
+               {"check-config", Kind::flag, "", "says what is wrong in CONFIG, and starts nothing"});
+  const po::options_description options = describe(specs, "Options");
+  po::options_description all;
+  all.add(options).add_options()("config", po::value<std::string>());
+  po::positional_options_description positions;
+  positions.add("config", 1);
+  const po::variables_map values = read_options(arguments, all, positions);
+  Invocation line;
+  if (values.contains("help-ports")) return help_ports();
+  if (values.contains("help")) {
+    line.print = std::string(kRunHelp) + as_text(options);
+    return line;
+  }
+  if (Result<void> taken = take_common(values, line); !taken) return taken.error();
+  if (!values.contains("config"))
+    return usage("the configuration file is missing; type porttaped run CONFIG");
+  return run_channels(std::move(line), values["config"].as<std::string>(), values.contains("check-config"));
+}
+
 Result<Invocation> parse(std::span<const std::string> arguments) {
-  if (arguments.empty())
-    return usage("a verb is missing: record, replay, bridge or run; see porttaped --help");
+  if (arguments.empty()) return usage(no_verb("porttaped", arguments));
   const std::string& verb = arguments.front();
   Invocation line;
   if (verb == "--help" || verb == "-h" || verb == "help") {
     line.print = kUsage;
     return line;
   }
-  if (verb == "--help-ports") {
-    line.print = port_help(port_types());
-    return line;
-  }
+  if (verb == "--help-ports") return help_ports();
   if (verb == "--version") {
     line.print = fmt::format("porttaped {}\n", version());
     return line;
   }
-  if (verb == "run") return parse_run(arguments.subspan(1));
+  if (verb == kRun) return parse_run(arguments.subspan(1));
   for (const Verb& known : kVerbs) {
     if (known.name == verb) return parse_verb(known, arguments.subspan(1));
   }
-  return usage(
-      fmt::format("unknown verb '{}'; accepted: record, replay, bridge, run; see porttaped --help", verb));
+  return usage(no_verb("porttaped", arguments));
 }
 
 }  // namespace
@@ -166,10 +247,10 @@ Result<Invocation> parse(std::span<const std::string> arguments) {
 Result<Invocation> parse_invocation(std::span<const std::string> arguments) {
   try {
     return parse(arguments);
+  } catch (const StrayWord& stray) {
+    return usage(fmt::format("run takes one CONFIG; {} is one too many", in_quotes(stray.word())));
   } catch (const po::error& error) {
-    const bool of_verb = !arguments.empty() && !arguments.front().starts_with('-');
-    return usage(
-        fmt::format("{}; see porttaped {}--help", error.what(), of_verb ? arguments.front() + " " : ""));
+    return usage(with_help(error.what(), "porttaped " + arguments.front()));
   }
 }
 

@@ -10,6 +10,7 @@
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/printable.hpp"
 #include "libport/net/socket_address.hpp"
 
 namespace porttape {
@@ -24,8 +25,8 @@ Result<UniqueFd> open_log(const std::string& path) {
   if (!fd && errno == ENXIO) fd.reset(::open(path.c_str(), O_RDWR | flags, 0640));  // a FIFO nobody reads
   if (!fd)
     return make_error(Errc::usage,
-                      fmt::format("option 'log-file': '{}' cannot be written: {}; name another file", path,
-                                  errno_text(errno)));
+                      fmt::format("option 'log-file': {} cannot be written: {}; name another file",
+                                  in_quotes(path), errno_text(errno)));
   return fd;
 }
 

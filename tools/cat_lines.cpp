@@ -18,7 +18,7 @@ constexpr std::string_view kCyan = "\x1b[36m";
 constexpr std::string_view kYellow = "\x1b[33m";
 
 std::ostream& print_time(std::ostream& out, TapeTime at) {
-  return out << std::right << std::setw(13) << seconds_text(to_us(at)) << "  ";
+  return out << std::right << std::setw(13) << seconds_number(to_us(at)) << "  ";
 }
 
 // What a line of the events file says besides time and kind: `"text":"here"`; the whole line where it is not

@@ -1,24 +1,47 @@
 #include "tools/child_process.hpp"
 
 #include <cerrno>
+#include <filesystem>
 #include <fmt/format.h>
 #include <memory>
 #include <signal.h>
 #include <spawn.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
+#include <system_error>
 #include <unistd.h>
 #include <utility>
+
+#include "libport/base/printable.hpp"
 
 namespace porttape {
 namespace {
 
+std::vector<char*> pointers(const std::vector<std::string>& texts) {
+  std::vector<char*> all;
+  all.reserve(texts.size() + 1);
+  for (const std::string& text : texts) all.push_back(const_cast<char*>(text.c_str()));
+  all.push_back(nullptr);
+  return all;
+}
+
+// `NAME=VALUE` each.
+std::vector<std::string> environment_with(const ChildProcess::Environment& changed) {
+  std::vector<std::string> all;
+  for (char** entry = environ; *entry != nullptr; ++entry) {
+    const std::string text = *entry;
+    if (!changed.contains(text.substr(0, text.find('=')))) all.push_back(text);
+  }
+  for (const auto& [name, value] : changed) {
+    if (value) all.push_back(fmt::format("{}={}", name, *value));
+  }
+  return all;
+}
+
 // The command gets the signals as they were before we ignored some.
-int spawn(const std::vector<std::string>& command, pid_t& pid) {
-  std::vector<char*> arguments;
-  arguments.reserve(command.size() + 1);
-  for (const std::string& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
-  arguments.push_back(nullptr);
+int spawn(const std::vector<std::string>& command, const ChildProcess::Environment& changed, pid_t& pid) {
+  const std::vector<char*> arguments = pointers(command);
+  const std::vector<std::string> environment = environment_with(changed);
   posix_spawnattr_t attributes;
   ::posix_spawnattr_init(&attributes);
   sigset_t defaults;
@@ -26,19 +49,36 @@ int spawn(const std::vector<std::string>& command, pid_t& pid) {
   for (const int number : {SIGPIPE, SIGXFSZ}) ::sigaddset(&defaults, number);
   ::posix_spawnattr_setsigdefault(&attributes, &defaults);
   ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGDEF);
-  const int error = ::posix_spawnp(&pid, arguments.front(), nullptr, &attributes, arguments.data(), environ);
+  const int error = ::posix_spawnp(&pid, arguments.front(), nullptr, &attributes, arguments.data(),
+                                   pointers(environment).data());
   ::posix_spawnattr_destroy(&attributes);
   return error;
+}
+
+// What to type instead, for a program that cannot be run.
+std::string advice(const std::string& program, int error) {
+  std::error_code unknown;
+  const bool is_here = std::filesystem::is_regular_file(program, unknown);
+  const bool named_by_path = program.find('/') != std::string::npos;
+  if (error == EACCES && is_here) return "; chmod +x makes it executable, or put its interpreter before it";
+  if (error == ENOEXEC && is_here) return "; it needs a first line such as #!/bin/sh";
+  if (error != ENOENT) return {};
+  if (is_here && named_by_path) return "; its first line names an interpreter that is not there";
+  if (is_here) return fmt::format("; it is in this folder: ./{}", program);
+  if (program.find(' ') != std::string::npos)
+    return "; write program and arguments without quotes around all";
+  return {};
 }
 
 }  // namespace
 
 Result<std::unique_ptr<ChildProcess>> ChildProcess::start(Loop& loop, const std::vector<std::string>& command,
+                                                          const Environment& changed,
                                                           std::function<void()> on_exit) {
   pid_t pid = 0;
-  if (const int error = spawn(command, pid); error != 0) {
-    return make_error(Errc::usage,
-                      fmt::format("command '{}' cannot be run: {}", command.front(), errno_text(error)));
+  if (const int error = spawn(command, changed, pid); error != 0) {
+    return make_error(Errc::usage, fmt::format("command {} cannot be run: {}{}", in_quotes(command.front()),
+                                               errno_text(error), advice(command.front(), error)));
   }
   // glibc 2.36 declares pidfd_open() without extern "C".
   UniqueFd pid_fd(static_cast<int>(::syscall(SYS_pidfd_open, pid, 0)));
@@ -74,11 +114,14 @@ void ChildProcess::reap() {
   while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
   }
   pid_ = 0;
-  exit_code_ = WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
+  end_ = WIFSIGNALED(status) ? CommandEnd{.signal = WTERMSIG(status)}
+                             : CommandEnd{.status = WEXITSTATUS(status)};
 }
 
 void ChildProcess::kill(int signal_number) const {
   if (running()) ::kill(pid_, signal_number);
 }
+
+bool ChildProcess::in_our_group() const { return running() && ::getpgid(pid_) == ::getpgrp(); }
 
 }  // namespace porttape

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <sys/types.h>
 #include <vector>
@@ -9,6 +11,7 @@
 #include "libport/base/result.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/fd_watch.hpp"
+#include "tools/command_end.hpp"
 
 namespace porttape {
 
@@ -16,17 +19,22 @@ namespace porttape {
 // use the terminal. Killed and reaped by the destructor. Loop thread only.
 class ChildProcess {
  public:
-  // Starts it; `on_exit` comes once, from the loop. Errc::usage when there is no such command.
+  using Environment = std::map<std::string, std::optional<std::string>>;  // none: not there
+
+  // Starts it, with `changed` of our environment; `on_exit` comes once, from the loop.
+  // Errc::usage when there is no such command.
   static Result<std::unique_ptr<ChildProcess>> start(Loop& loop, const std::vector<std::string>& command,
+                                                     const Environment& changed,
                                                      std::function<void()> on_exit);
   ~ChildProcess();
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
   [[nodiscard]] bool running() const { return pid_ > 0; }
-  // As a shell gives it: its exit status, or 128 + the signal that ended it.
-  [[nodiscard]] int exit_code() const { return exit_code_; }
+  [[nodiscard]] const CommandEnd& end() const { return end_; }
   void kill(int signal_number) const;
+  // Whether it is in our process group, to which a terminal sends its signals.
+  [[nodiscard]] bool in_our_group() const;
 
  private:
   ChildProcess(Loop& loop, pid_t pid, UniqueFd pid_fd, std::function<void()> on_exit);
@@ -36,7 +44,7 @@ class ChildProcess {
   UniqueFd pid_fd_;
   std::function<void()> on_exit_;
   FdWatch watch_;
-  int exit_code_ = 0;
+  CommandEnd end_;
 };
 
 }  // namespace porttape

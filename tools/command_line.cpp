@@ -1,18 +1,21 @@
 #include "tools/command_line.hpp"
 
+#include <fmt/format.h>
+
 #include <boost/program_options/errors.hpp>
 #include <boost/program_options/positional_options.hpp>
 #include <boost/program_options/value_semantic.hpp>
 
 #include "libport/base/error.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/port/help_table.hpp"
 #include "tools/option_description.hpp"
 
 namespace porttape {
 
 namespace po = boost::program_options;
 
-CommandLine::CommandLine(const VerbHelp& help) : help_(help), options_("Options", 100) {
+CommandLine::CommandLine(const VerbHelp& help) : help_(help), options_("Options") {
   options_.add_options()("help,h", "this text");
 }
 
@@ -40,13 +43,14 @@ std::optional<int> CommandLine::parse(Arguments args, std::ostream& out, std::os
     print_help(out);
     return exit_status::kPass;
   }
-  if (tapes_.empty()) return usage_error(err, "no tape given");
+  if (tapes_.empty())
+    return usage_error(err, fmt::format("no tape given; type porttape {} TAPE", help_.verb));
   return std::nullopt;
 }
 
 int CommandLine::usage_error(std::ostream& err, std::string_view what) const {
-  err << "porttape " << help_.verb << ": " << printable_line(what) << "; see porttape " << help_.verb
-      << " --help\n";
+  const std::string command = fmt::format("porttape {}", help_.verb);
+  err << command << ": " << printable_line(with_help(std::string(what), command)) << '\n';
   return exit_status::kUsage;
 }
 
@@ -57,9 +61,9 @@ std::optional<std::string> CommandLine::text(const std::string& option) const {
 }
 
 void CommandLine::print_help(std::ostream& out) const {
-  out << "Usage: porttape " << help_.verb << ' ' << help_.usage << "\n\n"
-      << help_.about << '\n'
-      << options_ << "\nExamples:\n"
+  out << help_text(fmt::format("Usage: porttape {} {}", help_.verb, help_.usage), 7) << '\n'
+      << help_text(help_.about) << '\n'
+      << as_text(options_) << "\nExamples:\n"
       << help_.examples;
 }
 

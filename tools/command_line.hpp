@@ -16,8 +16,8 @@ namespace porttape {
 // What the --help of a verb says around the list of options.
 struct VerbHelp {
   std::string_view verb;
-  std::string_view usage;  // behind "porttape VERB"
-  std::string_view about;
+  std::string_view usage;     // behind "porttape VERB"
+  std::string_view about;     // wrapped where it is shown
   std::string_view examples;  // whole lines
 };
 

@@ -180,7 +180,7 @@ void print_file(const FileSummary& file, std::string_view name, Micros duration,
   }
   out << file.blocks << " blocks, " << file.bytes << " bytes";
   if (file.first && file.last) {
-    out << ", " << seconds_text(to_us(*file.first)) << " to " << seconds_text(to_us(*file.last)) << " s, "
+    out << ", " << seconds_number(to_us(*file.first)) << " to " << seconds_number(to_us(*file.last)) << " s, "
         << rate_text(file.bytes, duration.count()) << ", largest block " << file.largest_block;
   }
   out << '\n';
@@ -194,7 +194,7 @@ void print_header(const TapeHeader& header, std::ostream& out) {
                          << '\n';
   if (!header.id.empty()) label(out, "id") << safe(header.id) << '\n';
   if (header.zero) {
-    label(out, "zero") << safe(header.zero->wall) << ", " << seconds_text(header.zero->monotonic_us)
+    label(out, "zero") << safe(header.zero->wall) << ", " << seconds_number(header.zero->monotonic_us)
                        << " s after the boot";
     if (!header.zero->boot.empty()) out << ' ' << safe(header.zero->boot);
     out << '\n';
@@ -248,7 +248,7 @@ void print_sessions(const TapeSummary& tape, std::ostream& out) {
 void print_text(const TapeSummary& tape, const Judgement& judgement, std::ostream& out) {
   out << safe(tape.name) << '\n';
   label(out, "layout") << to_string(tape.layout) << '\n';
-  label(out, "duration") << seconds_text(tape.duration().count()) << " s\n";
+  label(out, "duration") << seconds_number(tape.duration().count()) << " s\n";
   print_file(tape.read, "read", tape.duration(), out);
   print_file(tape.write, "write", tape.duration(), out);
   label(out, "exchanges") << tape.exchanges << ", " << tape.answered << " answered\n";

@@ -14,7 +14,7 @@ std::string with_unit(double value, const char* unit) {
 
 }  // namespace
 
-std::string seconds_text(std::int64_t us) {
+std::string seconds_number(std::int64_t us) {
   std::string fraction = std::to_string(us % 1'000'000);
   fraction.insert(0, 6 - fraction.size(), '0');
   return std::to_string(us / 1'000'000) + '.' + fraction;
@@ -32,6 +32,10 @@ std::string rate_text(std::uint64_t bytes, std::int64_t us) {
   if (rate < 1e3) return with_unit(rate, "B/s");
   if (rate < 1e6) return with_unit(rate / 1e3, "kB/s");
   return with_unit(rate / 1e6, "MB/s");
+}
+
+std::string counted(std::uint64_t count, std::string_view noun) {
+  return std::to_string(count) + ' ' + std::string(noun) + (count == 1 ? "" : "s");
 }
 
 }  // namespace porttape

@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <array>
-#include <iomanip>
+#include <vector>
 
 #include "libport/base/error.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/base/version.hpp"
+#include "libport/catalog/port_types.hpp"
+#include "libport/port/help_table.hpp"
+#include "tools/verb_advice.hpp"
 
 namespace porttape {
 namespace {
@@ -15,17 +18,27 @@ constexpr std::array kVerbs{
     Verb{"info", "what a tape holds: times, blocks, rates, exchanges, answer latency, events, damage",
          run_info},
     Verb{"cat", "both directions of a tape in order, one line a burst", run_cat},
+    Verb{"record", "runs a command on a device, keeps a tape of what they say", run_record},
     Verb{"test", "runs a command against a tape in the device's place, gives the verdict", run_test},
     Verb{"verify", "whether tapes are sound", run_verify},
 };
 
+static_assert(same_names(kVerbs, kToolVerbs), "a verb is missing in verb_advice.hpp");
+
 void print_help(std::ostream& out) {
   out << "Usage: porttape VERB [ARGUMENTS]\n"
-         "       porttape --help | --version\n\n"
-         "Looks at tapes: recordings of what a driver and a device said on a serial line or socket.\n\n"
-         "Verbs:\n";
-  for (const Verb& verb : kVerbs) out << "  " << std::left << std::setw(8) << verb.name << verb.help << '\n';
+         "       porttape --help | --help-ports | --version\n\n"
+         "Looks at tapes: recordings of what a driver and a device said on a serial line\n"
+         "or socket.\n\nVerbs:\n";
+  std::vector<HelpRow> rows;
+  for (const Verb& verb : kVerbs) rows.push_back({std::string(verb.name), std::string(verb.help)});
+  out << help_table(rows);
   out << "\n`porttape VERB --help` tells more. Example:\n\n  porttape info laser.log\n";
+}
+
+int fail(const std::string& message, std::ostream& err) {
+  err << "porttape: " << printable_line(message) << '\n';
+  return exit_status::kUsage;
 }
 
 }  // namespace
@@ -33,13 +46,14 @@ void print_help(std::ostream& out) {
 std::span<const Verb> verbs() { return kVerbs; }
 
 int run_porttape(Arguments args, std::ostream& out, std::ostream& err) {
-  if (args.empty()) {
-    err << "porttape: no verb given; see porttape --help\n";
-    return exit_status::kUsage;
-  }
+  if (args.empty()) return fail(no_verb("porttape", args), err);
   const std::string& name = args.front();
-  if (name == "--help" || name == "-h") {
+  if (name == "--help" || name == "-h" || name == "help") {
     print_help(out);
+    return exit_status::kPass;
+  }
+  if (name == "--help-ports") {
+    out << port_help(port_types());
     return exit_status::kPass;
   }
   if (name == "--version") {
@@ -48,11 +62,7 @@ int run_porttape(Arguments args, std::ostream& out, std::ostream& err) {
   }
   const auto* verb =
       std::find_if(kVerbs.begin(), kVerbs.end(), [&](const Verb& each) { return each.name == name; });
-  if (verb == kVerbs.end()) {
-    err << "porttape: unknown " << (name.starts_with('-') ? "option" : "verb") << " '" << printable_line(name)
-        << "'; see porttape --help\n";
-    return exit_status::kUsage;
-  }
+  if (verb == kVerbs.end()) return fail(no_verb("porttape", args), err);
   return verb->run(args.subspan(1), out, err);
 }
 

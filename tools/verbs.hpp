@@ -13,6 +13,7 @@ using Arguments = std::span<const std::string>;
 
 int run_cat(Arguments args, std::ostream& out, std::ostream& err);
 int run_info(Arguments args, std::ostream& out, std::ostream& err);
+int run_record(Arguments args, std::ostream& out, std::ostream& err);
 int run_test(Arguments args, std::ostream& out, std::ostream& err);
 int run_verify(Arguments args, std::ostream& out, std::ostream& err);
 

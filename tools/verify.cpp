@@ -40,7 +40,8 @@ int verify_tape(const std::string& argument, std::ostream& out, std::ostream& er
     out << name << ": damaged: " << printable_line(damage) << '\n';
   if (judgement.damages.empty()) {
     out << name << ": " << words_of(judgement.verdict) << ": " << summary->read.blocks << " read and "
-        << summary->write.blocks << " write blocks, " << seconds_text(summary->duration().count()) << " s\n";
+        << summary->write.blocks << " write blocks, " << seconds_number(summary->duration().count())
+        << " s\n";
   }
   for (const std::string& note : judgement.notes) out << name << ": note: " << printable_line(note) << '\n';
   return judgement.damages.empty() ? exit_status::kPass : exit_status::kRuntime;

@@ -57,6 +57,17 @@ std::string printable(std::string_view text, bool keep_lines) {
 
 std::string printable_line(std::string_view text) { return printable(text, false); }
 
+std::string in_quotes(std::string_view name) { return "'" + printable(name, false) + "'"; }
+
+std::string shell_word(std::string_view word) {
+  constexpr std::string_view plain =
+      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_./:,=+@%{}";
+  if (!word.empty() && word.find_first_not_of(plain) == std::string_view::npos) return std::string(word);
+  std::string quoted = "'";
+  for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
 std::string printable_lines(std::string_view text) { return printable(text, true); }
 
 }  // namespace porttape

@@ -16,6 +16,12 @@ std::string printable_line(std::string_view text);
 // message of its own.
 std::string printable_lines(std::string_view text);
 
+// A name from outside as every message has it: in single quotes, printable_line().
+std::string in_quotes(std::string_view name);
+
+// A word as a POSIX shell reads it: in quotes where it needs them.
+std::string shell_word(std::string_view word);
+
 // Whether a character would be obeyed; printable_line() and json_quote() escape these.
 bool is_obeyed(char32_t character);
 

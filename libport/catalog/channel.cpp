@@ -1,11 +1,18 @@
 #include "libport/catalog/channel.hpp"
 
 #include <algorithm>
+#include <array>
+#include <filesystem>
 #include <fmt/format.h>
+#include <iterator>
+#include <span>
 #include <utility>
 
+#include "libport/base/printable.hpp"
 #include "libport/catalog/device_group.hpp"
+#include "libport/catalog/port_guess.hpp"
 #include "libport/catalog/port_types.hpp"
+#include "libport/port/spelling.hpp"
 #include "libport/tape/tape_name.hpp"
 #include "libport/taped/types.hpp"
 
@@ -14,11 +21,15 @@ namespace {
 
 using Kind = OptionSpec::Kind;
 
-const OptionSpec kDriver{"driver", Kind::text, "", "PORT that the driver opens, e.g. pty:/tmp/laser"};
-const OptionSpec kDevice{"device", Kind::text, "",
-                         "PORT of the device, e.g. serial:/dev/ttyUSB0,baud=115200"};
-const OptionSpec kTape{"tape", Kind::text, "", "NAME of the tape: NAMEr, NAMEw, NAMEe"};
-const OptionSpec kWaitDevice{"wait-device", Kind::flag, "", "a device that is missing is waited for"};
+const OptionSpec kDriver{
+    .name = "driver", .help = "what the driver opens, e.g. pty:/tmp/laser", .value_name = "PORT"};
+const OptionSpec kDevice{
+    .name = "device", .help = "where the device is, e.g. /dev/ttyUSB0,baud=115200", .value_name = "PORT"};
+const OptionSpec kTape{.name = "tape",
+                       .help = "the tape, e.g. laser: files laser.logr, laser.logw, laser.loge",
+                       .value_name = "NAME"};
+const OptionSpec kWaitDevice{"wait-device", Kind::flag, "",
+                             "waits for a device that is missing, else that is an error"};
 
 const OptionSpec kConnections{
     "connections",
@@ -59,20 +70,6 @@ std::vector<OptionSpec> replay_options() {
 
 Error usage(std::string message) { return make_error(Errc::usage, std::move(message)); }
 
-// The options with checked values.
-Result<OptionValues> checked_values(const ChannelSpec& spec) {
-  const std::vector<OptionSpec> known = channel_options(spec.mode);
-  Result<OptionValues> checked = check_values(known, spec.values);
-  if (!checked) return checked;
-  for (const std::string_view required : {"driver", "device", "tape"}) {
-    const bool wanted = std::ranges::find(known, required, &OptionSpec::name) != known.end();
-    const auto given = checked->find(std::string(required));
-    if (wanted && (given == checked->end() || given->second.empty()))
-      return usage(fmt::format("option '{}' is missing; see --help", required));
-  }
-  return checked;
-}
-
 Error in_option(std::string_view option, const Error& error) {
   return usage(fmt::format("option '{}': {}", option, error.message));
 }
@@ -82,19 +79,68 @@ bool is_each(const OptionValues& values) {
   return given != values.end() && given->second == "each";
 }
 
-Result<PortSpec> replay_device(OptionValues values, const PortSpec& driver, bool find) {
-  const bool each = is_each(values);
+constexpr std::array kModes = {ChannelMode::record, ChannelMode::replay, ChannelMode::bridge};
+
+Error unknown(std::string_view option, ChannelMode mode, std::vector<OptionSpec> known) {
+  if (const auto owner = owner_of_option(option, mode)) return usage(*owner);
+  const std::string of = fmt::format(" of {}", to_string(mode));
+  Error error = unknown_option(option, known, of);
+  if (error.message.ends_with('?')) return error;
+  // The word may have decided on the mode, had it been the right one.
+  for (const ChannelMode other : kModes) std::ranges::copy(channel_options(other), std::back_inserter(known));
+  Error wider = unknown_option(option, known, of);
+  return wider.message.ends_with('?') ? wider : error;
+}
+
+// A device or a port where a tape's name is wanted.
+bool is_port(const std::string& tape) {
+  std::error_code error;
+  if (std::filesystem::is_character_file(tape, error)) return true;
+  return tape.find(':') != std::string::npos && names_type(port_types(), tape) && !find_tape(tape);
+}
+
+// The value in its canonical form.
+Result<std::string> checked_value(const OptionSpec& option, const std::string& value) {
+  if (option.kind == Kind::text && value.empty())
+    return usage(fmt::format("option '{}' is empty; accepted: {}", option.name, accepted_by(option)));
+  if (option.name == kTape.name && is_port(value))
+    return usage(
+        fmt::format("option 'tape': {} is a port; accepted: a NAME for files, e.g. laser", in_quotes(value)));
+  return check_value(option, value);
+}
+
+// The good ones of the options.
+OptionValues checked_values(const ChannelSpec& spec, std::vector<OptionProblem>& problems) {
+  const std::vector<OptionSpec> known = channel_options(spec.mode);
+  OptionValues checked;
+  for (const auto& [name, value] : spec.values) {
+    const auto option = std::ranges::find(known, name, &OptionSpec::name);
+    if (option == known.end()) {
+      problems.push_back({name, unknown(name, spec.mode, known)});
+    } else if (Result<std::string> good = checked_value(*option, value); !good) {
+      problems.push_back({name, good.error()});
+    } else if (option->kind != Kind::flag || !good->empty()) {
+      checked.emplace(name, std::move(*good));
+    }
+  }
+  for (const OptionSpec& option : known) {
+    const std::string name(option.name);
+    const bool required = name == kDriver.name || name == kDevice.name || name == kTape.name;
+    if (required && !spec.values.contains(name))
+      problems.push_back(
+          {"", usage(fmt::format("option '{}' is missing: {}, {}", name, value_name(option), option.help))});
+  }
+  return checked;
+}
+
+// Of `logreader`, as it is read after set_replay_defaults().
+Result<PortSpec> replay_device(OptionValues values, const PortSpec& driver) {
   auto tape = values.extract("tape");
   values.erase("driver");
   values.erase("connections");
   // Datagrams have no close that could end the one run.
   if (driver.type().keeps_datagrams && values.contains("once")) values.try_emplace("at-end", "exit");
   set_replay_defaults(ReplayUse::verb, values);
-  if (find) {
-    const Result<TapePaths> found = find_tape(tape.mapped());
-    if (!found && (!each || tapes_of_group(new_tape(tape.mapped())).empty())) return found.error();
-    tape.mapped() = found ? found->name() : new_tape(tape.mapped()).name();
-  }
   values["file"] = std::move(tape.mapped());
   Result<PortOptions> device = check_options(PortOptions{port_types().find("logreader"), std::move(values)});
   if (!device) return device.error();
@@ -117,32 +163,67 @@ Result<PortOptions> recorded(const OptionValues& values, PortOptions device) {
   return device;
 }
 
+Error not_a_port(std::string_view option, const std::string& text, LineEnd end, const Error& error) {
+  const std::optional<std::string> guess = guess_port(text, end);
+  return in_option(option, guess ? usage(fmt::format("{} {}", in_quotes(text), *guess)) : error);
+}
+
+Result<PortSpec> driver_port(const std::string& text) {
+  Result<PortSpec> driver = parse_port(text);
+  if (!driver) return not_a_port("driver", text, LineEnd::driver, driver.error());
+  return driver;
+}
+
 Result<PortSpec> live_device(const OptionValues& values, ChannelMode mode) {
-  Result<PortOptions> device = parse_options(port_types(), values.at("device"));
-  if (device && values.contains("wait-device") && device->type->find("wait") != nullptr)
+  const std::string& text = values.at("device");
+  Result<PortOptions> device = parse_options(port_types(), text);
+  if (!device) return not_a_port("device", text, LineEnd::device, device.error());
+  if (values.contains("wait-device") && device->type->find("wait") != nullptr)
     device->values["wait"] = values.at("wait-device");
-  if (device && mode == ChannelMode::record) device = recorded(values, std::move(*device));
+  if (mode == ChannelMode::record) device = recorded(values, std::move(*device));
   if (!device) return in_option("device", device.error());
   Result<PortSpec> read = PortSpec::read(std::move(*device));
   if (!read) return in_option("device", read.error());
   return read;
 }
 
-Result<ChannelPorts> ports_of(const ChannelSpec& spec, bool find) {
-  const Result<OptionValues> values = checked_values(spec);
-  if (!values) return values.error();
-  Result<PortSpec> driver = parse_port(values->at("driver"));
-  if (!driver) return in_option("driver", driver.error());
-  Result<PortSpec> device = spec.mode == ChannelMode::replay ? replay_device(*values, *driver, find)
-                                                             : live_device(*values, spec.mode);
-  if (!device) return device.error();
-  if (values->contains("connections")) {
-    if (Result<void> good = check_connections(*driver, *device, is_each(*values)); !good) return good.error();
-  }
-  return ChannelPorts{std::move(*driver), std::move(*device), is_each(*values)};
+// What a result has, or its error as the option's problem.
+std::optional<PortSpec> take(Result<PortSpec> port, std::string option,
+                             std::vector<OptionProblem>& problems) {
+  if (port) return std::move(*port);
+  problems.push_back({std::move(option), port.error()});
+  return std::nullopt;
 }
 
 }  // namespace
+
+std::string_view to_string(ChannelMode mode) {
+  switch (mode) {
+    case ChannelMode::record:
+      return "record";
+    case ChannelMode::replay:
+      return "replay";
+    case ChannelMode::bridge:
+      break;
+  }
+  return "bridge";
+}
+
+std::optional<std::string> owner_of_option(std::string_view option, ChannelMode mode) {
+  for (const ChannelMode other : kModes) {
+    const std::vector<OptionSpec> options = channel_options(other);
+    if (other != mode && std::ranges::find(options, option, &OptionSpec::name) != options.end())
+      return fmt::format("option '{}' is one of {}, not of {}", option, to_string(other), to_string(mode));
+  }
+  for (const PortType& type : port_types().all()) {
+    if (const OptionSpec* const spec = type.find(option)) {
+      const std::string value = value_name(*spec);
+      return fmt::format("option '{}' is one of a port; write it behind the port: PORT,{}{}{}", option,
+                         option, value.empty() ? "" : "=", value);
+    }
+  }
+  return std::nullopt;
+}
 
 std::vector<OptionSpec> channel_options(ChannelMode mode) {
   std::vector<OptionSpec> options;
@@ -164,7 +245,39 @@ std::vector<OptionSpec> channel_options(ChannelMode mode) {
   return {kDevice, kDriver, kConnections, kWaitDevice};
 }
 
-Result<ChannelPorts> channel_ports(const ChannelSpec& spec) { return ports_of(spec, true); }
-Result<ChannelPorts> named_ports(const ChannelSpec& spec) { return ports_of(spec, false); }
+ReadChannel read_channel(const ChannelSpec& spec) {
+  ReadChannel read;
+  const OptionValues values = checked_values(spec, read.problems);
+  if (const auto driver = values.find("driver"); driver != values.end())
+    read.driver = take(driver_port(driver->second), "driver", read.problems);
+  // The one is made of both.
+  const bool replays = spec.mode == ChannelMode::replay;
+  if (replays && read.driver && values.contains("tape"))
+    read.device = take(replay_device(values, *read.driver), "", read.problems);
+  if (!replays && values.contains("device") && (values.contains("tape") || spec.mode == ChannelMode::bridge))
+    read.device = take(live_device(values, spec.mode), "device", read.problems);
+  read.each_connection = is_each(values);
+  if (read.driver && read.device && values.contains("connections")) {
+    Result<void> good = check_connections(*read.driver, *read.device, read.each_connection);
+    if (!good) read.problems.push_back({"connections", good.error()});
+  }
+  return read;
+}
+
+Result<ChannelPorts> channel_ports(const ChannelSpec& spec) {
+  ReadChannel read = read_channel(spec);
+  if (!read.problems.empty()) return read.problems.front().error;
+  if (spec.mode == ChannelMode::replay) {
+    const std::string& tape = spec.values.at("tape");
+    const Result<TapePaths> paths = find_tape(tape);
+    // Of a group the first may be missing.
+    const bool group = read.each_connection && !tapes_of_group(new_tape(tape)).empty();
+    if (!paths && !group) return paths.error();
+    ChannelSpec found = spec;
+    found.values["tape"] = paths ? paths->name() : new_tape(tape).name();
+    read = read_channel(found);
+  }
+  return ChannelPorts{std::move(*read.driver), std::move(*read.device), read.each_connection};
+}
 
 }  // namespace porttape

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -11,6 +12,11 @@ namespace porttape {
 
 // What a channel does; also the verb of the daemon that makes one.
 enum class ChannelMode { record, replay, bridge };
+std::string_view to_string(ChannelMode mode);
+
+// Whose an option is that `mode` has not, as a message: another mode's, or a port's. Nothing where nobody has
+// it.
+std::optional<std::string> owner_of_option(std::string_view option, ChannelMode mode);
 
 // The options of a mode, for a command line, a configuration file and --help. Replay has the verb's defaults
 // here (strictness 1, reactive), not flexiport's.
@@ -31,7 +37,22 @@ struct ChannelPorts {
   bool each_connection = false;  // has a line of its own (connections=each)
 };
 Result<ChannelPorts> channel_ports(const ChannelSpec& spec);
-// The same by the options alone, whether the tape of a replay is there or not.
-Result<ChannelPorts> named_ports(const ChannelSpec& spec);
+
+// What is wrong with one of a channel's options; without a name, with what is missing or does not go
+// together.
+struct OptionProblem {
+  std::string option;
+  Error error;
+};
+
+// A channel by its options alone, whether the tape of a replay is there or not: the ports that are good, and
+// everything that is wrong.
+struct ReadChannel {
+  std::optional<PortSpec> driver;
+  std::optional<PortSpec> device;
+  bool each_connection = false;
+  std::vector<OptionProblem> problems;
+};
+ReadChannel read_channel(const ChannelSpec& spec);
 
 }  // namespace porttape

@@ -15,13 +15,16 @@
 namespace porttape {
 namespace {
 
-// Where the handler, which knows nothing else, puts the numbers; -1 while nobody waits for them.
+// A signal as a byte: its number, with this bit where the kernel sent it itself.
+constexpr unsigned char kFromKernel = 0x80;
+
+// Where the handler, which knows nothing else, puts the bytes; -1 while nobody waits for them.
 std::atomic<int> handler_end = -1;
 static_assert(std::atomic<int>::is_always_lock_free);
 
-void on_signal(int number) {
+void on_signal(int number, siginfo_t* info, void*) {
   const int error = errno;
-  const auto byte = static_cast<unsigned char>(number);
+  const auto byte = static_cast<unsigned char>(number | (info->si_code == SI_KERNEL ? kFromKernel : 0));
   if (const int fd = handler_end; fd >= 0) (void)!::write(fd, &byte, 1);
   errno = error;
 }
@@ -46,15 +49,20 @@ struct SignalWatch::State : std::enable_shared_from_this<SignalWatch::State> {
 
   void on_readable() {
     const auto self = shared_from_this();  // a callback may end the watch
-    std::array<unsigned char, 16> numbers{};
-    const ssize_t size = ::read(pipe.read.get(), numbers.data(), numbers.size());
-    for (ssize_t i = 0; i < size && !gone; ++i) callback(numbers.at(static_cast<std::size_t>(i)));
+    std::array<unsigned char, 16> bytes{};
+    const ssize_t size = ::read(pipe.read.get(), bytes.data(), bytes.size());
+    for (ssize_t i = 0; i < size && !gone; ++i) {
+      const unsigned char byte = bytes.at(static_cast<std::size_t>(i));
+      from_kernel = (byte & kFromKernel) != 0;
+      callback(byte & ~kFromKernel);
+    }
   }
 
   Pipe pipe;
   std::function<void(int)> callback;
   FdWatch watch;
   bool gone = false;
+  bool from_kernel = false;
 };
 
 SignalWatch::SignalWatch(Loop& loop, std::function<void(int)> callback)
@@ -71,9 +79,11 @@ SignalWatch::~SignalWatch() {
 
 void SignalWatch::add(std::initializer_list<int> numbers) {
   struct sigaction action {};
-  action.sa_handler = on_signal;
-  action.sa_flags = SA_RESTART;
+  action.sa_sigaction = on_signal;
+  action.sa_flags = SA_RESTART | SA_SIGINFO;
   for (const int number : numbers) (void)::sigaction(number, &action, nullptr);
 }
+
+bool SignalWatch::from_terminal() const { return state_->from_kernel; }
 
 }  // namespace porttape

@@ -21,6 +21,9 @@ class SignalWatch {
 
   void add(std::initializer_list<int> numbers);
 
+  // In the callback: whether the terminal sent it (Ctrl-C), and with it to the whole foreground group.
+  [[nodiscard]] bool from_terminal() const;
+
  private:
   struct State;
   std::shared_ptr<State> state_;

@@ -11,6 +11,7 @@
 #include <netinet/in.h>
 #include <sys/un.h>
 
+#include "libport/base/printable.hpp"
 #include "libport/port/spelling.hpp"
 
 namespace porttape {
@@ -50,14 +51,18 @@ std::uint16_t SocketAddress::port() const {
   return 0;
 }
 
+std::string SocketAddress::host() const {
+  std::array<char, NI_MAXHOST> host{};
+  if (::getnameinfo(get(), size, host.data(), host.size(), nullptr, 0, NI_NUMERICHOST) != 0) return "?";
+  return host.data();
+}
+
 std::string SocketAddress::text() const {
   if (family() == AF_UNIX) {
     const auto address = as<sockaddr_un>(storage);
     return {address.sun_path, ::strnlen(address.sun_path, sizeof address.sun_path)};
   }
-  std::array<char, NI_MAXHOST> host{};
-  if (::getnameinfo(get(), size, host.data(), host.size(), nullptr, 0, NI_NUMERICHOST) != 0) return "?";
-  return host_and_port(host.data(), port());
+  return host_and_port(host(), port());
 }
 
 bool same_host_and_port(const SocketAddress& one, const SocketAddress& other) {
@@ -76,7 +81,7 @@ Result<std::vector<SocketAddress>> resolve(const std::string& host, std::uint16_
     addresses.push_back(copy_of(entry->ai_addr, entry->ai_addrlen));
   }
   if (addresses.empty()) {
-    return make_error(Errc::device_missing, fmt::format("the name '{}' does not resolve ({})", host,
+    return make_error(Errc::device_missing, fmt::format("the name {} does not resolve ({})", in_quotes(host),
                                                         ::gai_strerror(status == 0 ? EAI_NONAME : status)));
   }
   return addresses;
@@ -102,11 +107,22 @@ Result<SocketAddress> unix_address(const std::string& path) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   if (path.size() >= sizeof address.sun_path) {
-    return make_error(Errc::usage, fmt::format("option 'path': '{}' is {} bytes long; accepted: at most {}",
-                                               path, path.size(), sizeof address.sun_path - 1));
+    return make_error(Errc::usage, fmt::format("option 'path': {} is {} bytes long; accepted: at most {}",
+                                               in_quotes(path), path.size(), sizeof address.sun_path - 1));
   }
   std::copy(path.begin(), path.end(), address.sun_path);
   return copy_of(&address, offsetof(sockaddr_un, sun_path) + path.size() + 1);
+}
+
+PortPlace place_bound_at(const SocketAddress& address) {
+  if (address.family() == AF_INET && as<sockaddr_in>(address.storage).sin_addr.s_addr == htonl(INADDR_ANY))
+    return {.host = "127.0.0.1", .port = address.port()};
+  // It takes IPv4 too.
+  if (address.family() == AF_INET6) {
+    const auto six = as<sockaddr_in6>(address.storage).sin6_addr;
+    if (IN6_IS_ADDR_UNSPECIFIED(&six)) return {.host = "127.0.0.1", .port = address.port()};
+  }
+  return {.host = address.host(), .port = address.port()};
 }
 
 SocketAddress local_address(int fd) {

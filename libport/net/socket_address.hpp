@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "libport/base/result.hpp"
+#include "libport/port/port_place.hpp"
 
 namespace porttape {
 
@@ -19,6 +20,8 @@ struct SocketAddress {
   [[nodiscard]] int family() const { return storage.ss_family; }
   // 0 for Unix paths.
   [[nodiscard]] std::uint16_t port() const;
+  // `127.0.0.1`, `::1`; `?` for Unix paths.
+  [[nodiscard]] std::string host() const;
   // `127.0.0.1:2112`, `[::1]:2112`, `/run/x`.
   [[nodiscard]] std::string text() const;
 };
@@ -35,6 +38,9 @@ std::optional<SocketAddress> numeric_address(const std::string& host, std::uint1
 std::vector<SocketAddress> any_addresses(std::uint16_t port);
 // Errc::usage for a path that is too long (107 bytes at most).
 Result<SocketAddress> unix_address(const std::string& path);
+
+// Where a program of this machine reaches what is bound there.
+PortPlace place_bound_at(const SocketAddress& address);
 
 SocketAddress local_address(int fd);
 SocketAddress peer_address(int fd);

@@ -70,6 +70,10 @@ std::string TcpPort::name() const {
   return (is_called() ? "tcp-listen:" : "tcp:") + host_and_port(options_.host, options_.port);
 }
 
+PortPlace TcpPort::place() const {
+  return passive() ? bound_ : PortPlace{.host = options_.host, .port = options_.port};
+}
+
 Result<UniqueFd> TcpPort::make_listener() {
   const std::string& host = options_.host;
   const Result<std::vector<SocketAddress>> addresses = addresses_to_bind(host, options_.port);
@@ -81,9 +85,10 @@ Result<UniqueFd> TcpPort::make_listener() {
       const SocketAddress bound = local_address(fd.get());
       context_.log->info("listening on {}", bound.text());
       if (options_.port == 0) {
-        std::cout << bound.text() << std::endl;
+        if (context_.announces) std::cout << bound.text() << std::endl;
         options_.port = bound.port();
       }
+      bound_ = place_bound_at(bound);
       return std::move(fd);
     }
     error = failure;

@@ -16,7 +16,7 @@ struct TcpOptions {
 // A TCP connection: to `ip`:`port`, or with `listen` from whoever connects there. Names and IPv6 addresses
 // are as good as IPv4 ones; all addresses of a name are tried in the system's order. Listening without `ip`
 // binds 127.0.0.1; `*` is every address. With port 0 the system chooses one, and prepare() prints
-// `ADDRESS:PORT` on stdout.
+// `ADDRESS:PORT` on stdout where the context announces.
 class TcpPort final : public StreamPort {
  public:
   TcpPort(const PortContext& context, const CommonOptions& common, TcpOptions options);
@@ -24,6 +24,7 @@ class TcpPort final : public StreamPort {
   TcpPort(const PortContext& context, const CommonOptions& common, TcpOptions options, UniqueFd given);
 
   [[nodiscard]] std::string name() const override;
+  [[nodiscard]] PortPlace place() const override;
 
  protected:
   Result<UniqueFd> make_listener() override;
@@ -34,6 +35,7 @@ class TcpPort final : public StreamPort {
 
  private:
   TcpOptions options_;
+  PortPlace bound_;  // listening
 };
 
 }  // namespace porttape

@@ -67,11 +67,14 @@ PortType tcp_type() {
   type.listening = {"ip", "port"};
   type.recorded_as = "tcplog";
   type.options = with_common({
-      {"ip", Kind::text, "127.0.0.1", "address or name of the peer; with listen the own address, * for all"},
-      {"port", Kind::integer, "20000", "1 to 65535; with listen 0 takes a free one and prints it", 0,
+      {.name = "ip",
+       .default_value = "127.0.0.1",
+       .help = "the peer's address or name; with listen the own address, * for all",
+       .value_name = "HOST"},
+      {"port", Kind::integer, "20000", "the port's number; with listen 0 takes a free one and prints it", 0,
        kMaxPort},
       {"listen", Kind::flag, "", "the peer connects (tcp-listen:)"},
-      {"wait", Kind::flag, "", "a device that is missing is waited for"},
+      {"wait", Kind::flag, "", "waits for a device that is missing, else that is an error"},
   });
   type.read = reads(tcp_options);
   type.make = makes<TcpOptions>([](const auto& context, const auto& common, const auto& options) {
@@ -90,16 +93,22 @@ PortType udp_type() {
   type.recorded_as = "udplog";
   type.keeps_datagrams = true;
   type.options = with_common({
-      {"dest_ip", Kind::text, "127.0.0.1", "address or name that datagrams go to"},
-      {"dest_port", Kind::integer, "20000", "1 to 65535", 1, kMaxPort},
-      {"recv_ip", Kind::text, "*", "own address, * for all (with listen 127.0.0.1 unless given)"},
-      {"recv_port", Kind::integer, "20000", "1 to 65535, 0 takes a free one and prints it", 0, kMaxPort},
+      {.name = "dest_ip",
+       .default_value = "127.0.0.1",
+       .help = "address or name that datagrams go to",
+       .value_name = "HOST"},
+      {"dest_port", Kind::integer, "20000", "port that datagrams go to", 1, kMaxPort},
+      {.name = "recv_ip",
+       .default_value = "*",
+       .help = "own address, * for all; with listen 127.0.0.1 unless given",
+       .value_name = "HOST"},
+      {"recv_port", Kind::integer, "20000", "own port; 0 takes a free one and prints it", 0, kMaxPort},
       {"listen", Kind::flag, "", "datagrams go to who sent the latest one (udp-listen:)"},
       {"from",
        Kind::choice,
        "",
-       "whose datagrams count: the peer's, or anybody's (default: peer; with listen, and in a program's "
-       "own ports, any)",
+       "whose datagrams count: the peer's or anybody's; peer unless given, any with listen and in a "
+       "program's own ports",
        0,
        0,
        {"peer", "any"}},
@@ -123,10 +132,13 @@ PortType unix_type() {
   type.listening = {"path"};
   type.recorded_as = "unixlog";
   type.options = with_common({
-      {"path", Kind::text, "", "the socket file"},
+      {.name = "path", .help = "the socket's file", .value_name = "PATH"},
       {"listen", Kind::flag, "", "the peer connects (unix-listen:)"},
-      {"mode", Kind::text, "0600", "permissions of the socket file, octal; with listen"},
-      {"wait", Kind::flag, "", "a device that is missing is waited for"},
+      {.name = "mode",
+       .default_value = "0600",
+       .help = "with listen, who may connect: permissions, octal",
+       .value_name = "MODE"},
+      {"wait", Kind::flag, "", "waits for a device that is missing, else that is an error"},
   });
   type.read = reads(unix_options);
   type.make = makes<UnixOptions>([](const auto& context, const auto& common, const auto& options) {

@@ -15,6 +15,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include "libport/base/printable.hpp"
 #include "libport/port/spelling.hpp"
 
 namespace porttape {
@@ -62,6 +63,10 @@ std::string UdpPort::name() const {
                    : "udp:" + host_and_port(options_.to_host, options_.to_port);
 }
 
+PortPlace UdpPort::place() const {
+  return passive() ? bound_ : PortPlace{.host = options_.to_host, .port = options_.to_port};
+}
+
 Result<void> UdpPort::prepare() {
   if (passive()) return bind_socket();
   // Known without a name server it decides the socket's family; a name that gives both is IPv4 here.
@@ -96,9 +101,10 @@ Result<void> UdpPort::bind_socket() {
   family_ = bound.family();
   context_.log->info("receiving datagrams on {}", bound.text());
   if (options_.own_port == 0) {
-    std::cout << bound.text() << std::endl;
+    if (context_.announces) std::cout << bound.text() << std::endl;
     options_.own_port = bound.port();
   }
+  bound_ = place_bound_at(bound);
   watch_.emplace(
       *context_.loop, fd_.get(), [this] { on_readable(); }, [this] { on_writable(); });
   return {};
@@ -128,10 +134,10 @@ void UdpPort::resolved(const Result<std::vector<SocketAddress>>& addresses) {
   if (fitting == addresses->end()) {
     listener().on_down(
         {.reason = LineDown::Reason::failed,
-         .error = make_error(
-             Errc::device_missing,
-             fmt::format("'{}' has no address of the kind of recv_ip; give one of both as a number",
-                         options_.to_host))});
+         .error =
+             make_error(Errc::device_missing,
+                        fmt::format("{} has no address of the kind of recv_ip; give one of both as a number",
+                                    in_quotes(options_.to_host)))});
     return;
   }
   peer_ = *fitting;

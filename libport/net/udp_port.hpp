@@ -60,6 +60,7 @@ class UdpPort final : public Port, private WaitingCalls {
   [[nodiscard]] bool passive() const override { return options_.listen; }
   [[nodiscard]] bool keeps_datagrams() const override { return true; }
   [[nodiscard]] std::string name() const override;
+  [[nodiscard]] PortPlace place() const override;
 
  private:
   // A datagram is taken as a whole.
@@ -97,6 +98,7 @@ class UdpPort final : public Port, private WaitingCalls {
   PortContext context_;
   const CommonOptions common_;
   UdpOptions options_;
+  PortPlace bound_;
   const bool from_peer_;
   UniqueFd fd_;
   int family_ = 0;

@@ -2,6 +2,7 @@
 
 #include <cerrno>
 #include <fcntl.h>
+#include <filesystem>
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
@@ -11,6 +12,8 @@
 
 #include <spdlog/spdlog.h>
 
+#include "libport/base/printable.hpp"
+
 namespace porttape {
 namespace {
 
@@ -18,6 +21,13 @@ constexpr int kBacklog = 128;
 
 UniqueFd make_socket(int type = SOCK_STREAM) {
   return UniqueFd(::socket(AF_UNIX, type | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+}
+
+Error cannot_make(const std::string& path, int error) {
+  const std::string folder = std::filesystem::absolute(path).parent_path().string();
+  return make_error(Errc::usage,
+                    fmt::format("socket {} cannot be made: {}{}", in_quotes(path), errno_text(error),
+                                error == ENOENT ? "; type mkdir -p " + shell_word(folder) : ""));
 }
 
 }  // namespace
@@ -50,13 +60,14 @@ Result<void> UnixPort::free_place(const SocketAddress& address) const {
   if (!S_ISSOCK(status.st_mode)) {
     return make_error(
         Errc::usage,
-        fmt::format("socket '{}' exists and is not a socket; it is left alone, choose another path", path_));
+        fmt::format("socket {} exists and is not a socket; it is left alone, choose another path",
+                    in_quotes(path_)));
   }
   // Of another type, so that whoever listens there sees no connection: EPROTOTYPE.
   const UniqueFd probe = make_socket(SOCK_DGRAM);
   if (::connect(probe.get(), address.get(), address.size) == 0 || errno != ECONNREFUSED) {
-    return make_error(Errc::usage,
-                      fmt::format("socket '{}' is in use; end that program or choose another path", path_));
+    return make_error(Errc::usage, fmt::format("socket {} is in use; end that program or choose another path",
+                                               in_quotes(path_)));
   }
   (void)::unlink(path_.c_str());
   return {};
@@ -69,10 +80,9 @@ Result<UniqueFd> UnixPort::make_listener() {
   UniqueFd fd = make_socket();
   // The file's permissions are the socket's less the umask: never wider than `mode`, from the start.
   if (!fd || ::fchmod(fd.get(), mode_) != 0 || ::bind(fd.get(), address->get(), address->size) != 0)
-    return make_error(Errc::usage, fmt::format("socket '{}' cannot be made: {}", path_, errno_text(errno)));
+    return cannot_make(path_, errno);
   if (Result<void> own = own_node(); !own) return own.error();
-  if (::listen(fd.get(), kBacklog) != 0)
-    return make_error(Errc::usage, fmt::format("socket '{}' cannot be made: {}", path_, errno_text(errno)));
+  if (::listen(fd.get(), kBacklog) != 0) return cannot_make(path_, errno);
   context_.log->info("listening on {}", path_);
   return fd;
 }
@@ -84,17 +94,17 @@ Result<void> UnixPort::own_node() {
   struct stat status {};
   // What cannot be looked at is left where it is; the next listener finds that nobody answers there.
   if ((!node && errno != ENOENT && errno != ELOOP) || (node && ::fstat(node.get(), &status) != 0))
-    return make_error(Errc::usage, fmt::format("socket '{}' cannot be made: {}", path_, errno_text(errno)));
+    return cannot_make(path_, errno);
   if (!node || !S_ISSOCK(status.st_mode) || status.st_uid != ::geteuid()) {
-    return make_error(Errc::usage, fmt::format("socket '{}' was replaced as it was made; choose a folder "
+    return make_error(Errc::usage, fmt::format("socket {} was replaced as it was made; choose a folder "
                                                "that nobody else writes to",
-                                               path_));
+                                               in_quotes(path_)));
   }
   node_.emplace(status.st_dev, status.st_ino);
   const std::string self = fmt::format("/proc/self/fd/{}", node.get());
   if ((status.st_mode & 0777) != mode_ && ::chmod(self.c_str(), mode_) != 0) {
-    context_.log->warn("socket '{}' has the permissions {:04o}, not {:04o}: {}", path_, status.st_mode & 0777,
-                       mode_, errno_text(errno));
+    context_.log->warn("socket {} has the permissions {:04o}, not {:04o}: {}", in_quotes(path_),
+                       status.st_mode & 0777, mode_, errno_text(errno));
   }
   return {};
 }
@@ -105,7 +115,7 @@ Result<void> UnixPort::check_peer() {
   const int error = errno;
   if (there && S_ISSOCK(status.st_mode)) return {};
   return make_error(Errc::device_missing,
-                    fmt::format("socket '{}': {}", path_,
+                    fmt::format("socket {}: {}", in_quotes(path_),
                                 there ? "it is not a socket"
                                       : errno_text(error) + "; is the program that listens there running?"));
 }

@@ -26,6 +26,7 @@ class UnixPort final : public StreamPort {
   ~UnixPort() override;
 
   [[nodiscard]] std::string name() const override { return (is_called() ? "unix-listen:" : "unix:") + path_; }
+  [[nodiscard]] PortPlace place() const override { return {.path = path_}; }
 
  protected:
   Result<UniqueFd> make_listener() override;

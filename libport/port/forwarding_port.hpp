@@ -44,6 +44,7 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   [[nodiscard]] bool passive() const override;
   [[nodiscard]] bool keeps_datagrams() const override;
   [[nodiscard]] std::string name() const override;
+  [[nodiscard]] PortPlace place() const override;
 
  protected:
   [[nodiscard]] Port& inner() { return *inner_; }

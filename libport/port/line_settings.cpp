@@ -10,10 +10,16 @@ using Kind = OptionSpec::Kind;
 
 std::vector<OptionSpec> line_setting_options() {
   constexpr double most_baud = 4'294'967'295.0;  // termios2 keeps speeds in 32 bits
-  return {{"baud", Kind::integer, "9600", "bit/s, any rate the kernel takes", 1, most_baud},
-          {"parity", Kind::choice, "none", "none, even or odd", 0, 0, {"none", "even", "odd"}},
-          {"databits", Kind::integer, "8", "5 to 8", 5, 8},
-          {"stopbits", Kind::integer, "1", "1 or 2", 1, 2},
+  return {{.name = "baud",
+           .kind = Kind::integer,
+           .default_value = "9600",
+           .help = "speed in bit/s, any that the kernel takes",
+           .min = 1,
+           .max = most_baud,
+           .value_name = "RATE"},
+          {"parity", Kind::choice, "none", "parity bit", 0, 0, {"none", "even", "odd"}},
+          {"databits", Kind::integer, "8", "bits of a character", 5, 8},
+          {"stopbits", Kind::integer, "1", "bits behind a character", 1, 2},
           {"hwflowctrl", Kind::flag, "", "RTS/CTS flow control"},
           {"swflowctrl", Kind::flag, "", "XON/XOFF flow control"}};
 }

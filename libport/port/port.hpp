@@ -13,6 +13,7 @@
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
 #include "libport/port/line_settings.hpp"
+#include "libport/port/port_place.hpp"
 
 namespace porttape {
 
@@ -233,6 +234,9 @@ class Port {
 
   // For messages: `serial:/dev/ttyUSB0`.
   [[nodiscard]] virtual std::string name() const = 0;
+  // Where a program finds it; a passive one from prepare() on, with what the system chose. One that connects:
+  // where to. Empty where it is nowhere (a tape).
+  [[nodiscard]] virtual PortPlace place() const { return {}; }
 
  protected:
   [[nodiscard]] PortListener& listener() const { return *listener_; }

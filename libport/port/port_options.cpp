@@ -1,10 +1,15 @@
 #include "libport/port/port_options.hpp"
 
+#include <algorithm>
+#include <array>
 #include <charconv>
 #include <chrono>
 #include <fmt/format.h>
 #include <utility>
 
+#include "libport/base/nearest.hpp"
+#include "libport/base/printable.hpp"
+#include "libport/port/help_table.hpp"
 #include "libport/port/spelling.hpp"
 
 namespace porttape {
@@ -13,7 +18,29 @@ namespace {
 Error usage(std::string message) { return make_error(Errc::usage, std::move(message)); }
 
 Error in_port(std::string_view spec, const Error& error) {
-  return make_error(error.code, fmt::format("port '{}': {}", spec, error.message));
+  return make_error(error.code, fmt::format("port {}: {}", in_quotes(spec), error.message));
+}
+
+// What others call our types.
+constexpr std::array<std::pair<std::string_view, std::string_view>, 9> kOtherNames = {
+    {{"tty", "serial"},
+     {"com", "serial"},
+     {"uart", "serial"},
+     {"usb", "serial"},
+     {"socket", "tcp"},
+     {"server", "tcp-listen"},
+     {"tcp-server", "tcp-listen"},
+     {"tape", "logreader"},
+     {"replay", "logreader"}}};
+
+Error unknown_type(const PortTypes& types, std::string_view name) {
+  const std::vector<std::string> spellings = types.spellings();
+  const std::vector<std::string_view> known(spellings.begin(), spellings.end());
+  const auto* const other = std::ranges::find(kOtherNames, name, [](const auto& row) { return row.first; });
+  std::string end = other == kOtherNames.end() ? did_you_mean(name, known)
+                                               : fmt::format("; did you mean '{}'?", other->second);
+  if (end.empty()) end = "; accepted: " + types.names();
+  return usage(fmt::format("unknown type {}{}", in_quotes(name), end));
 }
 
 CommonOptions common_options_of(const PortOptions& written) {
@@ -49,8 +76,8 @@ Result<unsigned> PortOptions::mode(const std::string& option) const {
   const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), mode, 8);
   const bool octal = error == std::errc{} && end == value.data() + value.size();
   if (!octal || value.size() > 4 || mode > 0777) {
-    return usage(
-        fmt::format("option '{}': '{}' is not valid; accepted: octal permissions like 0660", option, value));
+    return usage(fmt::format("option '{}': {} is not valid; accepted: octal permissions like 0660", option,
+                             in_quotes(value)));
   }
   return mode;
 }
@@ -67,8 +94,7 @@ Result<PortOptions> check_options(const PortTypes& types, OptionValues values) {
   const auto name = values.extract("type");
   if (!name || name.mapped().empty()) return usage("option 'type' is missing; accepted: " + types.names());
   const PortType* type = types.find(name.mapped());
-  if (type == nullptr)
-    return usage(fmt::format("unknown type '{}'; accepted: {}", name.mapped(), types.names()));
+  if (type == nullptr) return unknown_type(types, name.mapped());
   return check_options(PortOptions{type, std::move(values)});
 }
 
@@ -96,23 +122,53 @@ Result<PortSpec> parse_port(const PortTypes& types, std::string_view spec) {
   return read;
 }
 
-std::string port_help(const PortTypes& types) {
+namespace {
+
+std::vector<HelpRow> rows_of(std::span<const OptionSpec> options) {
+  std::vector<HelpRow> rows;
+  for (const OptionSpec& option : options) {
+    const std::string value = value_name(option);
+    rows.push_back({std::string(option.name) + (value.empty() ? "" : "=" + value), help_of(option)});
+  }
+  return rows;
+}
+
+std::string heading_of(const PortType& type) {
   const auto spelling = [](std::string_view name, const ShortForm& form) {
     return fmt::format("{}:{}{}{}", name, form.main, form.port.empty() ? "" : ":", form.port);
   };
+  std::string text = fmt::format("\n{}  {}\n", spelling(type.name, type.form), type.help);
+  if (!type.listening.main.empty())
+    text += spelling(std::string(type.name) + std::string(kListenSuffix), type.listening) + "\n";
+  return text;
+}
+
+// The options that not all types have; of a type that records another, its own.
+std::vector<OptionSpec> own_options(const PortTypes& types, const PortType& type) {
+  std::vector<OptionSpec> own = type.options;
+  const std::vector<OptionSpec> common = with_common({});
+  const PortType* const recorded = type.records.empty() ? nullptr : types.find(type.records);
+  std::erase_if(own, [&](const OptionSpec& option) {
+    return std::ranges::find(common, option.name, &OptionSpec::name) != common.end() ||
+           (recorded != nullptr && recorded->find(option.name) != nullptr);
+  });
+  return own;
+}
+
+}  // namespace
+
+std::string port_help(const PortTypes& types) {
   std::string out =
-      "A PORT is TYPE:MAIN[,option=value…] or type=TYPE,option=value…; a bare /dev/… is serial:.\n";
+      "A PORT is one end of a line: TYPE:MAIN[,option=value…] or\n"
+      "type=TYPE,option=value…; a bare /dev/… is serial:. Options without a value are\n"
+      "off unless named. Examples:\n\n"
+      "  /dev/ttyUSB0,baud=115200       pty:/tmp/laser       tcp:10.0.0.5:2112\n"
+      "  tcp-listen:127.0.0.1:2112      unix:/run/x          udp-listen:10110\n";
   for (const PortType& type : types.all()) {
-    out += fmt::format("\n{}  {}\n", spelling(type.name, type.form), type.help);
-    if (!type.listening.main.empty())
-      out += spelling(std::string(type.name) + std::string(kListenSuffix), type.listening) + "\n";
-    for (const OptionSpec& option : type.options) {
-      const std::string fallback =
-          option.default_value.empty() ? "" : fmt::format(" [{}]", option.default_value);
-      out += fmt::format("  {:<12} {}{}\n", option.name, option.help, fallback);
-    }
+    out += heading_of(type) + help_table(rows_of(own_options(types, type)));
+    if (!type.records.empty()) out += fmt::format("  and the options of {}\n", type.records);
   }
-  return out;
+  return out + "\nevery type\n" + help_table(rows_of(with_common({})));
 }
 
 }  // namespace porttape

@@ -21,7 +21,7 @@ class PortSpec;
 struct PortContext;
 struct PortOptions;
 
-// One option of a port type: how its value is checked and what --help says of it.
+// One option of a port type or of a verb: how its value is checked, and what --help and messages say of it.
 struct OptionSpec {
   enum class Kind { text, flag, integer, number, choice };
 
@@ -32,7 +32,16 @@ struct OptionSpec {
   double min = 0;  // integer and number
   double max = std::numeric_limits<double>::max();
   std::vector<std::string_view> choices = {};
+  std::string_view value_name = {};  // of a text or number, as --help shows it: FILE, PORT, BAUD
+  std::string_view unit = {};        // of a number: s, ms, us
 };
+
+// What stands behind the option in --help: `FILE`, `MS`, `fail|warn`, `0|1|2`; nothing behind a flag.
+std::string value_name(const OptionSpec& option);
+// What --help says: the option's help, then the range of numbers and the default.
+std::string help_of(const OptionSpec& option);
+// The values that it takes, for messages: `milliseconds, 0 or more`.
+std::string accepted_by(const OptionSpec& option);
 
 // Checks a value and gives its canonical form ("1" and "" for flags). Errc::usage names option, value and
 // what is accepted.
@@ -40,8 +49,11 @@ Result<std::string> check_value(const OptionSpec& option, std::string_view value
 
 using OptionValues = std::map<std::string, std::string>;
 
-// Checks each value and gives all in their canonical form; a flag that is off is left out. `of` says whose
-// options they are, for the error: Errc::usage for an unknown one too.
+// An option that is none of these; `of` says whose they are (" of type tcp"). Names the nearest one, or all.
+Error unknown_option(std::string_view name, std::span<const OptionSpec> options, std::string_view of = {});
+
+// Checks each value and gives all in their canonical form; a flag that is off is left out. `of` is that of
+// unknown_option().
 Result<OptionValues> check_values(std::span<const OptionSpec> options, OptionValues values,
                                   std::string_view of = {});
 
@@ -114,6 +126,9 @@ struct PortType {
   [[nodiscard]] const OptionSpec* find(std::string_view option) const;
 };
 
+// Behind a type's name it makes the listening spelling.
+inline constexpr std::string_view kListenSuffix = "-listen";
+
 // The types that a program knows.
 class PortTypes {
  public:
@@ -123,6 +138,8 @@ class PortTypes {
   [[nodiscard]] const PortType* find(std::string_view name) const;
   // `tcp, udp, …`, for messages.
   [[nodiscard]] std::string names() const;
+  // All that a port's spelling may begin with: the names, and those with `-listen`.
+  [[nodiscard]] std::vector<std::string> spellings() const;
 
  private:
   std::vector<PortType> types_;

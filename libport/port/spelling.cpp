@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <fmt/format.h>
 
+#include "libport/base/printable.hpp"
 #include "libport/port/port_options.hpp"
 
 namespace porttape {
@@ -14,7 +15,7 @@ bool all_digits(std::string_view text) {
 
 Error bad_place(std::string_view text) {
   return make_error(Errc::usage,
-                    fmt::format("'{}' is not valid; accepted: HOST, HOST:PORT, [IPv6]:PORT", text));
+                    fmt::format("{} is not valid; accepted: HOST, HOST:PORT, [IPv6]:PORT", in_quotes(text)));
 }
 
 struct Place {
@@ -34,6 +35,7 @@ Result<Place> split_place(std::string_view text, bool listen) {
     host_end = bracket + 1 < text.size() ? bracket + 1 : std::string_view::npos;
     if (host_end != std::string_view::npos && text[host_end] != ':') return bad_place(text);
   }
+  if (host.find('/') != std::string_view::npos) return bad_place(text);  // tcp://host
   if (host_end == std::string_view::npos) return Place{host, {}};
   const std::string_view port = text.substr(host_end + 1);
   if (port.find(':') != std::string_view::npos) return bad_place(text);  // an IPv6 address without brackets
@@ -88,11 +90,15 @@ std::pair<std::string, std::string> split_option(std::string_view token) {
 
 namespace {
 
+constexpr std::string_view kDevices = "/dev/";
+
+bool gives_type(std::string_view token) { return token.starts_with("type="); }
+
 Result<OptionValues> short_spelled(const PortTypes& types, std::string_view spec) {
   OptionValues values;
   std::string_view rest = spec;
   std::string_view spelled = "serial";
-  if (!spec.starts_with("/dev/")) {
+  if (!spec.starts_with(kDevices)) {
     const std::size_t end = spec.find_first_of(":,");
     spelled = spec.substr(0, end);
     rest = end == std::string_view::npos ? std::string_view{} : spec.substr(spec[end] == ':' ? end + 1 : end);
@@ -117,6 +123,12 @@ Result<OptionValues> short_spelled(const PortTypes& types, std::string_view spec
 
 }  // namespace
 
+bool names_type(const PortTypes& types, std::string_view spec) {
+  bool listen = false;
+  return spec.starts_with(kDevices) || std::ranges::any_of(split_tokens(spec, kSeparators), gives_type) ||
+         find_spelled_type(types, spec.substr(0, spec.find_first_of(":,")), listen) != nullptr;
+}
+
 Result<OptionValues> read_spelling(const PortTypes& types, std::string_view spec) {
   const std::vector<std::string_view> tokens = split_tokens(spec, kSeparators);
   if (tokens.empty()) {
@@ -124,8 +136,7 @@ Result<OptionValues> read_spelling(const PortTypes& types, std::string_view spec
         Errc::usage, fmt::format("a port is missing; name one as TYPE:MAIN[,option=value…] with a type of {}",
                                  types.names()));
   }
-  const auto names_type = [](std::string_view token) { return token.starts_with("type="); };
-  if (std::ranges::none_of(tokens, names_type)) return short_spelled(types, spec);
+  if (std::ranges::none_of(tokens, gives_type)) return short_spelled(types, spec);
   OptionValues values;
   for (const std::string_view token : tokens) {
     auto [key, value] = split_option(token);

@@ -10,8 +10,6 @@
 
 namespace porttape {
 
-inline constexpr std::string_view kListenSuffix = "-listen";
-
 // flexiport's option strings are separated by these.
 inline constexpr std::string_view kSeparators = ", \t\n";
 
@@ -20,6 +18,9 @@ std::vector<std::string_view> split_tokens(std::string_view text, std::string_vi
 
 // `key=value` or a bare key, which turns a boolean option on.
 std::pair<std::string, std::string> split_option(std::string_view token);
+
+// Whether a text has `type=`, or begins with the name of a type or with /dev/.
+bool names_type(const PortTypes& types, std::string_view spec);
 
 // `type=TYPE,option=value…` or `TYPE:MAIN[,option=value…]` as options with the type among them; unchecked, an
 // unknown type is left for check_options(). Main parts: `tcp:HOST`, `tcp:HOST:PORT`, `tcp:[::1]:PORT`,

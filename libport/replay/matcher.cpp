@@ -7,7 +7,7 @@ namespace porttape {
 namespace {
 
 constexpr std::size_t kMaxQueued = 4096;  // completions, arrivals
-constexpr std::size_t kContextBytes = 16;
+constexpr std::size_t kContextBytes = 32;
 constexpr std::size_t kShownBytes = 32;
 
 }  // namespace
@@ -77,6 +77,7 @@ Matcher::Step Matcher::compare(Instant now, ByteView data, std::optional<TapeTim
     const bool piece_done = held.recorded == stream_.front().size();
     const bool block_done = piece_done && stream_.front_ends_block();
     step.at = stream_.front_at();
+    step.block_size = stream_.stretch().in_block + held.recorded;
     remember(rest.first(held.came));
     stream_.consume(held.recorded);
     step.used += held.came;
@@ -114,6 +115,7 @@ Matcher::Step Matcher::pause() {
     const bool block_done = piece_done && stream_.front_ends_block();
     open_ = recorded > 0 && !block_done;
     step.at = stream_.front_at();
+    step.block_size = stream_.stretch().in_block + recorded;
     stream_.consume(recorded);
     matched_ += recorded;
     if (block_done) step.outcome = Outcome::block;
@@ -151,6 +153,7 @@ bool Matcher::search(Instant now, ByteView rest, bool ended, Step& step) {
   const bool piece_done = stream_.front().size() == 1;
   const bool block_done = piece_done && stream_.front_ends_block();
   step.at = stream_.front_at();
+  step.block_size = stream_.stretch().in_block + 1;
   remember(rest.first(1));
   stream_.consume(1);
   ++step.used;
@@ -270,7 +273,10 @@ std::optional<bool> Matcher::any_unsent() {
 std::optional<Matcher::Unsent> Matcher::first_unsent() {
   if (skipped_) return skipped_;
   if (at_end().value_or(true)) return std::nullopt;
-  return Unsent{position(), stream_.front_at(), stream_.peek(kShownBytes)};
+  const std::uint64_t block_after = stream_.front().size();
+  const ByteView before = stream_.stretch().before;
+  Bytes sent(before.begin(), before.end());
+  return Unsent{position(), stream_.front_at(), stream_.peek(kShownBytes), std::move(sent), block_after};
 }
 
 Mismatch Matcher::describe(ByteView got) {
@@ -283,6 +289,10 @@ Mismatch Matcher::describe(ByteView got) {
   const ByteView shown = got.first(std::min(got.size(), kShownBytes));
   mismatch.got.assign(shown.begin(), shown.end());
   mismatch.before = recent_;
+  if (mismatch.kind == MismatchKind::data && !stream_.front().empty()) {
+    mismatch.block_before = stream_.stretch().in_block;
+    mismatch.block_after = stream_.front().size();
+  }
   return mismatch;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -42,7 +43,8 @@ class Matcher {
   struct Step {
     Outcome outcome = Outcome::taken;
     std::size_t used = 0;
-    TapeTime at{};  // block: when it was recorded
+    TapeTime at{};               // block: when it was recorded
+    std::size_t block_size = 0;  // block
   };
 
   // The driver completed the tape's stream up to an offset.
@@ -56,6 +58,8 @@ class Matcher {
     std::uint64_t offset = 0;  // in the tape's stream
     TapeTime at{};
     Bytes bytes;
+    Bytes before;                   // what of the recorded write was sent
+    std::uint64_t block_after = 0;  // so many bytes are left of it
   };
 
   // `expectation` must outlive it; null: nothing may vary.
@@ -97,6 +101,10 @@ class Matcher {
   // The same, to the first block recorded at `at` or later.
   void realign_to_time(TapeTime at);
 
+  // The last `count` bytes that were as recorded, or fewer.
+  [[nodiscard]] ByteView latest(std::size_t count) const {
+    return ByteView(recent_).last(std::min(count, recent_.size()));
+  }
   // A data or extra mismatch at the position with `got`; run-related fields are left to the caller.
   [[nodiscard]] Mismatch describe(ByteView got);
 

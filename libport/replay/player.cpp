@@ -5,6 +5,11 @@
 #include <utility>
 
 namespace porttape {
+namespace {
+
+constexpr std::size_t kShownBytes = 32;
+
+}  // namespace
 
 Player::Player(const ReplayConfig& config, const Engine::TapeFacts& facts, const ClockPlace& place,
                bool half_closes, RecordSource& schedule, Budget& budget, Matcher& matcher)
@@ -245,7 +250,7 @@ Player::Progress Player::at_timed_write(const Turn& turn) {
     return Progress::passed;
   }
   if (!std::exchange(untimed_, false)) {
-    fault_ = compare_time(*done, head.at, pace_.after_last(head.at));
+    fault_ = compare_time(*done, head.at, pace_.after_last(head.at), head.data);
   }
   gate_.pass(end, head.at, done->real);
   schedule_.pop();
@@ -338,11 +343,12 @@ Player::Settled Player::pass_on(Turn& turn, std::optional<std::uint64_t> writes)
 
 std::optional<Player::TimingFault> Player::check_recorded(const Matcher::Step& step, Instant now) const {
   if (gated() || !checks_time()) return std::nullopt;
-  return compare_time({matcher_.position(), matcher_.written(), now}, step.at, timeline().real(step.at));
+  return compare_time({matcher_.position(), matcher_.written(), now}, step.at, timeline().real(step.at),
+                      matcher_.latest(step.block_size));
 }
 
 std::optional<Player::TimingFault> Player::compare_time(const Matcher::Completion& done, TapeTime at,
-                                                        Instant expected) const {
+                                                        Instant expected, ByteView bytes) const {
   const Nanos error = done.real - expected;
   const Nanos margin = config_.jitter;
   if ((error <= margin || config_.late_allowed) && error >= -margin) return std::nullopt;
@@ -352,6 +358,8 @@ std::optional<Player::TimingFault> Player::compare_time(const Matcher::Completio
   fault.at = at;
   fault.real = done.real;
   fault.error = std::chrono::round<Micros>(error);
+  const ByteView shown = bytes.first(std::min(bytes.size(), kShownBytes));
+  fault.bytes.assign(shown.begin(), shown.end());
   return fault;
 }
 

@@ -34,6 +34,7 @@ class Player {
     TapeTime at{};
     Instant real{};
     Micros error{};
+    Bytes bytes;  // of the write; a few
   };
 
   // `half_closes`: the driver's line can end in one direction.
@@ -138,7 +139,7 @@ class Player {
   [[nodiscard]] Settled pass_on(Turn& turn, std::optional<std::uint64_t> writes);
   void start_at(TapeTime tape, Instant now);
   [[nodiscard]] std::optional<TimingFault> compare_time(const Matcher::Completion& done, TapeTime at,
-                                                        Instant expected) const;
+                                                        Instant expected, ByteView bytes) const;
 
   ReplayConfig config_;
   bool half_closes_;

@@ -50,6 +50,7 @@ ReplayRun::~ReplayRun() {
 
 void ReplayRun::begin(Instant now) {
   tape_end_told_ = false;
+  writes_ = 0;
   sessions_ = 1;
   clock_.join();
   ledger_.emplace(now);
@@ -88,7 +89,11 @@ void ReplayRun::realign_to_walk() {
 
 std::size_t ReplayRun::write(Instant now, ByteView data, bool counted) {
   if (!ledger_) return data.size();
-  if (!counted) ledger_->written(data.size());
+  if (!counted) {
+    ledger_->written(data.size());
+    ++writes_;
+    write_begin_ = matcher_.written();
+  }
   exchanged_ = true;
   pause_if_due(now);
   const bool recorded = config_.timing == Timing::recorded;
@@ -194,6 +199,8 @@ void ReplayRun::end(Instant now) {
   }
   if (const auto unsent = matcher_.first_unsent()) {
     report.next_expected = unsent->bytes;
+    report.next_expected_block = unsent->block_after;
+    report.next_expected_before = unsent->before;
     report.next_expected_offset = unsent->offset;
     report.next_expected_tape = unsent->at;
   }
@@ -230,6 +237,8 @@ void ReplayRun::tell_difference(Instant now, ByteView got) {
   if (config_.strictness == 0) return;
   Mismatch mismatch = matcher_.describe(got);
   mismatch.real = ledger_->since_begin(now);
+  mismatch.write = writes_;
+  mismatch.write_offset = mismatch.offset - write_begin_;
   tell_mismatch(now, std::move(mismatch));
 }
 
@@ -241,6 +250,9 @@ void ReplayRun::tell_fault(Instant now, const Player::TimingFault& fault) {
   mismatch.tape = fault.at;
   mismatch.real = ledger_->since_begin(fault.real);
   mismatch.error = fault.error;
+  mismatch.allowed = std::chrono::round<Micros>(config_.jitter);
+  mismatch.expected = mismatch.got = fault.bytes;
+  mismatch.block_after = fault.bytes.size();
   mismatch.own_late = std::chrono::ceil<Micros>(ledger_->last_lateness());
   tell_mismatch(now, std::move(mismatch));
 }

@@ -97,6 +97,8 @@ class ReplayRun {
   Player player_;
 
   std::optional<RunLedger> ledger_;  // while a run goes on
+  std::uint64_t writes_ = 0;         // of the driver in this run
+  std::uint64_t write_begin_ = 0;    // where in its stream the latest began
   std::uint64_t sessions_ = 0;       // of the driver's in this run
   bool tape_end_told_ = false;
   bool writing_ended_ = false;  // in this session

@@ -24,11 +24,17 @@ struct Mismatch {
   TapeTime tape{};           // recorded time of the write it was compared with
   Micros real{};             // since the driver's first open of the run
   Bytes expected;            // from the offset on; a few bytes, fewer at the tape's end
-  Bytes got;
-  Bytes before;  // what was right just before the offset, for context
+  Bytes got;                 // timing: both are the write that came too early or late
+  Bytes before;              // what was right just before the offset, for context
+  // Of the write on the tape: its bytes in `before`, and those from the offset on, as far as known.
+  std::uint64_t block_before = 0;
+  std::uint64_t block_after = 0;
+  std::uint64_t write = 0;         // 1-based: which of the driver's writes; 0: not known
+  std::uint64_t write_offset = 0;  // and where in it
   std::uint64_t exchange =
       0;             // 1-based: which exchange (a run of writes and its answer) of the tape it belongs to
   Micros error{};    // timing: + late, - early
+  Micros allowed{};  // timing: so much of it would have been right
   std::string hint;  // "already consumed at …", "comes later at …", or empty
   std::uint64_t tape_offset = 0;  // where in the tape's own write stream; hints count there too
   Micros own_late{};              // timing: how late our own last delivery before it was
@@ -83,6 +89,9 @@ struct RunReport {
   std::vector<Doubt> doubts;
   std::optional<int> command_exit;  // `porttape test`
   std::optional<int> process_exit;  // what the program ends with, where more than the verdict decides
+  // For a person, or empty: why it ends so, where the verdict does not say it; how the command ended.
+  std::string outcome;
+  std::string command_end;
   std::optional<std::string>
       trouble;  // the tape could not be read on: damage, I/O; the exit status is then 1
 
@@ -100,6 +109,8 @@ struct RunReport {
   // The first recorded bytes the driver never sent (a few of them), where in the tape's write stream, and
   // when recorded.
   Bytes next_expected;
+  std::uint64_t next_expected_block = 0;  // so many of them are of one write of the tape, as far as known
+  Bytes next_expected_before;             // what of that write the driver did send
   std::uint64_t next_expected_offset = 0;
   TapeTime next_expected_tape{};
 };

@@ -8,7 +8,9 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
+#include "libport/base/printable.hpp"
 #include "libport/replay/report.hpp"
 #include "libport/replay/seconds_text.hpp"
 
@@ -33,11 +35,14 @@ class Paint {
   bool on_;
 };
 
-// "12.345 ms"
+// "12.345 ms", without the zeros at its end.
 std::string millis(Micros time) {
   std::array<char, 48> text{};
-  std::snprintf(text.data(), text.size(), "%.3f ms", static_cast<double>(time.count()) / 1000.0);
-  return text.data();
+  std::snprintf(text.data(), text.size(), "%.3f", static_cast<double>(time.count()) / 1000.0);
+  std::string number = text.data();
+  number.erase(number.find_last_not_of('0') + 1);
+  if (number.back() == '.') number.pop_back();
+  return number + " ms";
 }
 
 std::string micros(double us) {
@@ -92,42 +97,87 @@ std::string comparison(const Mismatch& mismatch, const Paint& paint) {
          "            " + indent + paint.red("^^") + '\n';
 }
 
+// Bytes as a person reads them in a sentence: in quotes where they are text, else in hex. `before` goes
+// before them, of the same write.
+std::string quoted(ByteView before, ByteView bytes) {
+  const ByteView front = before.last(std::min(before.size(), kBytesAfter));
+  const ByteView back = bytes.first(std::min(bytes.size(), kBytesAfter));
+  Bytes all(front.begin(), front.end());
+  all.insert(all.end(), back.begin(), back.end());
+  const auto readable = std::ranges::count_if(all, [](Byte byte) {
+    return (byte >= 0x20 && byte < 0x7F) || byte == '\n' || byte == '\r' || byte == '\t';
+  });
+  const bool is_text = static_cast<std::size_t>(readable) * 2 >= all.size();
+  return (front.size() < before.size() ? ".." : "") +
+         (is_text ? '"' + to_printable(all) + '"' : spaced_hex(all)) +
+         (back.size() < bytes.size() ? ".." : "");
+}
+
+ByteView first_of(const Bytes& bytes, std::uint64_t count) {
+  return ByteView(bytes).first(std::min<std::uint64_t>(bytes.size(), count));
+}
+ByteView last_of(const Bytes& bytes, std::uint64_t count) {
+  return ByteView(bytes).last(std::min<std::uint64_t>(bytes.size(), count));
+}
+
+// What the driver wrote, as far as one write of the tape is to be compared with it: where that is a line, to
+// the line's end.
+ByteView got_of(const Mismatch& mismatch) {
+  const ByteView got = mismatch.got;
+  const ByteView expected = first_of(mismatch.expected, mismatch.block_after);
+  if (expected.empty() || (expected.back() != '\n' && expected.back() != '\r')) return got;
+  const auto end = std::ranges::find(got, expected.back());
+  return end == got.end() ? got : ByteView(got.begin(), end + 1);
+}
+
+// What is wrong, in a sentence, and how it is called.
+struct Cause {
+  std::string_view kind;
+  std::string text;
+};
+
+Cause cause_of(const Mismatch& mismatch) {
+  const ByteView before = last_of(mismatch.before, mismatch.block_before);
+  switch (mismatch.kind) {
+    case MismatchKind::timing: {
+      const bool late = mismatch.error.count() > 0;
+      const std::string what = mismatch.got.empty() ? "a write" : quoted({}, mismatch.got);
+      return {"timing mismatch", what + " came " + millis(late ? mismatch.error : -mismatch.error) +
+                                     (late ? " later" : " earlier") + " than recorded (" +
+                                     millis(mismatch.allowed) + " allowed)"};
+    }
+    case MismatchKind::extra:
+      return {"extra", "the driver wrote " + quoted({}, mismatch.got) + " where the tape has nothing more"};
+    case MismatchKind::data:
+      break;
+  }
+  return {"data mismatch", "the driver wrote " + quoted(before, got_of(mismatch)) + " where the tape has " +
+                               quoted(before, first_of(mismatch.expected, mismatch.block_after))};
+}
+
 // Where: on the driver's side of things, and on the tape.
 std::string place(const Mismatch& mismatch) {
-  return "byte " + std::to_string(mismatch.offset) + " from the driver, " +
-         seconds_text(mismatch.real.count()) + " after its open\n  on the tape: exchange " +
-         std::to_string(mismatch.exchange) + ", byte " + std::to_string(mismatch.tape_offset) +
-         " of the writes, recorded at " + seconds_text(to_us(mismatch.tape)) + '\n';
+  std::string out = "  at ";
+  if (mismatch.write > 0) {
+    out += "byte " + std::to_string(mismatch.write_offset) + " of its write no. " +
+           std::to_string(mismatch.write) + " (";
+  }
+  out += "byte " + std::to_string(mismatch.offset) + " of all it wrote" + (mismatch.write > 0 ? ", " : " (") +
+         seconds_text(mismatch.real.count()) + " after its open; tape time " +
+         seconds_text(to_us(mismatch.tape)) + ", exchange " + std::to_string(mismatch.exchange);
+  if (mismatch.tape_offset != mismatch.offset)
+    out += ", byte " + std::to_string(mismatch.tape_offset) + " of its writes";
+  return out + ")\n";
 }
 
-std::string timing_lines(const Mismatch& mismatch, const Paint& paint) {
-  const bool late = mismatch.error.count() > 0;
-  const Micros size = late ? mismatch.error : -mismatch.error;
-  return "  a write came " + paint.red(millis(size) + (late ? " late" : " early")) + ": " + place(mismatch) +
-         "  our own delivery before it was " + millis(mismatch.own_late) + " late\n";
-}
-
+// Behind the cause.
 std::string mismatch_lines(const Mismatch& mismatch, const Paint& paint) {
-  if (mismatch.kind == MismatchKind::timing) return timing_lines(mismatch, paint);
-  const std::string_view what =
-      mismatch.kind == MismatchKind::extra ? "more than the tape has" : "not what the tape has";
-  std::string out = "  " + paint.bold(what) + ": " + place(mismatch) + comparison(mismatch, paint);
+  std::string out = place(mismatch);
+  if (mismatch.kind == MismatchKind::timing)
+    return out + "  our own delivery before it was " + millis(mismatch.own_late) + " late\n";
+  out += comparison(mismatch, paint);
   if (!mismatch.hint.empty()) out += "  hint      " + mismatch.hint + '\n';
   return out;
-}
-
-std::string unsent_lines(const RunReport& report) {
-  const Side next = side({}, report.next_expected);
-  std::string out = "  recorded bytes";
-  if (report.from_driver_of) {
-    const std::uint64_t matched = std::min(report.from_driver_matched, *report.from_driver_of);
-    out = "  " + counted(*report.from_driver_of - matched, "recorded byte");
-  }
-  out += " never came from the driver";
-  if (report.next_expected.empty()) return out + '\n';
-  return out + "; the first, byte " + std::to_string(report.next_expected_offset) +
-         " of the tape's writes, recorded at " + seconds_text(to_us(report.next_expected_tape)) +
-         ":\n  expected  " + next.hex + "  " + next.text + '\n';
 }
 
 // "no", "one", "two", …, in digits beyond ten.
@@ -138,16 +188,16 @@ std::string number_word(std::uint64_t number) {
 }
 
 // What the driver left out beside bytes: sessions, and its end of sending.
-std::string left_out_lines(const RunReport& report) {
-  std::string out;
+std::vector<std::string> left_out(const RunReport& report) {
+  std::vector<std::string> out;
   if (report.sessions_made < report.sessions_of && !report.nobody_came) {
-    out += "  the tape has " + number_word(report.sessions_of) + " session" +
-           (report.sessions_of == 1 ? "" : "s") + ", the driver made " + number_word(report.sessions_made) +
-           '\n';
+    out.push_back("the tape has " + number_word(report.sessions_of) + " session" +
+                  (report.sessions_of == 1 ? "" : "s") + ", the driver made " +
+                  number_word(report.sessions_made));
   }
   if (report.missed_half_close) {
-    out += "  on the tape the driver ends its sending (half-close) at " +
-           seconds_text(to_us(*report.missed_half_close)) + "; here it did not\n";
+    out.push_back("on the tape the driver ends its sending (half-close) at " +
+                  seconds_text(to_us(*report.missed_half_close)) + "; here it did not");
   }
   return out;
 }
@@ -158,48 +208,93 @@ bool all_came(const RunReport& report) {
          report.from_driver_matched >= *report.from_driver_of;
 }
 
-std::string head_line(const RunReport& report, const Paint& paint) {
-  const std::string verdict(to_string(report.verdict));
+Cause unsent_cause(const RunReport& report) {
+  if (const std::vector<std::string> left = left_out(report); all_came(report) && !left.empty())
+    return {"incomplete", left.front()};
+  const ByteView write = first_of(report.next_expected, report.next_expected_block);
+  const Bytes& before = report.next_expected_before;
+  if (write.empty()) return {"incomplete", "recorded bytes never came from the driver"};
+  if (before.empty()) return {"incomplete", "the driver never wrote " + quoted({}, write)};
+  return {"incomplete", "the driver wrote " + quoted({}, before) + " of " + quoted(before, write)};
+}
+
+std::string unsent_lines(const RunReport& report) {
+  std::string out;
+  if (!report.next_expected.empty()) {
+    out = "  the tape has it at " + seconds_text(to_us(report.next_expected_tape)) + ", byte " +
+          std::to_string(report.next_expected_offset) + " of the driver's writes: " +
+          spaced_hex(first_of(report.next_expected,
+                              std::min<std::uint64_t>(kBytesAfter, report.next_expected_block))) +
+          '\n';
+  }
+  if (!report.from_driver_of) return out;
+  const std::uint64_t matched = std::min(report.from_driver_matched, *report.from_driver_of);
+  return out + "  " + counted(*report.from_driver_of - matched, "recorded byte") +
+         " never came from the driver\n";
+}
+
+// What passed.
+std::string counts(const RunReport& report) {
   const std::optional<std::uint64_t>& from = report.from_driver_of;
   const std::optional<std::uint64_t>& to = report.to_driver_of;
-  const bool good = report.verdict == Verdict::pass && !report.trouble;
-  return (good ? paint.green(verdict) : paint.red(verdict)) + (report.doubts.empty() ? "" : ", with doubts") +
-         (report.tape.empty() ? "" : "  " + to_printable(as_bytes(report.tape))) + ": from the driver " +
+  return (report.tape.empty() ? "" : printable_line(report.tape) + ": ") + "from the driver " +
          std::to_string(report.from_driver_matched) + (from ? " of " + counted(*from, "byte") : " bytes") +
          " as recorded, to the driver " + std::to_string(report.to_driver_bytes) +
          (to ? " of " + std::to_string(*to) : " (the tape was not counted)") + ", " +
          seconds_text(std::chrono::floor<Micros>(report.duration).count()) + '\n';
 }
 
+// Of a verdict that is none of pass.
+Cause cause_of(const RunReport& report) {
+  if (report.trouble) return {"failed", "the tape could not be read on: " + printable_line(*report.trouble)};
+  if (report.verdict == Verdict::incomplete) return unsent_cause(report);
+  return report.mismatch ? cause_of(*report.mismatch) : Cause{to_string(report.verdict), "see above"};
+}
+
+// The first line, and what there is to be known of it.
+std::string finding(const RunReport& report, const Paint& paint) {
+  const bool good = report.verdict == Verdict::pass && !report.trouble;
+  const std::string doubts = report.doubts.empty() ? "" : ", with doubts";
+  if (good && report.outcome.empty()) return paint.green("pass") + doubts + "  " + counts(report);
+  std::string out;
+  if (!report.outcome.empty()) out = paint.red(report.outcome) + doubts + '\n';
+  if (!good) {
+    const Cause cause = cause_of(report);
+    const std::string kind(cause.kind);
+    out += (report.outcome.empty() ? paint.red(kind) + doubts : "  verdict   " + kind) + ": " + cause.text +
+           '\n';
+  }
+  const bool other_cause = good || report.trouble || report.verdict == Verdict::incomplete;
+  if (report.verdict == Verdict::incomplete && !all_came(report)) out += unsent_lines(report);
+  if (report.mismatch && other_cause) out += "  before    " + cause_of(*report.mismatch).text + '\n';
+  if (report.mismatch) out += mismatch_lines(*report.mismatch, paint);
+  return out + "  " + counts(report);
+}
+
 }  // namespace
 
 std::string to_text(const RunReport& report, bool color) {
   const Paint paint(color);
-  std::string out = head_line(report, paint);
-  if (report.trouble) out += "  " + paint.red("the tape could not be read on: ") + *report.trouble + '\n';
-  if (report.mismatch) out += mismatch_lines(*report.mismatch, paint);
+  std::string out = finding(report, paint);
+  const std::vector<std::string> left = left_out(report);
+  const std::size_t said = report.verdict == Verdict::incomplete && all_came(report) ? 1 : 0;  // as the cause
+  for (std::size_t n = said; n < left.size(); ++n) out += "  " + left[n] + '\n';
   for (const Doubt& doubt : report.doubts) {
-    out += "  doubt     " + to_printable(as_bytes(doubt.text)) + '\n';
+    out += "  doubt     " + printable_line(doubt.text) + '\n';
   }
   if (report.mismatches > 1) out += "  mismatches in all: " + std::to_string(report.mismatches) + '\n';
-  if (report.verdict == Verdict::incomplete && !all_came(report)) out += unsent_lines(report);
-  out += left_out_lines(report);
   if (report.mismatch && report.mismatch->kind == MismatchKind::timing) {
     out += "  our own timers were late by " + micros(report.timer_late_p50_us) + " (median), " +
            micros(report.timer_late_p99_us) + " (99 %), " + micros(report.timer_late_max_us) + " (most)\n";
   }
-  if (report.command_exit && *report.command_exit != 0) {
-    out += "  the command ended with status " + std::to_string(*report.command_exit) + '\n';
-  }
+  if (!report.command_end.empty()) out += "  the command " + report.command_end + '\n';
   return out;
 }
 
 std::string to_text(const Mismatch& mismatch, bool color) {
   const Paint paint(color);
-  const std::string_view kind = mismatch.kind == MismatchKind::timing  ? "timing mismatch"
-                                : mismatch.kind == MismatchKind::extra ? "extra bytes"
-                                                                       : "data mismatch";
-  return paint.red(kind) + '\n' + mismatch_lines(mismatch, paint);
+  const Cause cause = cause_of(mismatch);
+  return paint.red(cause.kind) + ": " + cause.text + '\n' + mismatch_lines(mismatch, paint);
 }
 
 }  // namespace porttape

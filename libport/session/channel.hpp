@@ -22,12 +22,14 @@ class Channel {
     std::uint64_t from_driver_bytes = 0;
     std::uint64_t dropped_bytes = 0;  // reached nobody: the other side was not there or did not take them
     std::uint64_t opens = 0;
+    std::uint64_t device_losses = 0;  // it could not be opened, or went away: told in the log
 
     Counters& operator+=(const Counters& other) {
       to_driver_bytes += other.to_driver_bytes;
       from_driver_bytes += other.from_driver_bytes;
       dropped_bytes += other.dropped_bytes;
       opens += other.opens;
+      device_losses += other.device_losses;
       return *this;
     }
   };

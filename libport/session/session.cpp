@@ -308,6 +308,7 @@ void Session::device_down(const LineDown& down) {
     case LineDown::Reason::failed:
     case LineDown::Reason::lost:
       context_.log->error("{}", down.error.message);
+      ++counters_.device_losses;
       if (!driver_->passive()) exit_status_ = exit_status_of(down.error.code);  // no next driver will come
       break;
     case LineDown::Reason::closed:

@@ -9,6 +9,7 @@
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/printable.hpp"
 #include "libport/tape/tape_lock.hpp"
 
 namespace porttape {
@@ -28,9 +29,14 @@ struct Place {
 
 Error refuse(const std::string& what) { return make_error(Errc::usage, "cannot make the tape: " + what); }
 
+// A folder that is missing is not made unasked.
+std::string folder_text(const fs::path& folder, int error) {
+  return errno_text(error) + (error == ENOENT ? "; type mkdir -p " + shell_word(folder.string()) : "");
+}
+
 Error is_live(const fs::path& path) {
   return refuse(
-      path.string() +
+      in_quotes(path.string()) +
       " is being written by another recording, which cannot be replaced; end that one first, or take "
       "another name");
 }
@@ -39,11 +45,12 @@ Result<Place> look_at_folder(const fs::path& path) {
   Place place;
   place.path = path;
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
-  if (!path.has_filename()) return refuse("'" + path.string() + "' names no file");
+  if (!path.has_filename()) return refuse(in_quotes(path.string()) + " names no file");
   place.folder.reset(::open(folder.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC));
-  if (!place.folder) return refuse("the folder " + folder.string() + ": " + errno_text(errno));
+  if (!place.folder)
+    return refuse("the folder " + in_quotes(folder.string()) + ": " + folder_text(folder, errno));
   if (::faccessat(place.folder.get(), ".", W_OK | X_OK, AT_EACCESS) != 0) {
-    return refuse("the folder " + folder.string() + " is not writable: " + errno_text(errno));
+    return refuse("the folder " + in_quotes(folder.string()) + " is not writable: " + errno_text(errno));
   }
   return place;
 }
@@ -54,18 +61,19 @@ Result<Place> look_at(const fs::path& path, OnExisting on_existing) {
   struct stat status {};
   if (::fstatat(place->folder.get(), place->file().c_str(), &status, AT_SYMLINK_NOFOLLOW) != 0) {
     if (errno == ENOENT) return place;
-    return refuse(path.string() + ": " + errno_text(errno));
+    return refuse(in_quotes(path.string()) + ": " + errno_text(errno));
   }
   place->exists = true;
   if (S_ISLNK(status.st_mode)) {
-    return refuse(path.string() +
+    return refuse(in_quotes(path.string()) +
                   " is a symbolic link, which is never written through; remove it or take another name");
   }
-  if (!S_ISREG(status.st_mode)) return refuse(path.string() + " is not a regular file; take another name");
+  if (!S_ISREG(status.st_mode))
+    return refuse(in_quotes(path.string()) + " is not a regular file; take another name");
   if (is_being_written(path)) return is_live(path);
   if (on_existing == OnExisting::overwrite) return place;
   return refuse(
-      path.string() +
+      in_quotes(path.string()) +
       " exists; take another name, or --on-existing next for a numbered one, or --overwrite to replace "
       "the tape");
 }
@@ -89,7 +97,7 @@ Result<bool> lock_existing(Place& place) {
                                 O_WRONLY | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC));
   if (!place.existing) {
     if (errno == ENOENT) return false;
-    return refuse(place.path.string() + " cannot be locked to be replaced: " + errno_text(errno) +
+    return refuse(in_quotes(place.path.string()) + " cannot be locked to be replaced: " + errno_text(errno) +
                   "; remove it or take another name");
   }
   switch (lock_tape_file(place.existing.get(), place.folder.get(), place.file())) {
@@ -102,7 +110,7 @@ Result<bool> lock_existing(Place& place) {
     case TapeLock::failed:
       break;
   }
-  return make_error(Errc::io, "cannot lock " + place.path.string() + ": " + errno_text(errno));
+  return make_error(Errc::io, "cannot lock " + in_quotes(place.path.string()) + ": " + errno_text(errno));
 }
 
 // The place, with the lock of the file that stands there. It may change while it is looked at, by other
@@ -129,8 +137,8 @@ bool is_taken(const TapePaths& paths) {
 
 Error cannot_make(const Place& place, int error) {
   if (error == EEXIST)
-    return refuse(place.path.string() + " has come into being meanwhile; take another name");
-  return make_error(Errc::io, "cannot make " + place.path.string() + ": " + errno_text(error));
+    return refuse(in_quotes(place.path.string()) + " has come into being meanwhile; take another name");
+  return make_error(Errc::io, "cannot make " + in_quotes(place.path.string()) + ": " + errno_text(error));
 }
 
 // Beside the file it is to replace, and not to be taken for a tape.
@@ -202,7 +210,8 @@ Result<void> NewTapeFiles::publish() {
     const int folder = entry.place.folder.get();
     const fs::path final_name = entry.place.file();
     if (entry.name != final_name && ::renameat(folder, entry.name.c_str(), folder, final_name.c_str()) != 0) {
-      return make_error(Errc::io, "cannot replace " + entry.place.path.string() + ": " + errno_text(errno));
+      return make_error(Errc::io,
+                        "cannot replace " + in_quotes(entry.place.path.string()) + ": " + errno_text(errno));
     }
     entry.made = false;  // it stays
   }

@@ -1,11 +1,16 @@
 #include "libport/tape/tape_name.hpp"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <optional>
 #include <set>
 #include <string>
 #include <system_error>
+#include <vector>
+
+#include "libport/base/nearest.hpp"
+#include "libport/base/printable.hpp"
 
 namespace porttape {
 namespace {
@@ -44,6 +49,26 @@ template <class Test>
 bool either_file(const TapePaths& paths, Test test) {
   std::error_code ignored;
   return test(fs::status(paths.read, ignored)) || test(fs::status(paths.write, ignored));
+}
+
+// "; did you mean 'laser.log'?", where a tape of such a name is in the folder.
+std::string near_tape(const fs::path& path) {
+  constexpr std::size_t most = 1000;
+  std::vector<std::string> names;
+  std::error_code error;
+  const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  for (fs::directory_iterator each(folder, error); !error && each != fs::directory_iterator();
+       each.increment(error)) {
+    const std::string name = each->path().filename().string();
+    const std::string_view tape = without_letter(name);
+    if (!tape.ends_with(kSuffix) || names.size() >= most) continue;
+    names.emplace_back(tape);
+    names.emplace_back(tape.substr(0, tape.size() - kSuffix.size()));
+  }
+  std::ranges::sort(names);
+  const std::vector<std::string_view> known(names.begin(), names.end());
+  const auto near = nearest(path.filename().string(), known);
+  return near ? "; did you mean " + in_quotes((path.parent_path() / *near).string()) + "?" : "";
 }
 
 }  // namespace
@@ -117,10 +142,16 @@ Result<TapePaths> find_tape(std::string_view argument) {
     }
   }
   std::error_code ignored;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (const fs::path& read = candidates.at(i).read; fs::is_symlink(fs::symlink_status(read, ignored)))
+      return make_error(Errc::usage, "no tape " + in_quotes(name) + ": there is only " +
+                                         in_quotes(read.string()) + ", a link that leads nowhere");
+  }
   const bool is_there = fs::exists(fs::path(name), ignored);
-  return make_error(Errc::usage, "no tape '" + name + "': there is neither " + candidates[0].read.string() +
-                                     " nor " + candidates[1].read.string() +
-                                     (is_there ? " (a tape's files end in r and w)" : ""));
+  return make_error(Errc::usage, "no tape " + in_quotes(name) + ": there is neither " +
+                                     in_quotes(candidates[0].read.string()) + " nor " +
+                                     in_quotes(candidates[1].read.string()) +
+                                     (is_there ? " (a tape's files end in r and w)" : "") + near_tape(name));
 }
 
 }  // namespace porttape

@@ -4,6 +4,7 @@
 #include <system_error>
 #include <utility>
 
+#include "libport/base/printable.hpp"
 #include "libport/tape/block_file.hpp"
 #include "libport/tape/event_file.hpp"
 #include "libport/tape/layout.hpp"
@@ -111,8 +112,9 @@ Result<TapeSources> TapeSources::open(const TapePaths& paths) {
   auto write = open_if_there(paths.write);
   if (!write) return write.error();
   if (!*read && !*write) {
-    return make_error(Errc::usage, "no tape '" + paths.name() + "': there is neither " + paths.read.string() +
-                                       " nor " + paths.write.string());
+    return make_error(Errc::usage, "no tape " + in_quotes(paths.name()) + ": there is neither " +
+                                       in_quotes(paths.read.string()) + " nor " +
+                                       in_quotes(paths.write.string()));
   }
   auto events = open_if_there(paths.events);
   if (!events) return events.error();

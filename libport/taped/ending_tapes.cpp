@@ -14,8 +14,11 @@ struct EndingTapes::Ending {
 };
 
 EndingTapes::EndingTapes(const PortContext& context, std::function<void()> on_news,
-                         std::function<void()> on_sync_error)
-    : context_(context), on_news_(std::move(on_news)), on_sync_error_(std::move(on_sync_error)) {}
+                         std::function<void()> on_sync_error, std::function<void(const TapePaths&)> on_ended)
+    : context_(context),
+      on_news_(std::move(on_news)),
+      on_sync_error_(std::move(on_sync_error)),
+      on_ended_(std::move(on_ended)) {}
 
 EndingTapes::~EndingTapes() = default;
 
@@ -52,6 +55,7 @@ bool EndingTapes::is_over(Ending& ending) {
     if (on_sync_error_) on_sync_error_();
   }
   if (!status.over()) return false;
+  if (on_ended_ && status.phase == LiveTape::Status::Phase::finished) on_ended_(status.paths);
   if (!status.error) {
     context_.log->info("{} is complete: {} bytes", status.paths.name(), status.bytes_written);
     return true;

@@ -18,8 +18,10 @@ class EndingTapes {
  public:
   // `on_news`: a tape made with news() has some; comes on the loop. `on_sync_error`: what was written of one
   // that ends may not be on the disk.
+  // `on_ended`: one that was made is complete, or as complete as it will be.
   explicit EndingTapes(const PortContext& context, std::function<void()> on_news = {},
-                       std::function<void()> on_sync_error = {});
+                       std::function<void()> on_sync_error = {},
+                       std::function<void(const TapePaths&)> on_ended = {});
   ~EndingTapes();
   EndingTapes(const EndingTapes&) = delete;
   EndingTapes& operator=(const EndingTapes&) = delete;
@@ -48,6 +50,7 @@ class EndingTapes {
   PortContext context_;
   std::function<void()> on_news_;
   std::function<void()> on_sync_error_;
+  std::function<void(const TapePaths&)> on_ended_;
   std::list<Ending> tapes_;
   bool complete_ = true;
   std::function<void(bool)> on_done_;

@@ -6,6 +6,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include "libport/base/printable.hpp"
 #include "libport/replay/hint.hpp"
 #include "libport/replay/tape_count.hpp"
 #include "libport/tape/tape_reader.hpp"
@@ -129,7 +130,8 @@ void ReplayReports::move_on() {
   set_timer();
   if (!done_ || !waiting_.empty() || (file_under_way_ && now < *limit_)) return;
   if (file_under_way_) {
-    context_.log->error("report '{}' was not written in time: what it goes to takes nothing", options_.file);
+    context_.log->error("report {} was not written in time: what it goes to takes nothing",
+                        in_quotes(options_.file));
     file_failed_ = true;
   }
   timer_.cancel();

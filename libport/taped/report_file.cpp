@@ -15,6 +15,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "libport/base/printable.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/taped/report_place.hpp"
 
@@ -97,7 +98,7 @@ int write_in_place(const ReportPlace& place, std::string_view text) {
 Error cannot_write(const std::string& path, int error) {
   const std::string why =
       error == ETIMEDOUT || error == ENXIO ? "nobody reads what it leads to" : errno_text(error);
-  return make_error(Errc::io, fmt::format("report '{}' cannot be written: {}", path, why));
+  return make_error(Errc::io, fmt::format("report {} cannot be written: {}", in_quotes(path), why));
 }
 
 // Errno of what would keep `file` from being replaced. A file without a name is the surest probe; not all
@@ -122,20 +123,21 @@ Result<void> check_report_place(const std::string& path) {
   if (path == "-") return {};
   std::error_code error;
   if (fs::is_directory(path, error))
-    return make_error(Errc::usage, fmt::format("report '{}' is a folder; name a file", path));
+    return make_error(Errc::usage, fmt::format("report {} is a folder; name a file", in_quotes(path)));
   const Result<ReportPlace> place = find_report_place(path);
-  if (!place) return make_error(Errc::usage, fmt::format("report '{}': {}", path, place.error().message));
+  if (!place)
+    return make_error(Errc::usage, fmt::format("report {}: {}", in_quotes(path), place.error().message));
   const std::string folder = fs::path(place->file).parent_path().string();
   if (!fs::is_directory(folder, error)) {
-    return make_error(
-        Errc::usage, fmt::format("report '{}': its folder {} does not exist; create it first", path, folder));
+    return make_error(Errc::usage, fmt::format("report {}: its folder does not exist; type mkdir -p {}",
+                                               in_quotes(path), shell_word(folder)));
   }
   const int why = place->kind == ReportPlace::Kind::replaced ? probe_replace(place->file)
                   : ::access(place->file.c_str(), W_OK) == 0 ? 0
                                                              : errno;
   if (why == 0) return {};
-  return make_error(Errc::usage, fmt::format("report '{}' cannot be written: {}; name another file", path,
-                                             errno_text(why)));
+  return make_error(Errc::usage, fmt::format("report {} cannot be written: {}; name another file",
+                                             in_quotes(path), errno_text(why)));
 }
 
 Result<void> write_report(const std::string& path, std::string_view text) {
@@ -145,8 +147,8 @@ Result<void> write_report(const std::string& path, std::string_view text) {
   } else {
     const Result<ReportPlace> place = find_report_place(path);
     if (!place)
-      return make_error(Errc::io,
-                        fmt::format("report '{}' cannot be written: {}", path, place.error().message));
+      return make_error(
+          Errc::io, fmt::format("report {} cannot be written: {}", in_quotes(path), place.error().message));
     error = place->kind == ReportPlace::Kind::replaced ? replace(place->file, text)
                                                        : write_in_place(*place, text);
   }

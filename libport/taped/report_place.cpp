@@ -9,6 +9,8 @@
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/printable.hpp"
+
 namespace porttape {
 namespace {
 
@@ -40,12 +42,12 @@ Result<ReportPlace> find_report_place(const std::string& path) {
     if (!S_ISLNK(node.st_mode)) {
       if (!S_ISREG(node.st_mode)) return ReportPlace{at.string(), ReportPlace::Kind::written};
       if (links == 0 || trusted(node)) return ReportPlace{at.string(), ReportPlace::Kind::replaced};
-      return trouble(
-          fmt::format("the link leads to {}, which is another user's; name a file of your own", at.string()));
+      return trouble(fmt::format("the link leads to {}, which is another user's; name a file of your own",
+                                 in_quotes(at.string())));
     }
     if (!trusted(node))
-      return trouble(
-          fmt::format("{} is a link that another user made; remove it, or name another file", at.string()));
+      return trouble(fmt::format("{} is a link that another user made; remove it, or name another file",
+                                 in_quotes(at.string())));
     std::error_code error;
     const fs::path next = fs::read_symlink(at, error);
     if (error || links == kMostLinks) return trouble(error ? error.message() : errno_text(ELOOP));

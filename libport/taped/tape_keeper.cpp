@@ -30,7 +30,7 @@ TapeKeeper::TapeKeeper(const PortContext& context, Options options, std::functio
       options_(std::move(options)),
       on_must_end_(std::move(on_must_end)),
       ending_(
-          context, [this] { on_news(); }, [this] { must_end(); }),
+          context, [this] { on_news(); }, [this] { must_end(); }, options_.on_ended),
       retry_(options_.retry),
       retry_timer_(*context.loop, [this] { start(); }),
       watch_timer_(*context.loop, [this] { watch_disk(); }) {}

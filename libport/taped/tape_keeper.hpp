@@ -34,6 +34,7 @@ class TapeKeeper final : public LineObserver {
     unsigned connection = 1;
     // Makes the writer of each tape; empty: on files.
     std::function<Result<TapeWriter>(const LiveTape::Options&)> make = {};
+    std::function<void(const TapePaths&)> on_ended = {};  // each tape that was made, at its end
   };
 
   // `on_must_end`: fail_closed, and the tape is failing; may come more than once.

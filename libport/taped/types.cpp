@@ -121,11 +121,17 @@ Result<std::unique_ptr<Port>> make_recording_port(const PortContext& context, co
       .on_existing = options.on_existing,
       .fail_closed = options.fail_closed,
       .group = options.group,
-      .connection = options.connection};
+      .connection = options.connection,
+      .on_ended = options.on_ended};
   auto tap = std::make_unique<TapPort>(context, std::move(*port));
   tap->add(std::make_unique<TapeKeeper>(context, std::move(tape), [&tap = *tap] { tap.must_end(); }));
   return std::unique_ptr<Port>(std::move(tap));
 }
+
+const OptionSpec kFile{.name = "file",
+                       .default_value = "port.log",
+                       .help = "the tape: files NAMEr, NAMEw and NAMEe",
+                       .value_name = "NAME"};
 
 struct ReplayDefault {
   ReplayUse use;
@@ -149,42 +155,89 @@ constexpr std::array kReplayDefaults = {
 PortType logreader_type() {
   PortType type{"logreader", {"file"}, "a tape in the device's place"};
   type.options = with_common({
-      {"file", Kind::text, "port.log", "the tape: FILEr, FILEw, FILEe"},
-      {"strictness", Kind::integer, "0", "0 writes not checked, 1 data, 2 data and timing", 0, 2},
-      {"jitter", Kind::number, "100", "ms, margin of strictness 2, early and late", 0, 1e9},
-      {"early-only", Kind::flag, "", "strictness 2 accepts late writes, as flexiport's documentation does"},
+      kFile,
+      {"strictness", Kind::integer, "0",
+       "0: writes are not checked; 1: their bytes must be those recorded; 2: their times too", 0, 2},
+      {.name = "jitter",
+       .kind = Kind::number,
+       .default_value = "100",
+       .help = "with strictness 2, how much earlier or later than recorded a write may come",
+       .max = 1e9,
+       .unit = "ms"},
+      {"early-only", Kind::flag, "",
+       "with strictness 2, a write may come as late as it likes, and only not too early"},
       {"ignoretimes", Kind::flag, "", "the same as timing=none"},
       {"timing",
        Kind::choice,
        "recorded",
-       "when bytes become readable",
+       "reactive: the device speaks after the writes that it answers, with the recorded delay; recorded: at "
+       "the recorded times, whatever the driver does; none: as reactive, without delay",
        0,
        0,
        {"reactive", "recorded", "none"}},
-      {"rate", Kind::number, "1", "time runs this many times as fast", 1e-6, 1e6},
-      {"on-mismatch", Kind::choice, "warn", "what a wrong write does", 0, 0, {"fail", "warn"}},
+      {.name = "rate",
+       .kind = Kind::number,
+       .default_value = "1",
+       .help = "time runs so many times as fast",
+       .min = 1e-6,
+       .max = 1e6,
+       .value_name = "X"},
+      {"on-mismatch",
+       Kind::choice,
+       "warn",
+       "fail: a write that is not as recorded hangs up the line; warn: it is reported, and the tape goes on",
+       0,
+       0,
+       {"fail", "warn"}},
       {"at-end",
        Kind::choice,
        "idle",
-       "what the used-up tape does (exit by --once on udp)",
+       "idle: behind the end of the tape the device says no more; hangup: it hangs up; exit: the program "
+       "ends (the default on udp with once)",
        0,
        0,
        {"idle", "hangup", "exit"}},
-      {"on-reopen", Kind::choice, "auto", "what a second open does", 0, 0, {"auto", "rewind", "continue"}},
+      {"on-reopen",
+       Kind::choice,
+       "auto",
+       "rewind: a driver that opens again meets the tape's beginning; continue: what follows; auto: what "
+       "follows where a reopen was recorded, else the beginning",
+       0,
+       0,
+       {"auto", "rewind", "continue"}},
       {"chunks",
        Kind::choice,
        "auto",
-       "how bytes are cut into arrivals",
+       "recorded: bytes come in the pieces on the tape; burst: all within burst-gap come at once; auto: "
+       "burst for tapes of a program's single reads (flexiport's), else recorded",
        0,
        0,
        {"auto", "recorded", "burst"}},
-      {"burst-gap", Kind::integer, "500", "µs, reads closer than this are one burst", 0, 1e9},
-      {"patience", Kind::number, "1", "s, strictness 0 waits this long for a write", 0, 1e9},
-      {"session", Kind::text, "all", "play this session of the tape alone (1, 2, …), or all"},
-      {"once", Kind::flag, "", "the program ends after the first run, with its verdict"},
-      {"report", Kind::text, "", "file for the verdict as JSON"},
+      {.name = "burst-gap",
+       .kind = Kind::integer,
+       .default_value = "500",
+       .help = "with chunks=burst, bytes less than so many microseconds apart come at once",
+       .max = 1e9,
+       .unit = "us"},
+      {.name = "patience",
+       .kind = Kind::number,
+       .default_value = "1",
+       .help = "at strictness 0, how long the device waits for a recorded write before it speaks anyway",
+       .max = 1e9,
+       .unit = "s"},
+      {.name = "session",
+       .default_value = "all",
+       .help = "plays this session of the tape alone: 1, 2, …, or all",
+       .value_name = "N|all"},
+      {"once", Kind::flag, "", "ends after the driver's first run, with its verdict as exit status"},
+      {.name = "report", .help = "writes the verdict there as JSON; - is stdout", .value_name = "FILE"},
   });
   type.read = reads(replay_options);
+  type.claims = [](const PortSpec& spec) {
+    const std::string& report = spec.get<ReplayPort::Options>()->report_file;
+    const bool is_file = !report.empty() && report != "-" && !report.starts_with("/dev/");
+    return is_file ? std::vector<PortType::Claim>{{"report", report}} : std::vector<PortType::Claim>();
+  };
   type.make = makes<ReplayPort::Options>([](const auto& context, const auto&, const auto& options) {
     return std::make_unique<ReplayPort>(context, options);
   });
@@ -193,16 +246,18 @@ PortType logreader_type() {
 
 std::vector<OptionSpec> tape_options() {
   return {
-      {"file", Kind::text, "port.log", "the tape: FILEr, FILEw, FILEe"},
+      kFile,
       {"on-existing",
        Kind::choice,
        "refuse",
-       "a tape of that name is there: an error, the next free name (laser.2.log), or it is replaced",
+       "refuse: a tape of that name is an error; next: the next free name is taken (laser.2.log); "
+       "overwrite: it is replaced",
        0,
        0,
        {"refuse", "next", "overwrite"}},
       {"overwrite", Kind::flag, "", "the same as on-existing=overwrite"},
-      {"failclosed", Kind::flag, "", "ends when the tape cannot be written; else the line stays up"},
+      {"failclosed", Kind::flag, "",
+       "ends when the tape cannot be written; else the line goes on without it"},
   };
 }
 

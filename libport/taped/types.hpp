@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 
 #include "libport/port/port_options.hpp"
@@ -19,6 +20,7 @@ struct RecordingOptions {
   TapePaths tape;
   OnExisting on_existing = OnExisting::refuse;
   bool fail_closed = false;
+  std::function<void(const TapePaths&)> on_ended = {};  // each tape that was made, at its end
   // One of these, of this connection; null: a tape by itself.
   std::shared_ptr<TapeGroup> group = {};
   unsigned connection = 1;

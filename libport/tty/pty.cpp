@@ -14,6 +14,7 @@
 #include <termios.h>
 #include <unistd.h>
 
+#include "libport/base/printable.hpp"
 #include "libport/tty/tty.hpp"
 
 namespace porttape {
@@ -33,14 +34,14 @@ Result<uid_t> user_id(const std::string& name) {
   uid_t id = static_cast<uid_t>(-1);
   if (name.empty() || parse_id(name, id)) return id;
   if (const passwd* entry = ::getpwnam(name.c_str())) return entry->pw_uid;
-  return make_error(Errc::usage, fmt::format("option 'owner': there is no user '{}'", name));
+  return make_error(Errc::usage, fmt::format("option 'owner': there is no user {}", in_quotes(name)));
 }
 
 Result<gid_t> group_id(const std::string& name) {
   gid_t id = static_cast<gid_t>(-1);
   if (name.empty() || parse_id(name, id)) return id;
   if (const group* entry = ::getgrnam(name.c_str())) return entry->gr_gid;
-  return make_error(Errc::usage, fmt::format("option 'group': there is no group '{}'", name));
+  return make_error(Errc::usage, fmt::format("option 'group': there is no group {}", in_quotes(name)));
 }
 
 Result<void> give_access(const std::string& path, const Pty::Access& access) {

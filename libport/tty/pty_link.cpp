@@ -13,6 +13,8 @@
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/printable.hpp"
+
 namespace porttape {
 namespace {
 
@@ -61,7 +63,8 @@ Result<void> make_link(const std::string& path, const std::string& target) {
   if (!linked || std::rename(temporary.c_str(), path.c_str()) != 0) {
     const int error = errno;
     if (linked) (void)::unlink(temporary.c_str());
-    return make_error(Errc::usage, fmt::format("link '{}' cannot be made: {}", path, errno_text(error)));
+    return make_error(Errc::usage,
+                      fmt::format("link {} cannot be made: {}", in_quotes(path), errno_text(error)));
   }
   return {};
 }
@@ -71,22 +74,22 @@ Result<void> check_place(const std::string& path, const std::string& target) {
   std::error_code error;
   const fs::path parent = fs::absolute(path).parent_path();
   if (!fs::is_directory(parent, error)) {
-    return make_error(Errc::usage, fmt::format("link '{}': its folder {} does not exist; create it first",
-                                               path, parent.string()));
+    return make_error(Errc::usage, fmt::format("link {}: its folder does not exist; type mkdir -p {}",
+                                               in_quotes(path), shell_word(parent.string())));
   }
   const fs::file_status status = fs::symlink_status(path, error);
   if (!fs::exists(status)) return {};
   if (!fs::is_symlink(status)) {
-    return make_error(
-        Errc::usage,
-        fmt::format("link '{}' exists and is not a link; it is left alone, choose another path", path));
+    return make_error(Errc::usage,
+                      fmt::format("link {} exists and is not a link; it is left alone, choose another path",
+                                  in_quotes(path)));
   }
   const fs::path points_to = fs::read_symlink(path, error);
   if (points_to == target || !fs::exists(path, error) || stale(path)) return {};
   return make_error(
       Errc::usage,
-      fmt::format("link '{}' exists and points to {}, which is in use; remove it or choose another path",
-                  path, points_to.string()));
+      fmt::format("link {} exists and points to {}, which is in use; remove it or choose another path",
+                  in_quotes(path), in_quotes(points_to.string())));
 }
 
 }  // namespace

@@ -87,7 +87,7 @@ Result<void> PtyPort::make_line() {
 void PtyPort::announce_path() const {
   if (link_) {
     context_.log->info("{} is there ({})", link_->path(), line_->pty.slave_path());
-  } else {
+  } else if (context_.announces) {
     std::cout << line_->pty.slave_path() << std::endl;
   }
 }
@@ -175,11 +175,12 @@ void PtyPort::on_unread_timer() {
   }
   const bool kept = !gone_since_ || (listener().wants_rest() && now - *gone_since_ < kRestLimit);
   if (kept) return unread_timer_.set_after(kLookUnread);
-  drop_rest();
+  drop_rest("the driver had closed before the device could take them");
   master_ended();
 }
 
-void PtyPort::drop_rest() {
+// What it has written and nobody has read.
+void PtyPort::drop_rest(std::string_view why) {
   drop_held();
   std::uint64_t bytes = 0;
   const std::span<Byte> buffer = context_.loop->read_buffer().first(kReadSize);
@@ -187,7 +188,7 @@ void PtyPort::drop_rest() {
     size = ::read(line_->pty.master(), buffer.data(), buffer.size());
     if (size > 1 && buffer.front() == TIOCPKT_DATA) bytes += static_cast<std::uint64_t>(size - 1);
   }
-  if (bytes > 0) listener().on_dropped(bytes, "the driver had closed before the device could take them");
+  if (bytes > 0) listener().on_dropped(bytes, why);
 }
 
 void PtyPort::drop_unsent() {
@@ -415,6 +416,7 @@ void PtyPort::hang_up(bool after_reading) {
   if (!peer_) return;
   if (!after_reading) {
     context_.log->debug("{}: hung up", name());
+    drop_rest("the line was hung up before they could be passed on");
     replace_line();
     context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
       if (!alive.expired()) set_up(false, LineDown::Reason::hung_up);
@@ -447,8 +449,13 @@ void PtyPort::tell_waiting() {
 }
 
 std::string PtyPort::name() const {
-  if (link_) return "pty:" + link_->path();
-  return line_ ? "pty:" + line_->pty.slave_path() : "pty";
+  const std::string path = place().path;
+  return path.empty() ? "pty" : "pty:" + path;
+}
+
+PortPlace PtyPort::place() const {
+  if (link_) return {.path = link_->path()};
+  return {.path = line_ ? line_->pty.slave_path() : std::string()};
 }
 
 }  // namespace porttape

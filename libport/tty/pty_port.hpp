@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "libport/loop/fd_watch.hpp"
@@ -65,6 +66,7 @@ class PtyPort final : public Port {
   [[nodiscard]] bool keeps_datagrams() const override { return false; }
   bool end_writing() override { return false; }
   [[nodiscard]] std::string name() const override;
+  [[nodiscard]] PortPlace place() const override;
 
  private:
   using Openers = std::optional<int>;  // how many descriptors programs have open; none: unknown
@@ -92,7 +94,7 @@ class PtyPort final : public Port {
   void count(Pty::Event event);
   void watch_reading();
   void on_unread_timer();
-  void drop_rest();
+  void drop_rest(std::string_view why);
   void on_readable();
   bool read_once();  // true when there may be more
   [[nodiscard]] bool may_deliver() const { return peer_ && accepting_ && reading_; }

@@ -16,6 +16,9 @@
 
 #include <spdlog/spdlog.h>
 
+#include "libport/base/printable.hpp"
+#include "libport/tty/device_access.hpp"
+
 namespace porttape {
 namespace {
 
@@ -28,7 +31,7 @@ std::string advice_for(int error_number) {
     case ENOENT:
       return "is it plugged in? (--wait-device waits for it)";
     case EACCES:
-      return "add the user to the group dialout";
+      return "ls -l tells who may open it";
     case EBUSY:
       return "another program has it open";
     default:
@@ -76,14 +79,15 @@ Result<void> SerialPort::prepare() {
   if (::stat(options_.device.c_str(), &status) != 0) {
     const int error = errno;
     if (options_.wait) {
-      context_.log->warn("device '{}': {}; waiting for it", options_.device, errno_text(error));
+      context_.log->warn("device {}: {}; waiting for it", in_quotes(options_.device), errno_text(error));
       return {};
     }
-    return missing(fmt::format("device '{}': {}; {}", options_.device, errno_text(error), advice_for(error)));
+    return missing(
+        fmt::format("device {}: {}; {}", in_quotes(options_.device), errno_text(error), advice_for(error)));
   }
   // Where it cannot be known, opening it tells.
   if (!S_ISCHR(status.st_mode) || is_tty_device(status.st_rdev) == false) {
-    return missing(fmt::format("device '{}' is {}, not a serial device", options_.device,
+    return missing(fmt::format("device {} is {}, not a serial device", in_quotes(options_.device),
                                S_ISDIR(status.st_mode)   ? "a folder"
                                : S_ISREG(status.st_mode) ? "a file"
                                                          : "something else"));
@@ -92,7 +96,10 @@ Result<void> SerialPort::prepare() {
                      : access_mode(common_) == O_WRONLY ? W_OK
                                                         : R_OK | W_OK;
   if (::access(options_.device.c_str(), wanted) != 0) {
-    return missing(fmt::format("device '{}': {}; {}", options_.device, errno_text(errno), advice_for(errno)));
+    const int error = errno;
+    const std::string advice =
+        error == EACCES ? access_advice(device_access(options_.device, wanted)) : advice_for(error);
+    return missing(fmt::format("device {}: {}; {}", in_quotes(options_.device), errno_text(error), advice));
   }
   if (!common_.always_open) return {};
   Result<UniqueFd> fd = open_device();
@@ -135,7 +142,7 @@ void SerialPort::try_open() {
   if (waiting_) context_.loop->post([old = std::shared_ptr<PathWatch>(std::move(waiting_))] {});
   begin_line(std::move(*fd));
   if (std::exchange(interrupted_, false)) {
-    context_.log->info("device '{}' is there again", options_.device);
+    context_.log->info("device {} is there again", in_quotes(options_.device));
     listener().on_resumed();
   }
   if (!opened_ || up_) return;
@@ -146,15 +153,17 @@ void SerialPort::try_open() {
 Result<UniqueFd> SerialPort::open_device() {
   UniqueFd fd(::open(options_.device.c_str(), access_mode(common_) | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   if (!fd)
-    return missing(fmt::format("device '{}': {}; {}", options_.device, errno_text(errno), advice_for(errno)));
+    return missing(
+        fmt::format("device {}: {}; {}", in_quotes(options_.device), errno_text(errno), advice_for(errno)));
   if (::isatty(fd.get()) == 0)
-    return missing(fmt::format("device '{}' is not a serial device", options_.device));
+    return missing(fmt::format("device {} is not a serial device", in_quotes(options_.device)));
   if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
-    return missing(fmt::format("device '{}' is busy; {}", options_.device, advice_for(EBUSY)));
+    return missing(fmt::format("device {} is busy; {}", in_quotes(options_.device), advice_for(EBUSY)));
   }
   (void)::ioctl(fd.get(), TIOCEXCL);
   if (Result<void> set = set_line(fd.get()); !set) {
-    return make_error(set.error().code, fmt::format("device '{}': {}", options_.device, set.error().message));
+    return make_error(set.error().code,
+                      fmt::format("device {}: {}", in_quotes(options_.device), set.error().message));
   }
   return fd;
 }
@@ -272,8 +281,8 @@ Result<void> SerialPort::apply(const LineSettings& settings) {
   }
   Result<std::string> set = apply_settings(line_->fd.get(), settings);
   if (!set) {
-    const Error error =
-        make_error(set.error().code, fmt::format("device '{}': {}", options_.device, set.error().message));
+    const Error error = make_error(
+        set.error().code, fmt::format("device {}: {}", in_quotes(options_.device), set.error().message));
     (void)apply_settings(line_->fd.get(), options_.settings);
     return error;
   }
@@ -323,8 +332,9 @@ void SerialPort::read_pending() {
 void SerialPort::lost(int error_number) {
   if (!line_) return;
   drop_line();
-  const Error error = make_error(Errc::device_lost, fmt::format("device '{}' is lost ({}); plug it in again",
-                                                                options_.device, errno_text(error_number)));
+  const Error error =
+      make_error(Errc::device_lost, fmt::format("device {} is lost ({}); plug it in again",
+                                                in_quotes(options_.device), errno_text(error_number)));
   const LineDown down{.reason = LineDown::Reason::lost, .error = error};
   if (common_.always_open) {
     interrupted_ = true;

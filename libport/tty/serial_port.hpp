@@ -55,6 +55,7 @@ class SerialPort final : public Port, private WaitingCalls {
   void hang_up(bool after_reading) override;
   void read_pending() override;
   [[nodiscard]] std::string name() const override { return "serial:" + options_.device; }
+  [[nodiscard]] PortPlace place() const override { return {.path = options_.device}; }
 
  private:
   std::size_t write_some(ByteView data) override;

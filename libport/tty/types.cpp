@@ -40,12 +40,24 @@ PortType serial_type() {
   PortType type{"serial", {"device"}, "a serial device"};
   type.recorded_as = "seriallog";
   type.exclusive = true;
-  type.options = {{"device", Kind::text, "/dev/ttyS0", "the tty"}};
+  type.options = {{.name = "device", .default_value = "/dev/ttyS0", .help = "the tty", .value_name = "PATH"}};
   std::ranges::copy(line_setting_options(), std::back_inserter(type.options));
   const std::vector<OptionSpec> rest = with_common({
-      {"dtr", Kind::choice, "", "sets DTR after opening", 0, 0, {"on", "off"}},
-      {"rts", Kind::choice, "", "sets RTS after opening", 0, 0, {"on", "off"}},
-      {"wait", Kind::flag, "", "a device that is missing is waited for"},
+      {"dtr",
+       Kind::choice,
+       "",
+       "sets the line DTR after opening; else as the system does",
+       0,
+       0,
+       {"on", "off"}},
+      {"rts",
+       Kind::choice,
+       "",
+       "sets the line RTS after opening; else as the system does",
+       0,
+       0,
+       {"on", "off"}},
+      {"wait", Kind::flag, "", "waits for a device that is missing, else that is an error"},
   });
   std::ranges::copy(rest, std::back_inserter(type.options));
   type.read = reads(serial_options);
@@ -59,10 +71,15 @@ PortType pty_type() {
   PortType type{"pty", {"link"}, "a pseudo-terminal that the peer opens"};
   type.recorded_as = "ptylog";
   type.options = with_common({
-      {"link", Kind::text, "", "symbolic link to the slave; without it the slave's path is printed"},
-      {"mode", Kind::text, "0600", "permissions of the slave, octal"},
-      {"owner", Kind::text, "", "owner of the slave, name or number"},
-      {"group", Kind::text, "", "group of the slave, name or number"},
+      {.name = "link",
+       .help = "where the driver finds it, a symbolic link; else the path to open is printed",
+       .value_name = "PATH"},
+      {.name = "mode",
+       .default_value = "0600",
+       .help = "who may open it: permissions, octal",
+       .value_name = "MODE"},
+      {.name = "owner", .help = "whose it is: name or number of a user", .value_name = "USER"},
+      {.name = "group", .help = "whose it is: name or number of a group", .value_name = "GROUP"},
   });
   type.read = reads(pty_options);
   type.make = makes<PtyOptions>([](const auto& context, const auto&, const auto& options) {

@@ -38,6 +38,21 @@ TEST(PrintableLines, LinesAreKeptAndNoneBeginsAtTheFront) {
   EXPECT_EQ(printable_lines("one\n  two\nthree\x1b\n"), "one\n  two\n  three\\x1b\n");
 }
 
+TEST(InQuotes, IsOneLineWithinQuotes) {
+  EXPECT_EQ(in_quotes("/tmp/ä€📼"), "'/tmp/ä€📼'");
+  EXPECT_EQ(in_quotes("a\nb\x1b\xff"), "'a\\nb\\x1b\\xff'");
+  EXPECT_EQ(in_quotes(""), "''");
+}
+
+TEST(ShellWord, IsInQuotesWhereAShellNeedsThem) {
+  EXPECT_EQ(shell_word("/dev/ttyUSB0,baud=9600"), "/dev/ttyUSB0,baud=9600");
+  EXPECT_EQ(shell_word("{port}"), "{port}");
+  EXPECT_EQ(shell_word("a b"), "'a b'");
+  EXPECT_EQ(shell_word("it's"), "'it'\\''s'");
+  EXPECT_EQ(shell_word("$HOME"), "'$HOME'");
+  EXPECT_EQ(shell_word(""), "''");
+}
+
 TEST(JsonQuote, EscapesWhatATerminalObeys) {
   EXPECT_EQ(json_quote("\x1b\x7f\u009bé\u202e\xff"), "\"\\u001b\\u007f\\u009bé\\u202e\uFFFD\"");
 }

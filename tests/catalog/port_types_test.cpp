@@ -57,6 +57,11 @@ TEST(PortOptions, ErrorsNameOptionValueAndWhatIsAccepted) {
   EXPECT_NE(error_of("serial:/dev/x,parity=mark").find("none, even, odd"), std::string::npos);
   EXPECT_NE(error_of("serial:/dev/x,speed=9").find("unknown option 'speed'"), std::string::npos);
   EXPECT_NE(error_of("modem:/dev/x").find("unknown type 'modem'"), std::string::npos);
+  EXPECT_NE(error_of("serial:/dev/x,bau=9").find("of type serial; did you mean 'baud'?"), std::string::npos);
+  EXPECT_NE(error_of("serail:/dev/x").find("did you mean 'serial'?"), std::string::npos);
+  EXPECT_NE(error_of("TCP-LISTEN:5").find("did you mean 'tcp-listen'?"), std::string::npos);
+  EXPECT_NE(error_of("tty:/dev/x").find("did you mean 'serial'?"), std::string::npos);
+  EXPECT_NE(error_of("tcp://host:5").find("HOST:PORT"), std::string::npos);
   EXPECT_NE(error_of("").find("missing"), std::string::npos);
   EXPECT_NE(error_of("type=tcplog,port=5,file=").find("'file' is empty"), std::string::npos);
 }

@@ -103,7 +103,7 @@ wrong() { # PATTERN < CONFIG
   [[ $status == 2 ]] || die "exit $status: $(cat err)"
   grep -qE -- "$1" err || die "no /$1/ in: $(cat err)"
 }
-wrong "channel 'b'.*tape .*channel 'a'" <<<"[channel a]
+wrong "wrong.conf:8: tape .*channel 'a'" <<<"[channel a]
 device = unix:/x
 driver = pty:$work/a
 tape = $work/same
@@ -111,13 +111,13 @@ tape = $work/same
 device = unix:/x
 driver = pty:$work/b
 tape = $work/folder/../same.log"
-wrong "channel 'b'.*link .*channel 'a'" <<<"[channel a]
+wrong "wrong.conf:6: link .*channel 'a'" <<<"[channel a]
 device = unix:/x
 driver = pty:$work/a
 [channel b]
 device = unix:/x
 driver = pty:$work/./a"
-wrong "mode.*0999" <<<"[channel a]
+wrong "wrong.conf:3: .*mode.*0999" <<<"[channel a]
 device = unix:/x
 driver = pty:$work/a,mode=0999"
 say "wrong configurations: exit 2"

@@ -2,6 +2,7 @@
 
 #include <csignal>
 #include <memory>
+#include <sys/time.h>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -21,6 +22,20 @@ TEST(SignalWatch, CallsBackFromTheLoopForEachSignal) {
   EXPECT_TRUE(came.empty());
   run_until(loop, [&came] { return came.size() == 2; });
   EXPECT_EQ(came, (std::vector<int>{SIGUSR1, SIGUSR2}));
+}
+
+// As it sends a terminal's.
+TEST(SignalWatch, TellsWhichTheKernelSent) {
+  Loop loop;
+  std::vector<bool> came;
+  SignalWatch watch(loop, [&](int) { came.push_back(watch.from_terminal()); });
+  watch.add({SIGALRM});
+  std::raise(SIGALRM);
+  run_until(loop, [&came] { return came.size() == 1; });
+  const itimerval soon{{}, {0, 1000}};
+  ASSERT_EQ(::setitimer(ITIMER_REAL, &soon, nullptr), 0);
+  run_until(loop, [&came] { return came.size() == 2; });
+  EXPECT_EQ(came, (std::vector<bool>{false, true}));
 }
 
 TEST(SignalWatch, ACallbackMayEndIt) {

@@ -124,74 +124,165 @@ TEST(ReportText, PassIsOneLine) {
             "1.250000 s\n");
 }
 
-TEST(ReportText, MismatchIsMarkedUnderItsByte) {
-  EXPECT_EQ(to_text(mismatched()),
-            "data-mismatch  laser.log: from the driver 12 of 42 bytes as recorded, to the driver 3222 of "
-            "3222, 1.250000 s\n"
-            "  not what the tape has: byte 12 from the driver, 2.000001 s after its open\n"
-            "  on the tape: exchange 3, byte 12 of the writes, recorded at 1.234567 s\n"
-            "  expected  56 56 0a 42 4d 0a     \"VV\\nBM\\n\"\n"
-            "  got       56 56 0a 01 51 54 0a  \"VV\\n\\x01QT\\n\"\n"
-            "                     ^^\n"
-            "  hint      comes later at offset 40 (tape 0.900000 s)\n");
+// The driver's third write was "VX\n"; the tape has "VV\n", "BM\n".
+Mismatch wrong_byte() {
+  Mismatch mismatch;
+  mismatch.offset = mismatch.tape_offset = 17;
+  mismatch.tape = tape_time_us(1'234'567);
+  mismatch.real = Micros{2'000'001};
+  mismatch.expected = bytes("V\nBM\n");
+  mismatch.got = bytes("X\nBM\n");
+  mismatch.before = bytes("QT\nV");
+  mismatch.block_before = 1;
+  mismatch.block_after = 2;
+  mismatch.write = 3;
+  mismatch.write_offset = 1;
+  mismatch.exchange = 3;
+  return mismatch;
+}
+
+TEST(ReportText, TheCauseStandsFirstAndTheMarkUnderItsByte) {
+  RunReport report = mismatched();
+  report.mismatch = wrong_byte();
+  report.mismatch->hint = "comes later at offset 40 (tape 0.900000 s)";
+  EXPECT_EQ(
+      to_text(report),
+      "data mismatch: the driver wrote \"VX\\n\" where the tape has \"VV\\n\"\n"
+      "  at byte 1 of its write no. 3 (byte 17 of all it wrote, 2.000001 s after its open; tape time "
+      "1.234567 s, exchange 3)\n"
+      "  expected  51 54 0a 56 56 0a 42 4d 0a  \"QT\\nVV\\nBM\\n\"\n"
+      "  got       51 54 0a 56 58 0a 42 4d 0a  \"QT\\nVX\\nBM\\n\"\n"
+      "                        ^^\n"
+      "  hint      comes later at offset 40 (tape 0.900000 s)\n"
+      "  laser.log: from the driver 12 of 42 bytes as recorded, to the driver 3222 of 3222, 1.250000 s\n");
+}
+
+TEST(ReportText, BytesThatAreNoTextAreShownInHex) {
+  Mismatch mismatch = wrong_byte();
+  mismatch.before = {0x01, 0x04};
+  mismatch.block_before = 2;
+  mismatch.expected = {0x00, 0x02, 0x71, 0xcb};
+  mismatch.block_after = 4;
+  mismatch.got = {0x00, 0x03, 0xb0, 0x0b};
+  EXPECT_THAT(
+      to_text(mismatch),
+      HasSubstr("data mismatch: the driver wrote 01 04 00 03 b0 0b where the tape has 01 04 00 02 71 cb\n"));
+}
+
+TEST(ReportText, WhereNoWriteIsKnownTheStreamCounts) {
+  Mismatch mismatch = wrong_byte();
+  mismatch.write = 0;
+  mismatch.tape_offset = 20;
+  EXPECT_THAT(
+      to_text(mismatch),
+      HasSubstr("  at byte 17 of all it wrote (2.000001 s after its open; tape time 1.234567 s, exchange 3, "
+                "byte 20 of its writes)\n"));
 }
 
 TEST(ReportText, LongBytesAreCut) {
   RunReport report = mismatched();
-  report.mismatch->before = Bytes(16, 'b');
+  report.mismatch->before = Bytes(32, 'b');
+  report.mismatch->block_before = 100;
   report.mismatch->expected = Bytes(32, 'e');
+  report.mismatch->block_after = 200;
   report.mismatch->got = Bytes(1, 'g');
   EXPECT_THAT(
       to_text(report),
       HasSubstr("  expected  62 62 62 62 62 62 62 62 65 65 65 65 65 65 65 65 65 65 65 65 65 65 65 65 ..  "
                 "\"bbbbbbbbeeeeeeeeeeeeeeee\"..\n"));
+  EXPECT_THAT(to_text(report), HasSubstr("where the tape has ..\"bbbbbbbbbbbbbbbbeeeeeeeeeeeeeeee\"..\n"));
 }
 
-TEST(ReportText, TimingTellsTheErrorAndOurOwnLateness) {
+TEST(ReportText, TimingTellsTheWriteTheErrorAndOurOwnLateness) {
   RunReport report = mismatched();
   report.verdict = Verdict::timing_mismatch;
+  report.mismatch = wrong_byte();
   report.mismatch->kind = MismatchKind::timing;
-  report.mismatch->error = Micros{-153'200};
+  report.mismatch->write = 0;
+  report.mismatch->expected = report.mismatch->got = bytes("GD0044072501\n");
+  report.mismatch->error = Micros{213'200};
+  report.mismatch->allowed = Micros{200'000};
   report.mismatch->own_late = Micros{70};
-  EXPECT_THAT(
+  EXPECT_EQ(
       to_text(report),
-      HasSubstr("  a write came 153.200 ms early: byte 12 from the driver, 2.000001 s after its open\n"
-                "  on the tape: exchange 3, byte 12 of the writes, recorded at 1.234567 s\n"
-                "  our own delivery before it was 0.070 ms late\n"
-                "  our own timers were late by 12.5 us (median), 80.0 us (99 %), 131.0 us (most)\n"));
+      "timing mismatch: \"GD0044072501\\n\" came 213.2 ms later than recorded (200 ms allowed)\n"
+      "  at byte 17 of all it wrote (2.000001 s after its open; tape time 1.234567 s, exchange 3)\n"
+      "  our own delivery before it was 0.07 ms late\n"
+      "  laser.log: from the driver 12 of 42 bytes as recorded, to the driver 3222 of 3222, 1.250000 s\n"
+      "  our own timers were late by 12.5 us (median), 80.0 us (99 %), 131.0 us (most)\n");
+  report.mismatch->error = -report.mismatch->error;
+  EXPECT_THAT(to_text(report), HasSubstr(" came 213.2 ms earlier than recorded "));
 }
 
 TEST(ReportText, IncompleteTellsWhatIsMissing) {
   RunReport report = passed();
   report.verdict = Verdict::incomplete;
-  report.from_driver_matched = 41;
-  report.next_expected = bytes("\n");
-  report.next_expected_offset = 41;
+  report.from_driver_matched = 36;
+  report.next_expected = bytes("QT\nRS\n");
+  report.next_expected_block = 3;
+  report.next_expected_offset = 36;
   report.next_expected_tape = tape_time_us(900'000);
-  EXPECT_THAT(to_text(report),
-              HasSubstr("  1 recorded byte never came from the driver; the first, byte 41 of the "
-                        "tape's writes, recorded at 0.900000 s:\n  expected  0a  \"\\n\"\n"));
+  EXPECT_EQ(
+      to_text(report),
+      "incomplete: the driver never wrote \"QT\\n\"\n"
+      "  the tape has it at 0.900000 s, byte 36 of the driver's writes: 51 54 0a\n"
+      "  6 recorded bytes never came from the driver\n"
+      "  laser.log: from the driver 36 of 42 bytes as recorded, to the driver 3222 of 3222, 1.250000 s\n");
+  report.next_expected_before = bytes("as");
+  report.next_expected = bytes("k\n");
+  report.next_expected_block = 2;
+  EXPECT_THAT(to_text(report), HasSubstr("incomplete: the driver wrote \"as\" of \"ask\\n\"\n"));
+}
+
+TEST(ReportText, ATimingMismatchBeforeWhatIsMissingIsToldToo) {
+  RunReport report = passed();
+  report.verdict = Verdict::incomplete;
+  report.next_expected = bytes("QT\n");
+  report.next_expected_block = 3;
+  report.mismatch = wrong_byte();
+  report.mismatch->kind = MismatchKind::timing;
+  const std::string text = to_text(report);
+  EXPECT_THAT(text, testing::StartsWith("incomplete: the driver never wrote \"QT\\n\"\n"));
+  EXPECT_THAT(text, HasSubstr("  before    \"X\\nBM\\n\" came 0 ms earlier than recorded (0 ms allowed)\n"));
 }
 
 TEST(ReportText, TroubleCommandAndMoreMismatchesAreTold) {
   RunReport report = mismatched();
   report.mismatches = 5;
   report.trouble = "laser.logr: block at byte 12 is damaged";
-  report.command_exit = 9;
+  report.command_end = "ended with status 9";
   const std::string text = to_text(report);
-  EXPECT_THAT(text, HasSubstr("  the tape could not be read on: laser.logr: block at byte 12 is damaged\n"));
+  EXPECT_THAT(text, testing::StartsWith(
+                        "failed: the tape could not be read on: laser.logr: block at byte 12 is damaged\n"));
   EXPECT_THAT(text, HasSubstr("  mismatches in all: 5\n"));
   EXPECT_THAT(text, HasSubstr("  the command ended with status 9\n"));
+}
+
+TEST(ReportText, AnOutcomeOfTheProgramsStandsFirst) {
+  RunReport report = passed();
+  report.outcome = "failed: the driver did all as recorded, but the command ended with status 1";
+  EXPECT_EQ(to_text(report, true), "\033[31m" + report.outcome +
+                                       "\033[0m\n"
+                                       "  laser.log: from the driver 42 of 42 bytes as recorded, to the "
+                                       "driver 3222 of 3222, 1.250000 s\n");
+  report = mismatched();
+  report.mismatch = wrong_byte();
+  report.outcome = "interrupted by SIGINT (2)";
+  EXPECT_THAT(to_text(report),
+              testing::StartsWith("interrupted by SIGINT (2)\n"
+                                  "  verdict   data mismatch: the driver wrote \"VX\\n\" where the tape has "
+                                  "\"VV\\n\"\n  at byte 1 of its write no. 3 ("));
 }
 
 TEST(ReportText, ExtraSaysThatTheTapeHasNoMore) {
   Mismatch mismatch;
   mismatch.kind = MismatchKind::extra;
   mismatch.got = bytes("x");
+  mismatch.write = 1;
   EXPECT_EQ(to_text(mismatch),
-            "extra bytes\n"
-            "  more than the tape has: byte 0 from the driver, 0.000000 s after its open\n"
-            "  on the tape: exchange 0, byte 0 of the writes, recorded at 0.000000 s\n"
+            "extra: the driver wrote \"x\" where the tape has nothing more\n"
+            "  at byte 0 of its write no. 1 (byte 0 of all it wrote, 0.000000 s after its open; tape time "
+            "0.000000 s, exchange 0)\n"
             "  expected      \"\"  (the tape has no more)\n"
             "  got       78  \"x\"\n"
             "            ^^\n");
@@ -199,7 +290,7 @@ TEST(ReportText, ExtraSaysThatTheTapeHasNoMore) {
 
 TEST(ReportText, ColourOnlyWhenAsked) {
   EXPECT_THAT(to_text(mismatched()), Not(HasSubstr("\033")));
-  EXPECT_THAT(to_text(mismatched(), true), HasSubstr("\033[31mdata-mismatch\033[0m"));
+  EXPECT_THAT(to_text(mismatched(), true), HasSubstr("\033[31mdata mismatch\033[0m: the driver wrote"));
   EXPECT_THAT(to_text(passed(), true), HasSubstr("\033[32mpass\033[0m"));
 }
 
@@ -207,6 +298,8 @@ TEST(ReportText, ATapeNameCannotSpoilTheTerminal) {
   RunReport report = passed();
   report.tape = "a\033[2Jb";
   EXPECT_THAT(to_text(report), HasSubstr("a\\x1b[2Jb"));
+  report.tape = "M\u00fcller";
+  EXPECT_THAT(to_text(report), HasSubstr("M\u00fcller: "));
 }
 
 }  // namespace

@@ -114,7 +114,7 @@ TEST(Data, ExtraIsExtraAlsoAfterTheTapeIsUsedUp) {
 TEST(Data, LongMismatchesAreShownInPart) {
   Rig rig(MemoryTape().write(0, std::string(40, 'k') + std::string(100, 'a')), failing());
   rig.open().write(std::string(40, 'k') + std::string(100, 'b'));
-  EXPECT_EQ(as_text(rig.mismatches.at(0).before), std::string(16, 'k'));
+  EXPECT_EQ(as_text(rig.mismatches.at(0).before), std::string(32, 'k'));
   EXPECT_EQ(as_text(rig.mismatches.at(0).expected), std::string(32, 'a'));
   EXPECT_EQ(as_text(rig.mismatches.at(0).got), std::string(32, 'b'));
 }

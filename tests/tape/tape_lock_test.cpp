@@ -50,7 +50,7 @@ TEST(TapeLock, ALiveTapeIsNeitherTakenNorReplaced) {
     for (const Error& error :
          {TapeWriter::check(paths, {.on_existing = how}).error(), create(paths, how).error()}) {
       EXPECT_EQ(error.code, Errc::usage);
-      EXPECT_THAT(error.message, HasSubstr("t.logr is being written by another recording"));
+      EXPECT_THAT(error.message, HasSubstr("t.logr' is being written by another recording"));
       EXPECT_THAT(error.message, HasSubstr("take another name"));
     }
   }
@@ -68,7 +68,7 @@ TEST(TapeLock, OneLiveFileOfTheThreeIsEnough) {
   ASSERT_TRUE(live);
   std::filesystem::remove(paths.read);
   std::filesystem::remove(paths.write);
-  EXPECT_THAT(create(paths, OnExisting::overwrite).error().message, HasSubstr("t.loge is being written"));
+  EXPECT_THAT(create(paths, OnExisting::overwrite).error().message, HasSubstr("t.loge' is being written"));
   EXPECT_EQ(files_in(dir), 1);
 }
 

@@ -9,7 +9,9 @@ namespace porttape {
 namespace {
 
 using test::TempDir;
+using testing::EndsWith;
 using testing::HasSubstr;
+using testing::Not;
 
 std::string found(const std::string& argument) {
   const auto paths = find_tape(argument);
@@ -102,6 +104,25 @@ TEST(TapeName, ErrorsSayWhatWasLookedFor) {
   EXPECT_THAT(paths.error().message, HasSubstr(dir / "xr"));
   EXPECT_THAT(paths.error().message, HasSubstr(dir / "x.logr"));
   EXPECT_EQ(find_tape("").error().code, Errc::usage);
+}
+
+TEST(TapeName, ATapeOfANearNameIsNamed) {
+  const TempDir dir;
+  test::write_file(dir / "laser.logr", {});
+  for (const char* argument : {"lasr", "laesr", "Laser"}) {
+    const auto paths = find_tape(dir / argument);
+    ASSERT_FALSE(paths) << argument;
+    EXPECT_THAT(paths.error().message, EndsWith("; did you mean '" + (dir / "laser") + "'?"));
+  }
+  EXPECT_THAT(find_tape(dir / "lasr.log").error().message, EndsWith("'" + (dir / "laser.log") + "'?"));
+  EXPECT_THAT(find_tape(dir / "radar").error().message, Not(HasSubstr("did you mean")));
+}
+
+TEST(TapeName, ALinkThatLeadsNowhereIsToldAsOne) {
+  const TempDir dir;
+  std::filesystem::create_symlink("loop.logr", dir / "loop.logr");
+  EXPECT_THAT(find_tape(dir / "loop").error().message,
+              HasSubstr("'" + (dir / "loop.logr") + "', a link that leads nowhere"));
 }
 
 }  // namespace

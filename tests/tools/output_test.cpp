@@ -11,6 +11,7 @@
 
 #include "libport/base/unique_fd.hpp"
 #include "libport/base/version.hpp"
+#include "tests/support/help_width.hpp"
 #include "tests/tools/run.hpp"
 
 namespace porttape {
@@ -87,23 +88,38 @@ TEST(Porttape, HelpAndVersionGoToStandardOutput) {
   EXPECT_EQ(run({"--version"}).out, "porttape " + std::string(version()) + "\n");
   const auto help = run({"--help"});
   EXPECT_EQ(help.status, 0);
+  EXPECT_EQ(test::first_long_line(help.out), "");
+  EXPECT_EQ(test::first_long_line(run({"--help-ports"}).out), "");
   for (const Verb& verb : verbs()) {
     EXPECT_THAT(help.out, HasSubstr("  " + std::string(verb.name) + " "));
     const auto verb_help = run({std::string(verb.name), "--help"});
     EXPECT_EQ(verb_help.status, 0);
     EXPECT_THAT(verb_help.out, HasSubstr("Example"));
     EXPECT_EQ(verb_help.err, "");
+    EXPECT_EQ(test::first_long_line(verb_help.out), "");
+    EXPECT_EQ(run({std::string(verb.name), "-h"}).out, verb_help.out);
   }
 }
 
 TEST(Porttape, WhatItDoesNotKnowIs2AndOneLine) {
   for (const std::vector<std::string>& args :
-       std::vector<std::vector<std::string>>{{}, {"frobnicate"}, {"--frobnicate"}, {"--ver"}, {""}}) {
+       std::vector<std::vector<std::string>>{{}, {"frobnicate"}, {"--frobnicate"}, {"-v"}, {""}}) {
     const auto ran = run(args);
     EXPECT_EQ(ran.status, 2);
     EXPECT_EQ(ran.out, "");
     EXPECT_THAT(ran.err, testing::MatchesRegex("porttape: [^\n]*; see porttape --help\n"));
   }
+}
+
+TEST(Porttape, TheLineThatWasMeantIsNamed) {
+  EXPECT_EQ(run({"inof"}).err, "porttape: unknown verb 'inof'; did you mean 'info'?\n");
+  EXPECT_EQ(run({"--ver"}).err, "porttape: unknown option '--ver'; did you mean '--version'?\n");
+  EXPECT_EQ(run({"laser.log"}).err,
+            "porttape: unknown verb 'laser.log'; did you mean 'porttape info laser.log'?\n");
+  EXPECT_EQ(run({"replay", "--tape", "a b"}).err,
+            "porttape: 'replay' is a verb of porttaped: porttaped replay --tape 'a b'\n");
+  EXPECT_EQ(run({"cat", "--form", "1", "x"}).err,
+            "porttape cat: unknown option '--form'; did you mean '--from'?\n");
 }
 
 }  // namespace

@@ -11,7 +11,10 @@
 namespace porttape::test {
 namespace {
 
+using testing::EndsWith;
 using testing::HasSubstr;
+using testing::MatchesRegex;
+using testing::Not;
 
 class TestVerb : public testing::Test {
  protected:
@@ -35,35 +38,58 @@ TEST_F(TestVerb, PassesWhenTheCommandDoesAsRecorded) {
   const Ran ran = test(kGood);
   EXPECT_EQ(ran.status, 0) << ran.out << ran.err;
   EXPECT_THAT(ran.out, HasSubstr("pass"));
+  EXPECT_THAT(ran.out, EndsWith(" s\n"));
 }
 
 TEST_F(TestVerb, APortThatTheSystemChoosesIsGivenToTheCommand) {
-  const Ran ran =
-      run({"test", "--tape", tape, "--driver", "tcp-listen:127.0.0.1:0", "--timeout", "20", "--", "/bin/bash",
-           "-c",
-           "place={port}; exec 3<>/dev/tcp/${place%:*}/${place#*:}; echo ask >&3; read answer <&3; "
-           "test \"$answer\" = 42"});
+  const Ran ran = run({"test", "--tape", tape, "--driver", "tcp-listen:127.0.0.1:0", "--timeout", "20", "--",
+                       "/bin/bash", "-c",
+                       "exec 3<>/dev/tcp/{host}/{tcp_port}; echo ask >&3; read answer <&3; "
+                       "test \"$answer\" = 42 && test {port} = \"$PORTTAPE_HOST:$PORTTAPE_TCP_PORT\""});
   EXPECT_EQ(ran.status, 0) << ran.out << ran.err;
 }
 
 TEST_F(TestVerb, AWrongRequestIsADataMismatch) {
   const Ran ran = test("exec 3<>{port}; echo axk >&3; read answer <&3");
   EXPECT_EQ(ran.status, 3);
-  EXPECT_THAT(ran.out, HasSubstr("byte 1 "));
+  EXPECT_THAT(ran.out, HasSubstr("data mismatch: the driver wrote \"axk\\n\" where the tape has \"ask\\n\"\n"
+                                 "  at byte 1 of its write no. 1 (byte 1 of all it wrote, "));
 }
 
-TEST_F(TestVerb, AMissingRequestIsIncomplete) { EXPECT_EQ(test("exec 3<>{port}; printf as >&3").status, 5); }
+TEST_F(TestVerb, AMissingRequestIsIncomplete) {
+  const Ran ran = test("exec 3<>{port}; printf as >&3");
+  EXPECT_EQ(ran.status, 5);
+  EXPECT_THAT(ran.out, HasSubstr("incomplete: the driver wrote \"as\" of \"ask\\n\"\n"));
+}
+
+TEST_F(TestVerb, AWriteThatComesLateIsShownWithItsText) {
+  const Ran ran = test("exec 3<>{port}; sleep 0.3; echo ask >&3; read answer <&3", {"--strictness", "2"});
+  EXPECT_EQ(ran.status, 4);
+  EXPECT_THAT(
+      ran.out,
+      MatchesRegex(
+          "timing mismatch: \"ask\\\\n\" came [0-9.]+ ms later than recorded \\(100 ms allowed\\)\n.*"));
+}
+
+TEST_F(TestVerb, TheEnvironmentHasThePortToo) {
+  const Ran ran =
+      test("exec 3<>\"$PORTTAPE_PORT\"; echo ask >&3; read answer <&3; test \"$PORTTAPE_PORT\" = {port}");
+  EXPECT_EQ(ran.status, 0) << ran.out << ran.err;
+}
 
 TEST_F(TestVerb, ACommandThatNeverOpensThePortIsIncomplete) {
   const Ran ran = test("true");
   EXPECT_EQ(ran.status, 5);
-  EXPECT_THAT(ran.err, HasSubstr("never opened"));
+  EXPECT_THAT(ran.out, HasSubstr("incomplete: the command never opened its port\n"));
+  EXPECT_THAT(ran.err, HasSubstr("$PORTTAPE_PORT"));
 }
 
 TEST_F(TestVerb, TheCommandsOwnFailureCountsWhenTheVerdictIsPass) {
   const Ran ran = test(std::string(kGood) + "; exit 7");
   EXPECT_EQ(ran.status, 1);
-  EXPECT_THAT(ran.err, HasSubstr("status 7"));
+  EXPECT_THAT(ran.out,
+              HasSubstr("failed: the driver did all as recorded, but the command ended with status 7\n"));
+  EXPECT_THAT(ran.out, Not(HasSubstr("pass")));
 }
 
 TEST_F(TestVerb, AProbeBeforeTheSessionDoesNotSpoilTheVerdict) {
@@ -82,7 +108,7 @@ TEST_F(TestVerb, TheReportHasTheCommandsStatus) {
 TEST_F(TestVerb, ACommandThatTakesTooLongIsEnded) {
   const Ran ran = run({"test", "--tape", tape, "--timeout", "0.2", "--", "/bin/sleep", "1000"});
   EXPECT_NE(ran.status, 0);
-  EXPECT_THAT(ran.err, HasSubstr("--timeout"));
+  EXPECT_THAT(ran.out, HasSubstr("ran longer than --timeout and was ended"));
 }
 
 TEST_F(TestVerb, ASessionThatEndsBeforeTheCommandIsNoHarm) {
@@ -153,6 +179,14 @@ TEST_F(TestVerb, LeavesNothingBehind) {
   (void)test(kGood);
   ::unsetenv("TMPDIR");
   EXPECT_TRUE(std::filesystem::is_empty(temporary));
+}
+
+TEST_F(TestVerb, ACommandWithoutTheDashesBeforeItIsShownWithThem) {
+  EXPECT_EQ(
+      run({"test", "--tape", "x", "./driver", "--device", "{port}", "a b"}).err,
+      "porttape test: -- is missing before the command; type porttape test --tape x -- ./driver --device "
+      "{port} 'a b'\n");
+  EXPECT_THAT(run({"test", "--tape", "x", "y", "--", "true"}).err, HasSubstr("'y' is not an option"));
 }
 
 TEST_F(TestVerb, HelpHasAnExample) {

@@ -231,6 +231,18 @@ TEST_F(PtyPortTest, HangUpEndsTheDriversLineAndTheLinkLivesOn) {
   until("up hung_up up ");
 }
 
+TEST_F(PtyPortTest, AHangUpTellsWhatItTookAway) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  port.set_reading(false);
+  const std::string lost(3000, 'l');
+  ASSERT_EQ(::write(fd.get(), lost.data(), lost.size()), 3000);
+  port.hang_up(false);
+  EXPECT_EQ(log.dropped, 3000U);
+  until("up hung_up ");
+}
+
 TEST_F(PtyPortTest, BetweenCloseAndOpenAPeersBytesWait) {
   start();
   UniqueFd first = driver();

@@ -1,0 +1,371 @@
+#!/usr/bin/env python3
+"""What a user reads who typed something wrong, or gave a wrong tape: the table of both, against the real programs.
+
+Each row: its exit status, and what its one line on stderr must have in it (regular expressions, without regard to
+case): what is wrong, where, and what to type. None may say that a thing is sound or has passed, none shows a help text,
+and none leaves anything behind. PORTTAPE and PORTTAPED name the programs.
+"""
+
+import os
+import pty
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+
+import tapes
+
+TOOL = os.environ["PORTTAPE"]
+DAEMON = os.environ["PORTTAPED"]
+REACHED = re.compile(r"\b(sound(?! as far)|pass|passed)\b", re.IGNORECASE)
+WITHOUT_ROOT = ["setpriv", "--bounding-set", "-dac_override,-dac_read_search",
+                "--inh-caps", "-dac_override,-dac_read_search"]
+
+PORTS = "--driver pty:p --device unix:s"  # of a channel that is right
+NEAR = r"did you mean '{}'\?$"
+
+
+def near(word):
+    return NEAR.format(re.escape(word))
+
+
+def record_line(port):
+    return near(f"porttaped record --device {port} --driver pty:/tmp/port --tape NAME")
+
+
+# The command line of porttaped, what its line must have, and the exit status where it is not 2.
+DAEMON_ROWS = [
+    ("", ["a verb is missing", "record, replay, bridge, run", "porttaped --help"]),
+    ("recrod", ["'recrod'", near("record")]),
+    ("nonsense", ["'nonsense'", "accepted: record, replay, bridge, run", "porttaped --help"]),
+    ("--device /dev/ttyUSB0", ["a verb is missing before '--device'", "record, replay"]),
+    ("--verison", ["'--verison'", near("--version")]),
+    ("test --tape good -- true", ["verb of porttape: porttape test --tape good -- true$"]),
+    ("verfiy", ["'verfiy'", near("porttape verify")]),
+    ("good.log", [near("porttaped replay --tape good.log --driver pty:/tmp/port")]),
+    ("good", [near("porttaped replay --tape good --driver pty:/tmp/port")]),
+    ("/dev/ttyUSB0", [record_line("/dev/ttyUSB0")]),
+    ("ttyUSB0", [record_line("/dev/ttyUSB0")]),
+    ("record localhost:2000", [record_line("tcp:localhost:2000")]),
+    ("record COM3", [record_line("/dev/ttyUSB0")]),
+    ("robot.conf", [near("porttaped run robot.conf")]),
+    ("record /dev/ttyUSB0", ["'/dev/ttyUSB0' stands alone", record_line("/dev/ttyUSB0")]),
+    ("record --device /dev/ttyUSB0 laser", [
+        "'laser' stands alone",
+        near("porttaped record --device /dev/ttyUSB0 --tape laser --driver pty:/tmp/port")]),
+    ("replay good.log", [near("porttaped replay --tape good.log --driver pty:/tmp/port")]),
+    (f"bridge {PORTS} more", ["'more' is not an option", "porttaped bridge --help"]),
+    (f"record {PORTS}", ["'tape' is missing: NAME"]),
+    ("record --driver pty:p --tape new", ["'device' is missing: PORT", "/dev/ttyUSB0"]),
+    ("record --device unix:s --tape new", ["'driver' is missing: PORT", "pty:/tmp/laser"]),
+    ("replay --driver pty:p", ["'tape' is missing: NAME"]),
+    (f"record {PORTS} --tape", ["'--tape' has no value; type --tape NAME"]),
+    (f"record {PORTS} --tape=", ["'--tape'", "type --tape NAME"]),
+    (f"record {PORTS} --tape \"\"", ["'--tape' is empty; type --tape NAME"]),
+    (f"record {PORTS} --tape a --tape b", ["'--tape' is given twice"]),
+    (f"record {PORTS} --tape a --overwrite=1", ["'--overwrite' takes no value"]),
+    (f"record {PORTS} --tape a --overwite", ["'--overwite'", near("--overwrite")]),
+    (f"record {PORTS} --tape a -x", ["unknown option '-x'", "porttaped record --help"]),
+    (f"record {PORTS} --tape a --strictness 2", ["'strictness' is one of replay, not of record"]),
+    (f"bridge {PORTS} --tape a", ["'tape' is one of record, not of bridge"]),
+    ("record --device /dev/ttyUSB0 --baud 9600", ["'baud' is one of a port", r"PORT,baud=RATE"]),
+    (f"record {PORTS} --tape a --on-existing nxet", ["'nxet'", "refuse, next, overwrite", near("next")]),
+    (f"record {PORTS} --tape /dev/null", ["'tape': '/dev/null' is a port", "NAME"]),
+    (f"record {PORTS} --tape tcp:localhost:2000", ["'tape': 'tcp:localhost:2000' is a port", "NAME"]),
+    (f"record {PORTS} --tape a --log-level loud", ["'log-level': 'loud'", "trace, debug, info, warn, error, off"]),
+    ("bridge --driver pty:p --device ttyUSB0", ["'device': 'ttyUSB0'", near("/dev/ttyUSB0")]),
+    ("bridge --driver pty:p --device dev/ttyUSB0", ["'device'", near("/dev/ttyUSB0")]),
+    ("bridge --driver pty:p --device COM3", ["'COM3' is a name that Windows has", "ls -l /dev/serial/by-id"]),
+    ("bridge --driver pty:p --device localhost:2000", ["'device'", near("tcp:localhost:2000")]),
+    ("bridge --driver localhost:2000 --device unix:s", ["'driver'", near("tcp-listen:localhost:2000")]),
+    ("bridge --driver 2000 --device unix:s", ["'driver'", near("tcp-listen:2000")]),
+    ("bridge --driver pty:p --device tcp://localhost:2000", ["'device'", near("tcp:localhost:2000")]),
+    ("bridge --driver /tmp/laser --device unix:s", ["'driver': '/tmp/laser'", near("pty:/tmp/laser")]),
+    ("bridge --driver pty:p --device ./socket", ["'device': './socket'", near("unix:./socket")]),
+    ("bridge --driver pty:p --device /tmp/laser", ["'device': '/tmp/laser'", near("serial:/tmp/laser")]),
+    ("bridge --driver pty:p --device good.log", ["'good.log' is a tape", "porttaped replay --tape good.log"]),
+    ("bridge --driver good --device unix:s", ["'driver': 'good' is a tape", "porttaped replay --tape good"]),
+    ("bridge --driver pty:p --device device=/dev/x,baud=9600", [near("type=serial,device=/dev/x,baud=9600")]),
+    ("bridge --driver pty:p --device serail:/dev/ttyUSB0", ["'serail'", near("serial")]),
+    ("bridge --driver pty:p --device tty:/dev/ttyUSB0", ["'tty'", near("serial")]),
+    ("bridge --driver pty:p --device modem:x", ["unknown type 'modem'", "accepted: serial, pty"]),
+    ("bridge --driver pty:p --device /dev/ttyUSB0,bau=9600", ["'bau' of type serial", near("baud")]),
+    ("bridge --driver pty:p --device /dev/ttyUSB0,baud=fast", ["'baud': 'fast'", "a whole number"]),
+    ("bridge --driver pty:p --device /dev/ttyUSB0,parity=evne", ["'parity': 'evne'", near("even")]),
+    ("bridge --driver pty:p --device tcp:localhost:70000", ["'port': '70000'", "0 to 65535"]),
+    ("bridge --driver pty:p --device tcp:::1:2000", [r"\[IPv6\]:PORT"]),
+    ("bridge --driver pty:p --device unix", ["'path' is missing", "path of a socket"]),
+    ("bridge --driver pty:p,mode=rw --device unix:s", ["'mode': 'rw'", "octal permissions like 0660"]),
+    ("bridge --driver pty:p --device pty:p", ["link '.*/p' is there twice"]),
+    ("bridge --driver pty:folder/no/p --device unix:socket", ["'folder/no/p'", "mkdir -p .*/folder/no$"]),
+    ("bridge --driver unix-listen:no/s --device unix:socket", ["'no/s'", "mkdir -p .*/no$"]),
+    ("bridge --driver pty:file --device unix:socket", ["'file' exists and is not a link", "choose another path"]),
+    ("record --driver pty:p --device unix:socket --tape no/new", ["folder 'no'", "mkdir -p no$"]),
+    ("record --driver pty:p --device unix:socket --tape good", ["'good.logr' exists", "--overwrite"]),
+    ("bridge --driver pty:p --device unix:none", ["'none'", "is the program that listens there running"], 6),
+    ("bridge --driver pty:p --device /dev/none", ["'/dev/none'", "plugged in", "--wait-device"], 6),
+    ("bridge --driver pty:p --device serial:file", ["'file' is a file, not a serial device"], 6),
+    ("bridge --driver pty:p --device {closed}", ["'{closed}'", r"it is yours and closed to you: chmod u\+rw {closed}$"],
+     6),
+    ("replay --tape god --driver pty:p", ["no tape 'god'", near("good")]),
+    ("replay --tape nothing --driver pty:p", ["no tape 'nothing'", "'nothing.logr'"]),
+    ("replay --tape good --driver pty:p --strictness 3", ["'strictness': '3'", "0 to 2"]),
+    ("replay --tape good --driver pty:p --jitter 100ms", ["'jitter': '100ms'", "milliseconds", near("100")]),
+    ("replay --tape good --driver pty:p --patience 500ms", ["'patience'", "seconds", near("0.5")]),
+    ("replay --tape good --driver pty:p --jitter soon", ["'jitter': 'soon'", "milliseconds"]),
+    ("replay --tape good --driver pty:p --jitter -1", ["'jitter': '-1'", "0 to"]),
+    ("replay --tape good --driver pty:p --rate 0", ["'rate': '0'", "0.000001 to 1000000"]),
+    ("replay --tape good --driver pty:p --timing reactiv", ["'reactiv'", near("reactive")]),
+    ("replay --tape good --driver pty:p --timing none --strictness 2", ["'strictness'", "use strictness 1"]),
+    ("replay --tape good --driver pty:p --stricktness 1", [near("--strictness")]),
+    ("replay --tape good --driver pty:p --report no/r.json", ["report 'no/r.json'", "mkdir -p .*/no$"]),
+    ("replay --tape good --driver pty:p --report .", ["report '.' is a folder; name a file"]),
+    ("run", ["configuration file is missing", "porttaped run CONFIG"]),
+    ("run a.conf b.conf", ["'b.conf' is one too many"]),
+    ("run none.conf", ["'none.conf': No such file", "porttaped run --help"]),
+    ("run .", [r"'\.': Is a directory"]),
+    ("run good.logr", ["good.logr:1: is not text"]),
+    ("run file --chek-config", ["'--chek-config'", near("--check-config")]),
+    ("record -b --pidfile file --driver pty:p --device unix:socket --tape new", ["'file' is not a pidfile"]),
+    ("bridge --driver pty:p --device unix:socket --log-file no/l", ["'log-file': 'no/l' cannot be written"]),
+]
+
+TOOL_ROWS = [
+    ("", ["a verb is missing", "info, cat", "porttape --help"]),
+    ("inof good", ["'inof'", near("info")]),
+    ("nonsense", ["'nonsense'", "accepted: info, cat"]),
+    ("--hlep", ["'--hlep'", near("--help")]),
+    ("good.log", [near("porttape info good.log")]),
+    ("good", [near("porttape info good")]),
+    ("/dev/ttyUSB0", [record_line("/dev/ttyUSB0")]),
+    ("replay --tape good", ["verb of porttaped: porttaped replay --tape good$"]),
+    ("bridgge", [near("porttaped bridge")]),
+    ("info", ["no tape given", "porttape info TAPE"]),
+    ("info god", ["no tape 'god'", near("good")]),
+    ("verify nothing", ["no tape 'nothing'", "'nothing.logr'"]),
+    ("info --jsn good", ["'--jsn'", near("--json")]),
+    ("cat good other", ["more than one tape"]),
+    ("cat good --form 1", ["'--form'", near("--from")]),
+    ("cat good --from", ["'--from' has no value; type --from S"]),
+    ("cat good --from x", ["'x'", "seconds"]),
+    ("cat good --dir both", ["'both'", "r or w"]),
+    ("cat good --blocks=1", ["'--blocks' takes no value"]),
+    ("test", ["'tape' is missing: NAME"]),
+    ("test --tape good", ["command is missing", "porttape test --tape NAME -- COMMAND"]),
+    ("test --tape good ./driver --device {port}", ["porttape test --tape good -- ./driver --device {port}$"]),
+    ("test --tape good more -- true", ["'more' is not an option"]),
+    ("test --tape god -- true", ["no tape 'god'", near("good")]),
+    ("test --tape good --driver ttyUSB0 -- true", ["'driver': 'ttyUSB0'", near("/dev/ttyUSB0")]),
+    ("test --tape good --timeout 5min -- true", ["'timeout': '5min'", "seconds", near("300")]),
+    ("test --tape good --chunks brust -- true", ["'brust'", near("burst")]),
+    ("test --tape good --report no/r.json -- true", ["'no/r.json'", "mkdir -p .*/no$"]),
+    ("test --tape good -- ./no-such-driver", ["'./no-such-driver' cannot be run: No such file"]),
+]
+
+# A configuration, and the lines of the answer, each with its file and line in front.
+CONFIGURATIONS = [
+    ("", ["1: there is no section"]),
+    ("device = unix:s\n", ["1: 'device' is in no section; write .channel NAME."]),
+    ("[laser]\ndevice = unix:s\n", [r"1: '\[laser\]' is no section; " + NEAR.format(r"\[channel laser\]")]),
+    ("[channel a]\nwords\ndriver=pty:p\ndevice=unix:s\n", ["2: 'words' is neither KEY = VALUE nor"]),
+    ("[channel a]\nb.device=unix:s\ndriver=pty:p\ndevice=unix:s\n", ["2: unknown option 'b.device' of bridge"]),
+    ("[channel a]\ndriver=pty:p\n", ["1: option 'device' is missing"]),
+    ("[channel a]\ndriver=pty:p\ndevice=unix:s\ndriver=pty:q\n", ["4: option 'driver' is there twice, first in line 2"]),
+    ("[channel a]\ndriver=pty:p\ndevice=unix:s\n[channel a]\n", ["4: channel 'a' is there twice, first in line 1"]),
+    ("[channel a]\ndriver=pty:p\ndevice=unix:s\n[channel b]\ndriver=pty:./p\ndevice=unix:t\n",
+     ["5: link '.*/p' is that of channel 'a'"]),
+    ("# three at once\n[channel a]\ndriver=/tmp/x\ndevcie=unix:s\ntape=t\njitter=5ms\n",
+     ["3: .*" + near("pty:/tmp/x"), "4: .*" + near("device"), "6: option 'jitter'.*" + near("5")]),
+]
+
+# A tape; the words that verify, cat and `porttaped replay` have of it, and their exit statuses. None: it can be
+# printed or played, and nothing is said.
+TAPE_ROWS = [
+    ("missing_r", (1, "missing_r.logr is missing"), None, None),
+    ("missing_w", (1, "missing_w.logw is missing"), None, None),
+    ("missing_e", (0, "no events file"), None, None),
+    ("swapped", (1, "are swapped"), None, None),
+    ("foreign_e", (1, "foreign_e.loge may be another tape's"), None, None),
+    ("foreign_r", (1, "foreign_r.logr is shortened, or another tape's"), None, None),
+    ("mixed", (1, "mixed.logw is shortened, or another tape's"), None, None),
+    ("shortened", (1, "shortened.logr is shortened"), None, None),
+    ("torn", (1, "torn tail at offset 147"), (0, "torn tail at offset 147"), None),
+    ("length", (1, "length.logr is damaged at offset 84"), (1, "damaged at offset 84"), None),
+    ("time", (1, "time goes back from"), (1, "time goes back from"), None),
+    ("micros", (1, "microseconds are 1000000"), (1, "microseconds are 1000000"), None),
+    ("trailing", (1, "trailing.logr is damaged at offset 168"), (1, "damaged at offset 168"), None),
+    ("text", (2, "not a tape: text.logr"), (2, "text.logr is not a file of a tape"), (2, "text.logr is not a file")),
+    ("binary", (2, "not a tape: binary.logr"), (2, "binary.logr is not a file of a tape"), (2, "binary.logr is not")),
+    ("empty", (1, "empty.logr is shortened"), None, None),
+    ("events_damaged", (1, "damaged in line 2"), (1, "damaged in line 2"), (1, "damaged in line 2")),
+    ("events_text", (2, "not an events file"), (2, "not an events file"), (2, "not an events file")),
+    ("events_cut", (0, "has no end"), None, None),
+    ("native", (0, "no events file"), None, None),
+    ("two_layouts", (2, "different layouts"), (2, "different layouts"), (2, "different layouts")),
+    ("being_written", (0, "is being written"), None, None),
+    ("closed", (2, "closed.logr.*Permission denied"), (2, "closed.logr.*denied"), (2, "closed.logr.*denied")),
+    ("fifo", (2, "fifo.logr is a FIFO; a tape is made of regular"), (2, "is a FIFO"), (2, "is a FIFO")),
+    ("folder", (2, "folder.logr is a folder; a tape is made of"), (2, "is a folder"), (2, "is a folder")),
+    ("loop", (2, "'loop.logr', a link that leads nowhere"), (2, "leads nowhere"), (2, "leads nowhere")),
+]
+
+failures = []
+count = 0
+
+
+def complain(what, command, text):
+    failures.append(f"{what}\n  {' '.join(command)}\n  {text}")
+
+
+def state():
+    found = []
+    for folder, _, names in os.walk("."):
+        for name in names:
+            path = os.path.join(folder, name)
+            status = os.lstat(path)
+            found.append((path, status.st_mode, status.st_size, status.st_mtime_ns))
+    return sorted(found)
+
+
+def run(command):
+    """Status, stdout and stderr; with the rights that a user has, root too."""
+    global count
+    count += 1
+    as_user = WITHOUT_ROOT if os.geteuid() == 0 else []
+    done = subprocess.run(as_user + command, capture_output=True, timeout=30, stdin=subprocess.DEVNULL, check=False)
+    return done.returncode, done.stdout.decode(errors="replace"), done.stderr.decode(errors="replace")
+
+
+def check_words(command, status, text, want, patterns):
+    if status != want:
+        complain(f"exit {status} instead of {want}", command, text)
+    for pattern in patterns:
+        if not re.search(pattern, text, re.IGNORECASE | re.MULTILINE):
+            complain(f"no /{pattern}/", command, text)
+    if REACHED.search(text):
+        complain("says that all is well", command, text)
+    if "Usage" in text:
+        complain("shows a help text", command, text)
+
+
+def wrong_invocation(program, line, patterns, want=2):
+    command = [program] + [word.replace('""', "") for word in line.split()]
+    before = state()
+    status, out, err = run(command)
+    check_words(command, status, err.rstrip("\n"), want, patterns)
+    if out or len(err.splitlines()) != 1:
+        complain("is not one line on stderr", command, out + err)
+    if state() != before:
+        complain("left something behind", command, str(set(state()) ^ set(before)))
+
+
+def wrong_configuration(text, lines):
+    with open("wrong.conf", "w", encoding="utf-8") as file:
+        file.write(text)
+    for more in ([], ["--check-config"]):
+        command = [DAEMON, "run", "wrong.conf", *more]
+        status, out, err = run(command)
+        check_words(command, status, err, 2, [])
+        told = err.splitlines()
+        if out or len(told) != len(lines):
+            complain(f"tells {len(told)} things instead of {len(lines)}", command, out + err)
+        for line, pattern in zip(told, lines):
+            if not re.search("wrong.conf:" + pattern, line):
+                complain(f"no /{pattern}/", command, line)
+
+
+def replayed(name):
+    """What the daemon says of a tape, which it plays until it is ended."""
+    global count
+    count += 1
+    command = [DAEMON, "replay", "--tape", name, "--driver", "pty:played"]
+    with subprocess.Popen(WITHOUT_ROOT * (os.geteuid() == 0) + command, stderr=subprocess.PIPE) as process:
+        tapes.until(f"the port of {name}", lambda: os.path.lexists("played") or process.poll() is not None)
+        if process.poll() is None:
+            process.send_signal(signal.SIGTERM)
+        err = process.communicate(timeout=30)[1].decode(errors="replace")
+    return command, process.returncode, err
+
+
+def wrong_tape(name, verified, printed, played):
+    command = [TOOL, "verify", name]
+    status, out, err = run(command)
+    check_words(command, status, out + err, verified[0], [verified[1]])
+    command = [TOOL, "info", name]
+    status, out, err = run(command)
+    check_words(command, status, out + err, verified[0], [verified[1].removeprefix("not a tape: ")])
+    command = [TOOL, "cat", name]
+    status, out, err = run(command)
+    check_words(command, status, err, *((printed[0], [printed[1]]) if printed else (0, ["^$"])))
+    if len(err.splitlines()) > 1:
+        complain("is not one line on stderr", command, err)
+    command, status, err = replayed(name)
+    if played:
+        check_words(command, status, err, played[0], [played[1]])
+        command = [TOOL, "test", "--tape", name, "--", "true"]
+        status, out, err = run(command)
+        check_words(command, status, out + err, played[0], [played[1]])
+    elif REACHED.search(err):
+        complain("says that all is well", command, err)
+
+
+def helps():
+    """Every help text: on stdout, and in 80 columns."""
+    verbs = {TOOL: ["", "info", "cat", "test", "verify"], DAEMON: ["", "record", "replay", "bridge", "run"]}
+    for program, names in verbs.items():
+        for name in names:
+            for option in ("-h", "--help", "--help-ports") if program == DAEMON or not name else ("-h", "--help"):
+                command = [program, *name.split(), option]
+                status, out, err = run(command)
+                long = [line for line in out.splitlines() if len(line) > 80]
+                if status != 0 or err or not out or long:
+                    complain(f"exit {status}, or lines of more than 80 characters {long}", command, err)
+
+
+def main():
+    samples = [DAEMON_ROWS, TOOL_ROWS, TAPE_ROWS]
+    assert len(samples[0]) + len(samples[1]) >= 60 and len(samples[2]) >= 20
+    master, slave = pty.openpty()
+    closed = os.ttyname(slave)
+    os.chmod(closed, 0)
+    lock = tapes.make(DAEMON)
+    os.mkdir("folder")
+    listener = tapes.socket.socket(tapes.socket.AF_UNIX)
+    listener.bind("socket")
+    listener.listen()
+    with open("file", "w", encoding="utf-8") as file:
+        file.write("not ours\n")
+    for program, rows in ((DAEMON, DAEMON_ROWS), (TOOL, TOOL_ROWS)):
+        for line, patterns, *want in rows:
+            named = [each.replace("{closed}", closed) for each in patterns]
+            wrong_invocation(program, line.replace("{closed}", closed), named, *want)
+    for text, lines in CONFIGURATIONS:
+        wrong_configuration(text, lines)
+    for row in TAPE_ROWS:
+        wrong_tape(*row)
+    helps()
+    for each in (listener, lock):
+        each.close()
+    for each in (master, slave):
+        os.close(each)
+
+
+def in_folder():
+    folder = tempfile.mkdtemp(prefix="porttape-words.")
+    try:
+        os.chdir(folder)
+        main()
+    finally:
+        os.chdir("/")
+        shutil.rmtree(folder, ignore_errors=True)
+    for failure in failures:
+        print(f"words: FAIL: {failure}", file=sys.stderr)
+    if failures:
+        sys.exit(f"words: {len(failures)} complaints in {count} cases")
+    print(f"words: {count} cases")
+
+
+if __name__ == "__main__":
+    in_folder()

@@ -1,0 +1,163 @@
+#include "tools/command_run.hpp"
+
+#include <chrono>
+#include <filesystem>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <optional>
+#include <signal.h>
+#include <system_error>
+#include <utility>
+
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include "libport/port/printable_message.hpp"
+
+namespace porttape {
+namespace {
+
+using std::chrono::seconds;
+
+constexpr Nanos kAfterTerm = seconds(5);  // a command that was asked to end is killed then
+constexpr Nanos kLeftTerm = seconds(2);   // what the command left running: between SIGTERM and SIGKILL
+constexpr Nanos kLeftKill = seconds(1);
+
+void replace_all(std::string& text, std::string_view what, const std::string& by) {
+  for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; at += by.size()) {
+    text.replace(at, what.size(), by);
+  }
+}
+
+// A command may change its folder.
+PortPlace absolute(PortPlace place) {
+  std::error_code error;
+  const std::filesystem::path path = std::filesystem::absolute(place.path, error);
+  if (!place.path.empty() && !error) place.path = path.string();
+  return place;
+}
+
+std::string names_of(const std::vector<ProcessState>& processes) {
+  std::vector<std::string> names;
+  for (const ProcessState& process : processes)
+    names.push_back(fmt::format("{} (pid {})", process.name, process.pid));
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+bool is_ignored(int signal_number) {
+  struct sigaction action {};
+  return ::sigaction(signal_number, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
+}
+
+std::shared_ptr<spdlog::logger> make_log(std::string_view name, spdlog::level::level_enum level) {
+  auto log = std::make_shared<spdlog::logger>("porttape", std::make_shared<spdlog::sinks::stderr_sink_mt>());
+  log->set_level(level);
+  auto formatter = std::make_unique<spdlog::pattern_formatter>();
+  formatter->add_flag<PrintableMessage>('v').set_pattern(fmt::format("{}: %v", name));
+  log->set_formatter(std::move(formatter));
+  return log;
+}
+
+}  // namespace
+
+std::vector<std::string> with_place(std::vector<std::string> command, const PortPlace& place) {
+  for (std::string& argument : command) {
+    replace_all(argument, "{port}", place.text());
+    if (place.host.empty()) continue;
+    replace_all(argument, "{host}", place.host);
+    replace_all(argument, "{tcp_port}", std::to_string(place.port));
+  }
+  return command;
+}
+
+ChildProcess::Environment environment_of(const PortPlace& place) {
+  const bool socket = !place.host.empty();
+  return {{"PORTTAPE_PORT", place.text()},
+          {"PORTTAPE_HOST", socket ? std::optional(place.host) : std::nullopt},
+          {"PORTTAPE_TCP_PORT", socket ? std::optional(std::to_string(place.port)) : std::nullopt}};
+}
+
+CommandRun::CommandRun(Options options)
+    : options_(std::move(options)),
+      context_{.loop = &loop_, .log = make_log(options_.name, options_.log_level), .announces = false},
+      kill_timer_(loop_, [this] { kill_command(); }),
+      signals_(loop_, [this](int number) { signalled(number); }) {}
+
+CommandRun::~CommandRun() = default;
+
+Result<void> CommandRun::start_session(const ChannelPorts& ports) {
+  if (Result<void> adopted = family_.adopt(); !adopted) return adopted.error();
+  Result<std::unique_ptr<Channel>> made =
+      make_channel(context_, ports, [this](int exit_status) { session_ended(exit_status); });
+  if (!made) return made.error();
+  channel_ = std::move(*made);
+  return channel_->start();
+}
+
+void CommandRun::session_ended(int exit_status) {
+  session_status_ = exit_status;
+  counters_ = channel_->counters();
+  channel_.reset();
+  if (options_.on_session_end) options_.on_session_end(exit_status);
+}
+
+Result<void> CommandRun::run_command(const std::vector<std::string>& command) {
+  const PortPlace place = absolute(channel_->driver().place());
+  watch_signals();
+  Result<std::unique_ptr<ChildProcess>> started =
+      ChildProcess::start(loop_, with_place(command, place), environment_of(place), [] {});
+  if (!started) return started.error();
+  command_ = std::move(*started);
+  while (command_->running()) loop_.run_one();
+  while (loop_.poll_one()) {  // what the command did last
+  }
+  kill_timer_.cancel();
+  return {};
+}
+
+void CommandRun::finish() {
+  if (channel_) channel_->stop();
+  end_what_is_left();
+  while (channel_) loop_.run_one();
+}
+
+void CommandRun::watch_signals() {
+  for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGQUIT}) {
+    if (!is_ignored(number)) signals_.add({number});
+  }
+  signals_.add({SIGUSR1});
+}
+
+// The command gets the signal, then a while to end. What a terminal sends it has got already.
+void CommandRun::signalled(int number) {
+  if (!command_runs()) return;
+  if (number == SIGUSR1) {
+    if (session_) session_->request(RecorderRequest::next_tape);
+    return;
+  }
+  if (std::exchange(signal_, number) != 0) return kill_command();
+  if (!signals_.from_terminal() || !command_->in_our_group()) command_->kill(number);
+  ending_ = true;
+  if (!options_.waits_after_signal) kill_timer_.set_after(kAfterTerm);
+}
+
+void CommandRun::end_command() {
+  if (std::exchange(ending_, true) || !command_runs()) return;
+  command_->kill(SIGTERM);
+  kill_timer_.set_after(kAfterTerm);
+}
+
+void CommandRun::kill_command() {
+  if (command_runs()) command_->kill(SIGKILL);
+}
+
+void CommandRun::end_what_is_left() {
+  const CommandFamily::Ended family = family_.end(kLeftTerm, kLeftKill);
+  if (!family.ended.empty())
+    notes_.push_back(fmt::format("the command left running, now ended: {}", names_of(family.ended)));
+  if (!family.left.empty())
+    notes_.push_back(
+        fmt::format("the command left running, and it cannot be ended: {}", names_of(family.left)));
+}
+
+}  // namespace porttape

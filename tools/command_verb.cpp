@@ -1,0 +1,119 @@
+#include "tools/command_verb.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <filesystem>
+#include <fmt/format.h>
+#include <fmt/ostream.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <unistd.h>
+#include <utility>
+
+#include <boost/program_options/errors.hpp>
+
+#include "libport/base/printable.hpp"
+#include "tools/option_description.hpp"
+
+namespace porttape {
+namespace {
+
+namespace po = boost::program_options;
+
+constexpr std::string_view kPlaceHelp =
+    "{port} in COMMAND is what it is to open: the path of a tty, or HOST:PORT of a\n"
+    "socket ({host} and {tcp_port} are its parts). The environment has the same:\n"
+    "PORTTAPE_PORT, and for a socket PORTTAPE_HOST and PORTTAPE_TCP_PORT.\n";
+
+// A folder of our own for the driver's port.
+class PrivateFolder {
+ public:
+  Result<std::string> make() {
+    std::string path = (std::filesystem::temp_directory_path() / "porttape-XXXXXX").string();
+    if (::mkdtemp(path.data()) == nullptr)
+      return make_error(Errc::io, fmt::format("folder {}: {}", in_quotes(path), errno_text(errno)));
+    path_ = path;
+    return path;
+  }
+  PrivateFolder() = default;
+  PrivateFolder(const PrivateFolder&) = delete;
+  PrivateFolder& operator=(const PrivateFolder&) = delete;
+  ~PrivateFolder() {
+    if (!path_.empty()) (void)::rmdir(path_.c_str());
+  }
+
+ private:
+  std::string path_;
+};
+
+std::vector<OptionSpec> options_of(const CommandVerb& verb) {
+  std::vector<OptionSpec> specs = verb.options;
+  for (OptionSpec& spec : specs) {
+    if (spec.name == "driver") spec.help = "what the command opens instead of a pty in a private folder";
+  }
+  specs.push_back({"help", OptionSpec::Kind::flag, "", "this text"});
+  return specs;
+}
+
+void print_help(const CommandVerb& verb, const po::options_description& options, std::ostream& out) {
+  fmt::print(out, "Usage: porttape {0} {1}\n\n{2}{3}\nExample: porttape {0} {4}\n\n{5}", verb.name,
+             verb.usage, verb.about, kPlaceHelp, verb.example, as_text(options));
+}
+
+Result<int> do_work(const CommandVerb& verb, CommandVerbLine line,
+                    const std::function<Result<int>(CommandVerbLine)>& work) {
+  if (line.command.empty())
+    return make_error(Errc::usage,
+                      fmt::format("the command is missing; type porttape {} {}", verb.name, verb.usage));
+  // A reader that goes away, and a limit on the size of files, are errors of a write.
+  ::signal(SIGPIPE, SIG_IGN);
+  ::signal(SIGXFSZ, SIG_IGN);
+  PrivateFolder folder;
+  if (!line.values.contains("driver")) {
+    const Result<std::string> path = folder.make();
+    if (!path) return path.error();
+    line.values["driver"] = "pty:" + *path + "/port";
+    line.own_driver = true;
+  }
+  return work(std::move(line));
+}
+
+// A command without `--` in front, or a word too many.
+Error before_command(const CommandVerb& verb, Arguments args, const StrayWord& stray) {
+  if (std::ranges::find(args, "--") != args.end())
+    return make_error(Errc::usage, with_help(stray.what(), fmt::format("porttape {}", verb.name)));
+  std::vector<std::string> line{"porttape", std::string(verb.name)};
+  line.insert(line.end(), args.begin(), args.end());
+  line.insert(line.begin() + 2 + static_cast<std::ptrdiff_t>(stray.index()), "--");
+  return make_error(Errc::usage, fmt::format("-- is missing before the command; type {}", shell_line(line)));
+}
+
+}  // namespace
+
+int run_command_verb(const CommandVerb& verb, Arguments args, std::ostream& out, std::ostream& err,
+                     const std::function<Result<int>(CommandVerbLine)>& work) {
+  const auto separator = std::ranges::find(args, "--");
+  CommandVerbLine line;
+  if (separator != args.end()) line.command.assign(separator + 1, args.end());
+  const std::vector<OptionSpec> specs = options_of(verb);
+  Result<int> status = exit_status::kPass;
+  try {
+    const po::options_description description = describe(specs, "Options");
+    const po::variables_map values = read_options(Arguments(args.begin(), separator), description);
+    if (values.contains("help")) {
+      print_help(verb, description, out);
+      return exit_status::kPass;
+    }
+    line.values = given_values(values, specs);
+    status = do_work(verb, std::move(line), work);
+  } catch (const StrayWord& stray) {
+    status = before_command(verb, args, stray);
+  } catch (const po::error& error) {
+    status = make_error(Errc::usage, with_help(error.what(), fmt::format("porttape {}", verb.name)));
+  }
+  if (status) return *status;
+  fmt::print(err, "porttape {}: {}\n", verb.name, printable_line(status.error().message));
+  return exit_status_of(status.error().code);
+}
+
+}  // namespace porttape

@@ -1,0 +1,147 @@
+#include <algorithm>
+#include <cctype>
+#include <fmt/format.h>
+#include <fmt/ostream.h>
+#include <ostream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "libport/base/printable.hpp"
+#include "libport/catalog/channel.hpp"
+#include "libport/tape/tape_summary.hpp"
+#include "libport/taped/types.hpp"
+#include "tools/command_verb.hpp"
+#include "tools/option_description.hpp"
+#include "tools/record_run.hpp"
+#include "tools/text.hpp"
+#include "tools/verbs.hpp"
+
+namespace porttape {
+namespace {
+
+constexpr std::string_view kAbout =
+    "Runs COMMAND on a port that leads to the device, keeps a tape of what both say,\n"
+    "and tells at the end what is on it. The tape is closed whole when COMMAND ends,\n"
+    "also by Ctrl-C, which goes to COMMAND (a second one kills it). SIGUSR1 begins\n"
+    "the next tape.\n\n"
+    "Exit status: COMMAND's own, 128 + N after signal N. Without COMMAND having run:\n"
+    "2 wrong use, 6 no such device. Where COMMAND gave 0: 1 something is missing from\n"
+    "the tape, 6 the device was lost.\n\n";
+
+void tell(std::ostream& err, std::string_view text) {
+  fmt::print(err, "porttape record: {}\n", printable_line(text));
+}
+
+// `device` as a user writes it in a command: `/dev/ttyUSB0`, `192.0.2.7:502`.
+std::string main_part(const ChannelPorts& ports) {
+  const std::string name = ports.device.get<RecordingOptions>()->inner.name();
+  return name.substr(name.find(':') + 1);
+}
+
+// The words with {port} in the place of `device`, where they name it.
+std::vector<std::string> with_placeholder(std::vector<std::string> words, const std::string& device) {
+  for (std::string& word : words) {
+    const std::size_t at = device.empty() ? std::string::npos : word.find(device);
+    if (at == std::string::npos) continue;
+    const std::size_t end = at + device.size();
+    if (end == word.size() || std::isalnum(static_cast<unsigned char>(word[end])) == 0)
+      word.replace(at, device.size(), "{port}");
+  }
+  return words;
+}
+
+void tell_unopened(const std::vector<std::string>& command, const std::string& device, std::ostream& err) {
+  tell(err, "the command never opened its port, so that there is no tape");
+  const std::vector<std::string> corrected = with_placeholder(command, device);
+  const bool has_port =
+      std::ranges::any_of(command, [](const std::string& word) { return word.find("{port}") != word.npos; });
+  if (corrected != command) {
+    tell(err, fmt::format("it names the device itself; what is recorded is {{port}}: -- {}",
+                          shell_line(corrected)));
+  } else if (!has_port) {
+    tell(err, "write {port} in COMMAND for what it is to open, or let it open $PORTTAPE_PORT");
+  }
+}
+
+std::string text_of(const TapeSummary& tape) {
+  return fmt::format("{}: {} in {}; {} in {} from the command, {} in {} from the device", tape.name,
+                     counted(tape.exchanges, "exchange"), span_text(tape.duration().count()),
+                     counted(tape.write.bytes, "byte"), counted(tape.write.blocks, "block"),
+                     counted(tape.read.bytes, "byte"), counted(tape.read.blocks, "block"));
+}
+
+void tell_gaps(const TapeSummary& tape, std::ostream& err) {
+  for (const GapSummary& gap : tape.events.gaps) {
+    tell(err, fmt::format("{}: {} missing at {} s: {}", tape.name,
+                          gap.bytes > 0 ? counted(gap.bytes, "byte") + (gap.bytes == 1 ? " is" : " are")
+                                        : "something is",
+                          seconds_number(to_us(gap.from)), gap.why));
+  }
+}
+
+// False when something is missing on it.
+bool tell_tape(const TapePaths& paths, std::ostream& err) {
+  const Result<TapeSummary> tape = summarize(paths);
+  if (!tape) {
+    tell(err, tape.error().message);
+    return false;
+  }
+  tell(err, text_of(*tape));
+  if (tape->write.bytes + tape->read.bytes == 0)
+    tell(err, "nothing passed: the command opened its port and neither wrote nor was sent anything");
+  tell_gaps(*tape, err);
+  for (const Error& damage : tape->damages()) tell(err, damage.message);
+  return tape->events.count<event::Gap>() == 0 && tape->damages().empty();
+}
+
+void tell_next(const std::string& tape, const CommandVerbLine& line, std::ostream& err) {
+  const std::string name = shell_line(std::vector{tape});
+  const std::string driver =
+      line.own_driver ? "" : "--driver " + shell_line(std::vector{line.values.at("driver")}) + ' ';
+  fmt::print(err, "  look at it    porttape cat {}\n  test with it  porttape test --tape {} {}-- {}\n",
+             printable_line(name), printable_line(name), printable_line(driver),
+             printable_line(shell_line(line.command)));
+}
+
+int status_of(const RecordRun& record, bool whole) {
+  const int status = record.command_ended() ? exit_status::kPass : record.command_end().exit_code();
+  if (status != exit_status::kPass) return status;
+  if (record.tape_failed()) return exit_status::kRuntime;
+  if (record.device_failed()) return exit_status::kDevice;  // and what is missing then is missing for that
+  return whole ? exit_status::kPass : exit_status::kRuntime;
+}
+
+Result<int> record(const CommandVerbLine& line, std::ostream& err) {
+  const Result<ChannelPorts> ports = channel_ports({ChannelMode::record, line.values});
+  if (!ports) return ports.error();
+  RecordRun record(*ports, line.command);
+  if (Result<void> ran = record.run(); !ran) return ran.error();
+  for (const std::string& note : record.notes()) tell(err, note);
+  const CommandEnd& end = record.command_end();
+  if (end.exit_code() != 0 && !record.command_ended()) tell(err, "the command " + end.text());
+  if (!record.opened()) {
+    tell_unopened(line.command, main_part(*ports), err);
+  } else if (record.tapes().empty()) {
+    tell(err, "there is no tape; what went wrong is told above");
+  }
+  bool whole = true;
+  for (const TapePaths& tape : record.tapes()) whole = tell_tape(tape, err) && whole;
+  if (!record.tapes().empty()) tell_next(record.tapes().front().name(), line, err);
+  return status_of(record, whole);
+}
+
+}  // namespace
+
+int run_record(Arguments args, std::ostream& out, std::ostream& err) {
+  const CommandVerb verb{
+      .name = "record",
+      .usage = "--device PORT --tape NAME [options] -- COMMAND…",
+      .about = kAbout,
+      .options = channel_options(ChannelMode::record),
+      .example = "--device /dev/ttyUSB0,baud=115200 --tape laser -- ./laser_driver {port}"};
+  return run_command_verb(verb, args, out, err,
+                          [&](const CommandVerbLine& line) { return record(line, err); });
+}
+
+}  // namespace porttape

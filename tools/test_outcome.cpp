@@ -1,0 +1,38 @@
+#include "tools/test_outcome.hpp"
+
+#include <fmt/format.h>
+
+#include "libport/base/error.hpp"
+
+namespace porttape {
+namespace {
+
+// Of a command that did not end well; else empty.
+std::string text_of(const TestEnd& end) {
+  if (!end.ended_because.empty()) return end.ended_because;
+  return end.command.exit_code() == 0 ? std::string() : end.command.text();
+}
+
+}  // namespace
+
+int exit_status_of(const RunReport& report, const TestEnd& end) {
+  if (end.interrupted_by != 0) return 128 + end.interrupted_by;
+  const int status = exit_status_of(report);
+  return status == exit_status::kPass && !end.ended_because.empty() ? exit_status::kRuntime : status;
+}
+
+std::string outcome_text(const RunReport& report, const TestEnd& end) {
+  if (end.interrupted_by != 0) return "interrupted by " + signal_text(end.interrupted_by);
+  if (!end.opened && !report.trouble) return "incomplete: the command never opened its port";
+  const std::string command = text_of(end);
+  if (report.verdict != Verdict::pass || report.trouble || command.empty()) return {};
+  return "failed: the driver did all as recorded, but the command " + command;
+}
+
+std::string command_end_text(const RunReport& report, const TestEnd& end) {
+  const bool said = end.interrupted_by != 0 || (end.opened && !outcome_text(report, end).empty());
+  if (said || text_of(end).empty()) return {};
+  return text_of(end) + (end.hung_up ? "; its line was hung up there (--on-mismatch warn goes on)" : "");
+}
+
+}  // namespace porttape
