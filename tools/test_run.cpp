@@ -117,7 +117,7 @@ Result<RunReport> TestRun::verdict() {
     run_.notes().emplace_back(
         "it is to open {port}, which stands in COMMAND for the path, or $PORTTAPE_PORT of its environment");
   }
-  report->tape = request_.replay().tape.name();
+  if (!report->connection) report->tape = request_.replay().tape.name();
   report->command_exit = end_.command.exit_code();
   return *report;
 }

@@ -13,8 +13,29 @@
 namespace porttape {
 namespace {
 
+// Wants to know nothing.
+class Nobody : public PortListener {
+ public:
+  void on_up() override {}
+  void on_data(ByteView) override {}
+  void on_drained() override {}
+  void on_down(const LineDown&) override {}
+  void on_finished(int) override {}
+  void on_complete(int) override {}
+
+ protected:
+  ~Nobody() = default;
+};
+
+// Whether the port can be used, without opening it.
+Result<void> try_out(const Result<std::unique_ptr<Port>>& port, PortListener& listener) {
+  if (!port) return port.error();
+  (*port)->listen(listener);
+  return (*port)->prepare();
+}
+
 // Devices that are there, with or without tapes.
-class LiveDevices final : public DeviceGroup {
+class LiveDevices final : public DeviceGroup, private Nobody {
  public:
   LiveDevices(const PortContext& context, const PortSpec& device, std::string driver)
       : context_(context), device_(device), driver_(std::move(driver)) {
@@ -32,8 +53,7 @@ class LiveDevices final : public DeviceGroup {
       probe = std::move(plain);
     }
     probe.common().always_open = false;  // which would connect
-    const Result<std::unique_ptr<Port>> port = make_port(context_, probe, driver_);
-    return port ? (*port)->prepare() : Result<void>(port.error());
+    return try_out(make_port(context_, probe, driver_), *this);
   }
 
   Result<std::unique_ptr<Port>> port_for(unsigned connection) override {
@@ -68,7 +88,7 @@ class LiveDevices final : public DeviceGroup {
 };
 
 // The tapes of a group in the devices' place.
-class TapedDevices final : public DeviceGroup, private PortListener {
+class TapedDevices final : public DeviceGroup, private Nobody {
  public:
   TapedDevices(const PortContext& context, const PortSpec& device, std::string driver)
       : context_(context), device_(device), driver_(std::move(driver)) {}
@@ -94,6 +114,8 @@ class TapedDevices final : public DeviceGroup, private PortListener {
     PortSpec spec = device_;
     ReplayPort::Options own = options();
     own.tape = tapes_[connection - 1];
+    own.connection = connection;
+    own.group = reports_;
     spec.set(std::move(own));
     return make_port(context_, spec, driver_);
   }
@@ -130,23 +152,19 @@ class TapedDevices final : public DeviceGroup, private PortListener {
       }
       if (!zero) zero = header->zero;
     }
-    const Result<std::unique_ptr<Port>> port = port_for(connection);
-    return port ? (*port)->prepare() : Result<void>(port.error());
+    return try_out(port_for(connection), *this);
   }
 
   void finish_next() {
     if (next_ > tapes_.size()) return std::exchange(done_, {})(status_);
     context_.log->warn("no connection came for the tape {}", tapes_[next_ - 1].name());
     Result<std::unique_ptr<Port>> port = port_for(next_++);
-    port_ = port ? std::move(*port) : nullptr;
-    Result<void> ready = port_ ? Result<void>() : Result<void>(port.error());
-    if (port_) {
-      port_->listen(*this);
-      ready = port_->prepare();
+    if (const Result<void> ready = try_out(port, *this); !ready) {
+      context_.log->error("{}", ready.error().message);
+      return on_complete(exit_status_of(ready.error().code));
     }
-    if (ready) return port_->finish();
-    context_.log->error("{}", ready.error().message);
-    on_complete(exit_status_of(ready.error().code));
+    port_ = std::move(*port);
+    port_->finish();
   }
 
   void on_complete(int exit_status) override {
@@ -155,16 +173,12 @@ class TapedDevices final : public DeviceGroup, private PortListener {
       if (!alive.expired()) finish_next();
     });
   }
-  void on_up() override {}
-  void on_data(ByteView) override {}
-  void on_drained() override {}
-  void on_down(const LineDown&) override {}
-  void on_finished(int) override {}
 
   PortContext context_;
   PortSpec device_;
   std::string driver_;
   std::vector<TapePaths> tapes_;
+  std::shared_ptr<ReplayReports::Group> reports_ = std::make_shared<ReplayReports::Group>();
   std::unique_ptr<Port> port_;  // of a tape that nobody came for
   unsigned next_ = 1;
   int status_ = exit_status::kPass;

@@ -91,6 +91,7 @@ std::string run_json(const RunReport& report) {
       .add(
           "bytes",
           JsonObject().add("to_driver", report.to_driver_bytes).add("from_driver", report.from_driver_bytes));
+  if (report.connection) json.add("connection", *report.connection);
   return json.str();
 }
 
@@ -123,6 +124,7 @@ std::string to_json(const RunReport& report, std::string_view runs) {
       .add_or_null("missed_half_close_us",
                    report.missed_half_close ? std::optional(to_us(*report.missed_half_close)) : std::nullopt);
   if (report.trouble) json.add("trouble", *report.trouble);
+  if (report.connection) json.add("connection", *report.connection);
   if (!runs.empty()) json.add_raw("runs", runs);
   return json.str() + '\n';
 }

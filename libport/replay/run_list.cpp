@@ -1,5 +1,7 @@
 #include "libport/replay/run_list.hpp"
 
+#include <utility>
+
 #include "libport/base/error.hpp"
 
 namespace porttape {
@@ -21,18 +23,20 @@ bool is_look(const RunReport& report) {
 void RunList::add(const RunReport& report) {
   const bool look = is_look(report);
   if (look) ++looks_;
-  if (look || report.nobody_came) {
-    none_ = report;
-    none_->verdict = Verdict::incomplete;
-    return;
-  }
+  if (!look && !report.nobody_came) return add_run(report);
+  RunReport none = report;
+  none.verdict = Verdict::incomplete;
+  if (report.connection) return add_run(none);  // the others do not stand for it
+  none_ = std::move(none);
+}
+
+void RunList::add_run(const RunReport& run) {
   ++count_;
-  latest_ = report;
-  const int status = exit_status_of(report);
-  if (!worst_ || worse_exit_status(status, exit_status_of(*worst_)) != exit_status_of(*worst_))
-    worst_ = report;
+  latest_ = run;
+  const int status = exit_status_of(run);
+  if (!worst_ || worse_exit_status(status, exit_status_of(*worst_)) != exit_status_of(*worst_)) worst_ = run;
   if (listed_.size() == kMostListed) listed_.pop_front();
-  listed_.push_back(run_json(report));
+  listed_.push_back(run_json(run));
 }
 
 std::string RunList::json() const {

@@ -19,7 +19,8 @@ class RunList {
  public:
   static constexpr std::size_t kMostListed = 1000;
 
-  // The complete report of a run that has ended, of a look, or of a run that nobody began.
+  // The complete report of a run that has ended, of a look, or of a run that nobody began. Of one of several
+  // connections the last two are runs too, and incomplete.
   void add(const RunReport& report);
 
   [[nodiscard]] std::uint64_t count() const { return count_; }
@@ -37,6 +38,8 @@ class RunList {
   [[nodiscard]] std::string text() const;
 
  private:
+  void add_run(const RunReport& run);
+
   std::uint64_t count_ = 0;
   std::uint64_t looks_ = 0;
   std::optional<RunReport> worst_;

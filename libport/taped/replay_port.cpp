@@ -153,7 +153,8 @@ Result<void> ReplayPort::prepare() {
   if (options_.brief && facts.opens <= 1) context_.loop->file_events().begin_after(kBrief);
   if (const auto counted = count_small(options_.tape, *played)) facts.totals = counted;
   reports_ = std::make_unique<ReplayReports>(
-      context_, ReplayReports::Options{options_.tape, options_.report_file, facts.totals, known->part},
+      context_,
+      ReplayReports::Options{options_.tape, options_.report_file, facts.totals, known->part, options_.group},
       [this](const RunReport& report) { publish(report); });
   const bool has_place = options_.clock && known->zero;
   const Micros begin = has_place ? options_.clock->tape_begin(*known->zero) : Micros{};
@@ -282,6 +283,7 @@ void ReplayPort::take_report(RunReport report) {
   report.nobody_came = !run_begun_;
   const Instant begun = std::exchange(run_begun_, std::nullopt).value_or(now);
   report.tape = options_.tape.name();
+  report.connection = options_.connection;
   report.when = wall_text(begun, now);
   if (report.nobody_came) report.sessions_made = 0;
   if (options_.session > 0) report.session = options_.session;

@@ -31,6 +31,9 @@ class ReplayPort final : public Port, private WaitingCalls {
     // That other ports play by too, with its rate instead of the one in `config`; null: the context's, or one
     // of its own. On a shared one tapes begin as their zeros lie, and one without a zero with the first.
     std::shared_ptr<ReplayClock> clock = {};
+    // The tape is that of this connection, one of several, and the report file has the runs of all.
+    std::optional<unsigned> connection = {};
+    std::shared_ptr<ReplayReports::Group> group = {};
     std::function<void(const RunReport&)> on_report = {};  // each run's, or empty
     // The program ends soon, and has no other ports: where the tape has no reopen, opens are looked for in
     // the first 30 ms instead of being told by inotify, which takes the kernel some 15 ms to close.

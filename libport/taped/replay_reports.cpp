@@ -33,7 +33,9 @@ ReplayReports::ReplayReports(const PortContext& context, Options options, Publis
     : context_(context),
       options_(std::move(options)),
       publish_(std::move(publish)),
-      timer_(*context.loop, [this] { move_on(); }) {}
+      timer_(*context.loop, [this] { move_on(); }) {
+  if (options_.group) file_strand_ = options_.group->file_strand;  // so that the newest comes last
+}
 
 ReplayReports::~ReplayReports() {
   if (count_) count_->stop = true;
@@ -121,7 +123,8 @@ void ReplayReports::move_on() {
     const RunReport report = std::move(waiting_.front().report);
     waiting_.pop_front();
     runs_.add(report);
-    if (!options_.file.empty()) write_file(to_json(runs_));
+    if (options_.group) options_.group->runs.add(report);
+    if (!options_.file.empty()) write_file();
     publish_(report);
   }
   set_timer();
@@ -165,11 +168,10 @@ bool ReplayReports::late(Instant limit, Instant now) const {
   return now >= limit || (limit_ && now >= *limit_ - kFileTime);
 }
 
-void ReplayReports::write_file(std::string text) {
-  if (file_under_way_) {
-    next_file_ = std::move(text);
-    return;
-  }
+void ReplayReports::write_file() {
+  file_outdated_ = file_under_way_;
+  if (file_under_way_) return;
+  std::string text = to_json(options_.group ? options_.group->runs : runs_);
   const auto job = std::make_shared<Job>();
   const auto written = std::make_shared<Result<void>>();
   const auto work = [written, file = options_.file, text = std::move(text)] {
@@ -189,7 +191,7 @@ void ReplayReports::file_written(const Result<void>& written) {
   file_under_way_ = false;
   if (!written) context_.log->error("{}", written.error().message);
   file_failed_ = file_failed_ || !written;
-  if (next_file_) write_file(*std::exchange(next_file_, std::nullopt));
+  if (file_outdated_) write_file();
 }
 
 void ReplayReports::finish(Instant limit, std::function<void(bool)> done) {

@@ -32,11 +32,18 @@ class ReplayReports {
   static constexpr Nanos kFileTime = std::chrono::seconds(1);
   static constexpr std::size_t kMostHints = 8;  // a run
 
+  // Of several tapes that are played together, for one file.
+  struct Group {
+    RunList runs;
+    Workers::Strand file_strand;
+  };
+
   struct Options {
     TapePaths tape;
-    std::string file;                  // for the latest run and the list of all, or empty
-    std::optional<TapeTotals> totals;  // if known without counting
-    TapePart part = {};                // of the tape that is played
+    std::string file;                   // for the latest run and the list of all, or empty
+    std::optional<TapeTotals> totals;   // if known without counting
+    TapePart part = {};                 // of the tape that is played
+    std::shared_ptr<Group> group = {};  // whose runs the file is to have; null: these alone
   };
   // In the order of the runs; the file follows.
   using Publish = std::function<void(const RunReport&)>;
@@ -74,7 +81,7 @@ class ReplayReports {
   bool has_totals(Waiting& waiting, Instant now);
   bool has_hint(Waiting& waiting, Instant now);
   [[nodiscard]] bool late(Instant limit, Instant now) const;
-  void write_file(std::string text);
+  void write_file();
   void file_written(const Result<void>& written);
   void set_timer();
 
@@ -88,7 +95,7 @@ class ReplayReports {
   std::deque<std::shared_ptr<Search>> searches_;  // of the run that goes on
   std::deque<Waiting> waiting_;
   bool file_under_way_ = false;
-  std::optional<std::string> next_file_;  // to be written after that one
+  bool file_outdated_ = false;  // to be written again after that
   bool file_failed_ = false;
   RunList runs_;
   std::optional<Instant> limit_;

@@ -47,7 +47,8 @@ TapeTime TapeKeeper::tape_time(Instant at) const { return TapeTime{duration_cast
 void TapeKeeper::begin() {
   begun_ = true;
   open_since_ = *first_open_;
-  if (!options_.group) zero_ = *first_open_;
+  zero_ = *first_open_;
+  if (options_.group) take_part(options_.group->begin(*first_open_));
   start();
 }
 
@@ -105,7 +106,7 @@ void TapeKeeper::opened(Instant at) {
   open_ = true;
   if (!first_open_) {
     first_open_ = at;
-    if (options_.group) take_part(options_.group->begin(at));
+    if (options_.group) (void)options_.group->begin(at);
   }
   if (begun_) {
     open_since_ = at;

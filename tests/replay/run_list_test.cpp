@@ -38,6 +38,25 @@ RunReport nobody() {
 
 boost::json::object parsed(const RunList& runs) { return boost::json::parse(to_json(runs)).as_object(); }
 
+TEST(RunList, ATapeOfOneConnectionThatNobodyPlayedIsARunThatIsIncomplete) {
+  for (RunReport missing : {look(), nobody()}) {
+    RunList runs;
+    RunReport first = run(Verdict::pass);
+    first.connection = 1;
+    missing.connection = 2;
+    runs.add(missing);
+    runs.add(first);
+    EXPECT_EQ(runs.count(), 2U);
+    EXPECT_EQ(runs.worst()->verdict, Verdict::incomplete);
+    const auto json = parsed(runs);
+    EXPECT_EQ(json.at("exit").as_int64(), exit_status::kIncomplete);
+    EXPECT_EQ(json.at("connection").as_int64(), 1);
+    const auto& list = json.at("runs").as_object().at("list").as_array();
+    EXPECT_EQ(list.at(0).as_object().at("connection").as_int64(), 2);
+    EXPECT_EQ(list.at(0).as_object().at("verdict").as_string(), "incomplete");
+  }
+}
+
 TEST(RunList, TheWorstRunCountsWhereverItIs) {
   RunList runs;
   for (const Verdict verdict : {Verdict::timing_mismatch, Verdict::data_mismatch, Verdict::pass})

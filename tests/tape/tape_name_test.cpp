@@ -48,6 +48,28 @@ TEST(TapeName, AWriteFileAloneIsATape) {
   EXPECT_EQ(found(dir / "laser.logr"), dir / "laser.log");
 }
 
+TEST(TapeName, TheTapesOfConnectionsStandBesideTheFirst) {
+  EXPECT_EQ(connection_tape(new_tape("laser"), 1).name(), "laser.log");
+  EXPECT_EQ(connection_tape(new_tape("laser"), 2).name(), "laser.c2.log");
+  EXPECT_EQ(connection_tape(numbered_tape(new_tape("laser"), 3), 12).name(), "laser.3.c12.log");
+  EXPECT_EQ(connection_tape(literal_tape("x"), 2).name(), "x.c2");
+}
+
+TEST(TapeName, TheConnectionsOfAGroupAreFoundByTheirNames) {
+  const TempDir dir;
+  const TapePaths first = new_tape(dir / "laser");
+  EXPECT_EQ(recorded_connections(first), std::vector<unsigned>());
+  for (const char* name :
+       {"laser.c10.logr", "laser.c2.logw", "laser.c2.logr", "laser.c3.loge", "laser.2.c4.logr",
+        "laser.c1.logr", "laser.c05.logr", "laser.cx.logr", "laser.c6.log", "laser.c7.logx", "other.c8.logr",
+        "laser.c.logr", "laser.c99999999999.logr"})
+    test::write_file(dir / name, {});
+  EXPECT_EQ(recorded_connections(first), (std::vector<unsigned>{2, 3, 10}));
+  test::write_file(dir / "laser.loge", {});
+  EXPECT_EQ(recorded_connections(first), (std::vector<unsigned>{1, 2, 3, 10}));
+  EXPECT_EQ(recorded_connections(new_tape("/nowhere/laser")), std::vector<unsigned>());
+}
+
 TEST(TapeName, TheLiteralNameComesFirst) {
   const TempDir dir;
   test::write_file(dir / "laserr", {});
