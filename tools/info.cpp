@@ -237,7 +237,7 @@ void print_sessions(const TapeSummary& tape, std::ostream& out) {
     if (++number > kSessionsShown) break;
     const std::int64_t opened = session.opened ? to_us(*session.opened) : 0;
     label(out, "") << std::right << std::setw(2) << number << "  " << seconds_number(opened) << " to "
-                   << seconds_text(opened + session.duration.count()) << " s"
+                   << seconds_number(opened + session.duration.count()) << " s"
                    << (session.closed ? "" : " (no close)") << ", " << span_text(session.duration.count())
                    << ", " << session.read_bytes << " bytes read, " << session.write_bytes << " written\n";
   }
