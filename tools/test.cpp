@@ -107,14 +107,21 @@ int fail(const Error& error, std::ostream& err) {
   return exit_status_of(error.code);
 }
 
-// A command without `--` in front, or a word too many.
-Error before_command(Arguments args, const StrayWord& stray) {
-  if (std::ranges::find(args, "--") != args.end())
+// A command without `--` in front, a tape without --tape, or a word too many.
+Error stray_word(Arguments args, const StrayWord& stray) {
+  const auto separator = std::ranges::find(args, "--");
+  const bool has_tape = std::any_of(args.begin(), separator, [](const std::string& word) {
+    return word == "--tape" || word.starts_with("--tape=");
+  });
+  if (separator != args.end() && has_tape)
     return make_error(Errc::usage, with_help(stray.what(), "porttape test"));
   std::vector<std::string> line{"porttape", "test"};
   line.insert(line.end(), args.begin(), args.end());
-  line.insert(line.begin() + 2 + static_cast<std::ptrdiff_t>(stray.index()), "--");
-  return make_error(Errc::usage, fmt::format("-- is missing before the command; type {}", shell_line(line)));
+  const bool is_tape = separator != args.end();
+  line.insert(line.begin() + 2 + static_cast<std::ptrdiff_t>(stray.index()), is_tape ? "--tape" : "--");
+  return make_error(Errc::usage,
+                    fmt::format("{} is missing before {}; type {}", is_tape ? "--tape" : "--",
+                                is_tape ? in_quotes(stray.word()) : "the command", shell_line(line)));
 }
 
 int run_request(const TestRequest& request, std::ostream& out, std::ostream& err) {
@@ -156,7 +163,7 @@ int run_test(Arguments args, std::ostream& out, std::ostream& err) {
     if (!request) return fail(request.error(), err);
     return run_request(*request, out, err);
   } catch (const StrayWord& stray) {
-    return fail(before_command(args, stray), err);
+    return fail(stray_word(args, stray), err);
   } catch (const po::error& error) {
     return fail(make_error(Errc::usage, with_help(error.what(), "porttape test")), err);
   }
