@@ -133,7 +133,7 @@ std::string with_option(const Verb& verb, std::span<const std::string> arguments
   };
   std::vector<std::pair<std::string, std::string>> wanted = {
       {"device", "/dev/ttyUSB0"}, {"driver", "pty:/tmp/port"}, {"tape", "NAME"}};
-  if (!looks_like_port(stray.word())) std::ranges::rotate(wanted, wanted.end() - 1);
+  if (!looks_like_port(stray.word())) std::rotate(wanted.begin(), wanted.end() - 1, wanted.end());
   const std::vector<OptionSpec> known = channel_options(verb.mode);
   std::erase_if(wanted, [&](const auto& option) {
     return is_given(option.first) || std::ranges::find(known, option.first, &OptionSpec::name) == known.end();
