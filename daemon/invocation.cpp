@@ -1,6 +1,7 @@
 #include "daemon/invocation.hpp"
 
 #include <algorithm>
+#include <array>
 #include <fmt/format.h>
 #include <iterator>
 #include <string_view>
@@ -132,7 +133,7 @@ std::string with_option(const Verb& verb, std::span<const std::string> arguments
   };
   std::vector<std::pair<std::string, std::string>> wanted = {
       {"device", "/dev/ttyUSB0"}, {"driver", "pty:/tmp/port"}, {"tape", "NAME"}};
-  if (!looks_like_port(stray.word())) std::ranges::rotate(wanted, wanted.end() - 1);
+  if (!looks_like_port(stray.word())) std::rotate(wanted.begin(), wanted.end() - 1, wanted.end());
   const std::vector<OptionSpec> known = channel_options(verb.mode);
   std::erase_if(wanted, [&](const auto& option) {
     return is_given(option.first) || std::ranges::find(known, option.first, &OptionSpec::name) == known.end();
@@ -206,7 +207,7 @@ Result<Invocation> parse_run(std::span<const std::string> arguments) {
                {"check-config", Kind::flag, "", "says what is wrong in CONFIG, and starts nothing"});
   const po::options_description options = describe(specs, "Options");
   po::options_description all;
-  all.add(options).add_options()("config", po::value<std::string>());
+  all.add(options).add_options()("config", po::value<std::string>()->value_name("CONFIG"));
   po::positional_options_description positions;
   positions.add("config", 1);
   const po::variables_map values = read_options(arguments, all, positions);
@@ -224,6 +225,8 @@ Result<Invocation> parse_run(std::span<const std::string> arguments) {
 
 Result<Invocation> parse(std::span<const std::string> arguments) {
   if (arguments.empty()) return usage(no_verb("porttaped", arguments));
+  if (arguments.front() == "help" && arguments.size() > 1)
+    return parse_invocation(std::array<std::string, 2>{arguments[1], "--help"});
   const std::string& verb = arguments.front();
   Invocation line;
   if (verb == "--help" || verb == "-h" || verb == "help") {

@@ -78,14 +78,21 @@ Result<int> do_work(const CommandVerb& verb, CommandVerbLine line,
   return work(std::move(line));
 }
 
-// A command without `--` in front, or a word too many.
-Error before_command(const CommandVerb& verb, Arguments args, const StrayWord& stray) {
-  if (std::ranges::find(args, "--") != args.end())
+// A command without `--` in front, a tape without --tape, or a word too many.
+Error stray_word(const CommandVerb& verb, Arguments args, const StrayWord& stray) {
+  const auto separator = std::ranges::find(args, "--");
+  const bool has_tape = std::any_of(args.begin(), separator, [](const std::string& word) {
+    return word == "--tape" || word.starts_with("--tape=");
+  });
+  if (separator != args.end() && has_tape)
     return make_error(Errc::usage, with_help(stray.what(), fmt::format("porttape {}", verb.name)));
   std::vector<std::string> line{"porttape", std::string(verb.name)};
   line.insert(line.end(), args.begin(), args.end());
-  line.insert(line.begin() + 2 + static_cast<std::ptrdiff_t>(stray.index()), "--");
-  return make_error(Errc::usage, fmt::format("-- is missing before the command; type {}", shell_line(line)));
+  const bool is_tape = separator != args.end();
+  line.insert(line.begin() + 2 + static_cast<std::ptrdiff_t>(stray.index()), is_tape ? "--tape" : "--");
+  return make_error(Errc::usage,
+                    fmt::format("{} is missing before {}; type {}", is_tape ? "--tape" : "--",
+                                is_tape ? in_quotes(stray.word()) : "the command", shell_line(line)));
 }
 
 }  // namespace
@@ -107,7 +114,7 @@ int run_command_verb(const CommandVerb& verb, Arguments args, std::ostream& out,
     line.values = given_values(values, specs);
     status = do_work(verb, std::move(line), work);
   } catch (const StrayWord& stray) {
-    status = before_command(verb, args, stray);
+    status = stray_word(verb, args, stray);
   } catch (const po::error& error) {
     status = make_error(Errc::usage, with_help(error.what(), fmt::format("porttape {}", verb.name)));
   }

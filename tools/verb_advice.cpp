@@ -54,11 +54,29 @@ std::string of_other_program(std::string_view other, std::span<const std::string
   return fmt::format("'{}' is a verb of {}: {}", arguments.front(), other, printable_line(shell_line(line)));
 }
 
-std::string stray_option(const std::string& option, std::span<const std::string_view> verbs) {
+// "--help" and its like, for a word that was to be one of them.
+std::string program_option(const std::string& word) {
   constexpr std::array<std::string_view, 3> known = {"--help", "--help-ports", "--version"};
-  const std::string guess = did_you_mean(option, known);
-  if (!guess.empty()) return fmt::format("unknown option {}{}", in_quotes(option), guess);
-  return fmt::format("a verb is missing before {}; {}", in_quotes(option), accepted(verbs));
+  const bool is_version = word == "-v" || word == "-V";
+  return did_you_mean(is_version ? "--version" : word.starts_with('-') ? word : "--" + word, known);
+}
+
+// An option where a verb is wanted: one of the program's, or one that belongs behind the verb.
+std::string stray_option(std::string_view program, std::span<const std::string> arguments,
+                         std::span<const std::string_view> verbs) {
+  const std::string& option = arguments.front();
+  const auto verb =
+      std::ranges::find_if(arguments, [&](const std::string& word) { return contains(verbs, word); });
+  if (verb != arguments.end()) {
+    Words line{std::string(program), *verb};
+    line.insert(line.end(), arguments.begin(), verb);
+    line.insert(line.end(), verb + 1, arguments.end());
+    return fmt::format("{} belongs behind the verb: {}", in_quotes(option), printable_line(shell_line(line)));
+  }
+  if (const std::string guess = program_option(option); !guess.empty())
+    return fmt::format("unknown option {}{}", in_quotes(option), guess);
+  return with_help(fmt::format("a verb is missing before {}; {}", in_quotes(option), accepted(verbs)),
+                   program);
 }
 
 }  // namespace
@@ -87,12 +105,13 @@ std::string no_verb(std::string_view program, std::span<const std::string> argum
   const std::string_view other = tool ? kDaemon : kTool;
   if (arguments.empty()) return with_help(fmt::format("a verb is missing; {}", accepted(own)), program);
   const std::string& word = arguments.front();
-  if (word.starts_with('-')) return with_help(stray_option(word, own), program);
+  if (word.starts_with('-')) return stray_option(program, arguments, own);
   if (contains(others, word)) return of_other_program(other, arguments);
   const std::string what = fmt::format("unknown verb {}", in_quotes(word));
   if (const std::string guess = did_you_mean(word, own); !guess.empty()) return what + guess;
   if (const std::string line = line_for(program, word); !line.empty())
     return fmt::format("{}; did you mean {}?", what, in_quotes(line));
+  if (const std::string guess = program_option(word); !guess.empty()) return what + guess;
   if (const auto verb = nearest(word, others))
     return fmt::format("{}; did you mean '{} {}'?", what, other, *verb);
   return with_help(fmt::format("{}; {}", what, accepted(own)), program);

@@ -47,6 +47,10 @@ std::span<const Verb> verbs() { return kVerbs; }
 
 int run_porttape(Arguments args, std::ostream& out, std::ostream& err) {
   if (args.empty()) return fail(no_verb("porttape", args), err);
+  if (args.front() == "help" && args.size() > 1) {
+    const std::array<std::string, 2> asked{args[1], "--help"};
+    return run_porttape(asked, out, err);
+  }
   const std::string& name = args.front();
   if (name == "--help" || name == "-h" || name == "help") {
     print_help(out);

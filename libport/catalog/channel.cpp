@@ -176,6 +176,9 @@ Result<PortSpec> driver_port(const std::string& text) {
 
 Result<PortSpec> live_device(const OptionValues& values, ChannelMode mode) {
   const std::string& text = values.at("device");
+  if (const auto meant = with_speed(text))
+    return in_option("device", usage(fmt::format("{} has a speed behind it; did you mean {}?",
+                                                 in_quotes(text), in_quotes(*meant))));
   Result<PortOptions> device = parse_options(port_types(), text);
   if (!device) return not_a_port("device", text, LineEnd::device, device.error());
   if (values.contains("wait-device") && device->type->find("wait") != nullptr)
@@ -210,9 +213,13 @@ std::string_view to_string(ChannelMode mode) {
 }
 
 std::optional<std::string> owner_of_option(std::string_view option, ChannelMode mode) {
+  const auto has = [option](ChannelMode each) {
+    const std::vector<OptionSpec> options = channel_options(each);
+    return std::ranges::find(options, option, &OptionSpec::name) != options.end();
+  };
+  if (has(mode)) return std::nullopt;
   for (const ChannelMode other : kModes) {
-    const std::vector<OptionSpec> options = channel_options(other);
-    if (other != mode && std::ranges::find(options, option, &OptionSpec::name) != options.end())
+    if (has(other))
       return fmt::format("option '{}' is one of {}, not of {}", option, to_string(other), to_string(mode));
   }
   for (const PortType& type : port_types().all()) {

@@ -118,4 +118,17 @@ std::optional<std::string> guess_port(std::string_view text, LineEnd end) {
   return fmt::format("is not a port; did you mean {}?", in_quotes(meant));
 }
 
+std::optional<std::string> with_speed(std::string_view text) {
+  const std::size_t end = text.find_last_of(":@ ,");
+  if (end == std::string_view::npos || !all_digits(text.substr(end + 1))) return std::nullopt;
+  std::string_view device = text.substr(0, end);
+  if (constexpr std::string_view type = "serial:"; device.starts_with(type))
+    device.remove_prefix(type.size());
+  // Other names may well have a colon and a number at the end.
+  const bool is_tty =
+      device.starts_with("/dev/tty") && device.find_first_of(":@ ,") == std::string_view::npos;
+  if (!is_tty) return std::nullopt;
+  return fmt::format("{},baud={}", device, text.substr(end + 1));
+}
+
 }  // namespace porttape

@@ -21,4 +21,8 @@ bool looks_like_port(std::string_view text);
 // 'pty:/tmp/laser'?". Nothing where the text names a type, or looks like nothing known.
 std::optional<std::string> guess_port(std::string_view text, LineEnd end);
 
+// What was meant by a serial device with a speed behind it as other tools have it, `/dev/ttyUSB0:9600`,
+// `/dev/ttyUSB0 9600`, `/dev/ttyUSB0,9600`.
+std::optional<std::string> with_speed(std::string_view text);
+
 }  // namespace porttape

@@ -70,6 +70,15 @@ TEST(PortGuess, WhatNamesATypeIsLeftToItsOwnErrors) {
   EXPECT_EQ(guess("device=/dev/x,baud=1"), meant("type=serial,device=/dev/x,baud=1"));
 }
 
+TEST(PortGuess, ASpeedBehindADeviceIsItsOption) {
+  for (const char* text :
+       {"/dev/ttyUSB0:9600", "/dev/ttyUSB0 9600", "/dev/ttyUSB0@9600", "serial:/dev/ttyUSB0,9600"})
+    EXPECT_EQ(with_speed(text), "/dev/ttyUSB0,baud=9600") << text;
+  for (const char* text :
+       {"/dev/ttyUSB0", "/dev/ttyUSB0,baud=9600", "/dev/serial/by-path/usb-0:1", "tcp:h:5", ""})
+    EXPECT_EQ(with_speed(text), std::nullopt) << text;
+}
+
 TEST(PortGuess, WhatIsAPortIsMeant) {
   EXPECT_EQ(meant_port("tcp:h:1", LineEnd::driver), "tcp:h:1");
   EXPECT_EQ(meant_port("ttyUSB0", LineEnd::device), "/dev/ttyUSB0");

@@ -111,6 +111,13 @@ TEST(ConfigFile, ATapeIsOfOneChannel) {
               MatchesRegex("test.conf:8: tape '.*/t.log' is that of channel 'a'; name another"));
 }
 
+TEST(ConfigFile, AReportIsOfOneChannelToo) {
+  const std::string replays = "driver=pty\ntape=t\nreport=";
+  EXPECT_THAT(error_of("[channel a]\n" + replays + "/r.json\n[channel b]\n" + replays + "/./r.json\n"),
+              HasSubstr("test.conf:8: report '/r.json' is that of channel 'a'; name another"));
+  EXPECT_TRUE(read("[channel a]\n" + replays + "-\n[channel b]\n" + replays + "-\n").has_value());
+}
+
 TEST(ConfigFile, OfWhatIsNoConfigurationTwentyLinesAreTold) {
   std::string text;
   for (int n = 0; n < 100; ++n) text += "word\n";

@@ -103,7 +103,7 @@ TEST(Porttape, HelpAndVersionGoToStandardOutput) {
 
 TEST(Porttape, WhatItDoesNotKnowIs2AndOneLine) {
   for (const std::vector<std::string>& args :
-       std::vector<std::vector<std::string>>{{}, {"frobnicate"}, {"--frobnicate"}, {"-v"}, {""}}) {
+       std::vector<std::vector<std::string>>{{}, {"frobnicate"}, {"--frobnicate"}, {"-x"}, {""}}) {
     const auto ran = run(args);
     EXPECT_EQ(ran.status, 2);
     EXPECT_EQ(ran.out, "");
@@ -113,6 +113,11 @@ TEST(Porttape, WhatItDoesNotKnowIs2AndOneLine) {
 
 TEST(Porttape, TheLineThatWasMeantIsNamed) {
   EXPECT_EQ(run({"inof"}).err, "porttape: unknown verb 'inof'; did you mean 'info'?\n");
+  EXPECT_EQ(run({"-V"}).err, "porttape: unknown option '-V'; did you mean '--version'?\n");
+  EXPECT_EQ(run({"version"}).err, "porttape: unknown verb 'version'; did you mean '--version'?\n");
+  EXPECT_EQ(run({"--json", "info", "a b"}).err,
+            "porttape: '--json' belongs behind the verb: porttape info --json 'a b'\n");
+  EXPECT_EQ(run({"help", "cat"}).out, run({"cat", "--help"}).out);
   EXPECT_EQ(run({"--ver"}).err, "porttape: unknown option '--ver'; did you mean '--version'?\n");
   EXPECT_EQ(run({"laser.log"}).err,
             "porttape: unknown verb 'laser.log'; did you mean 'porttape info laser.log'?\n");

@@ -186,6 +186,8 @@ TEST_F(TestVerb, ACommandWithoutTheDashesBeforeItIsShownWithThem) {
       run({"test", "--tape", "x", "./driver", "--device", "{port}", "a b"}).err,
       "porttape test: -- is missing before the command; type porttape test --tape x -- ./driver --device "
       "{port} 'a b'\n");
+  EXPECT_EQ(run({"test", "x", "--", "true"}).err,
+            "porttape test: --tape is missing before 'x'; type porttape test --tape x -- true\n");
   EXPECT_THAT(run({"test", "--tape", "x", "y", "--", "true"}).err, HasSubstr("'y' is not an option"));
 }
 
