@@ -70,7 +70,7 @@ po::options_description common_options() {
   options.add_options()      //
       ("help", "this text")  //
       ("log-level", po::value<std::string>()->default_value("info"),
-       "trace, debug, info, warn, error, off")  //
+       "trace, debug, info, warn, error, off; trace shows the bytes: -> the driver writes, <- it is sent")  //
       ("log-file", po::value<std::string>(),
        "writes the log there, not to stderr; with -b and without it: to the journal or syslog, else to "
        "$XDG_STATE_HOME/porttape/PID.log")                                              //
@@ -106,6 +106,7 @@ Result<Invocation> parse_verb(const Verb& verb, std::span<const std::string> arg
     return line;
   }
   if (Result<void> taken = take_common(values, line); !taken) return taken.error();
+  line.verb = verb.name;
   line.channels.emplace(verb.name, ChannelSpec{verb.mode, given_values(values, specs)});
   return line;
 }
@@ -132,6 +133,7 @@ Result<Invocation> parse_run(std::span<const std::string> arguments) {
   Result<std::map<std::string, ChannelSpec>> channels = read_config_file(values["config"].as<std::string>());
   if (!channels) return channels.error();
   line.channels = std::move(*channels);
+  line.verb = "run";
   line.keeps_channels = true;
   return line;
 }

@@ -2,6 +2,7 @@
 #include <exception>
 #include <fcntl.h>
 #include <iostream>
+#include <memory>
 #include <poll.h>
 #include <string>
 #include <sys/resource.h>
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "daemon/background.hpp"
+#include "daemon/control_server.hpp"
 #include "daemon/daemon.hpp"
 #include "daemon/invocation.hpp"
 #include "daemon/log.hpp"
@@ -43,6 +45,22 @@ bool ignores_hang_up() {
   return ::sigaction(SIGHUP, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
 }
 
+// Without one the lines work all the same.
+std::unique_ptr<ControlServer> serve_control(Loop& loop, const std::shared_ptr<spdlog::logger>& log,
+                                             Daemon& daemon) {
+  std::string trouble;
+  try {
+    Result<ControlListener> listener =
+        ControlListener::create(control_folder(ControlEnvironment::of_process()));
+    if (listener) return std::make_unique<ControlServer>(loop, log, daemon, std::move(*listener));
+    trouble = listener.error().message;
+  } catch (const std::exception& error) {  // no memory, no descriptor
+    trouble = error.what();
+  }
+  log->warn("{}; porttape status and ctl do not find this daemon", trouble);
+  return nullptr;
+}
+
 int run(const Invocation& line) {
   Background background;
   const bool ends_on_hang_up = ends_with_terminal(line);
@@ -55,7 +73,8 @@ int run(const Invocation& line) {
   if (!log) return fail(log.error());
   Loop loop;
   Daemon daemon(loop, log->logger,
-                {.keeps_channels = line.keeps_channels,
+                {.verb = line.verb,
+                 .keeps_channels = line.keeps_channels,
                  .ends_on_hang_up = ends_on_hang_up,
                  .ignores_hang_up = ignores_hang_up(),
                  .reopen_log = log->reopen});
@@ -64,6 +83,7 @@ int run(const Invocation& line) {
   if (!line.pid_file.empty()) {
     if (Result<void> written = pid_file.write(line.pid_file); !written) return fail(written.error());
   }
+  const std::unique_ptr<ControlServer> control = serve_control(loop, log->logger, daemon);
   if (line.background && line.log_file.empty()) tell("the log goes to " + log->place);
   background.ready();
   notify_systemd("READY=1");

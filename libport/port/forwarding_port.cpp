@@ -30,6 +30,7 @@ Recorder* ForwardingPort::recorder() { return inner_->recorder(); }
 bool ForwardingPort::passive() const { return inner_->passive(); }
 bool ForwardingPort::keeps_datagrams() const { return inner_->keeps_datagrams(); }
 std::string ForwardingPort::name() const { return inner_->name(); }
+std::string ForwardingPort::peer_node() const { return inner_->peer_node(); }
 
 void ForwardingPort::on_up() { listener().on_up(); }
 void ForwardingPort::on_data(ByteView data) { listener().on_data(data); }

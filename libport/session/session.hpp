@@ -56,6 +56,14 @@ class Session {
     std::uint64_t from_driver_bytes = 0;
     std::uint64_t dropped_bytes = 0;  // reached nobody: the other side was not there or did not take them
     std::uint64_t opens = 0;
+
+    Counters& operator+=(const Counters& other) {
+      to_driver_bytes += other.to_driver_bytes;
+      from_driver_bytes += other.from_driver_bytes;
+      dropped_bytes += other.dropped_bytes;
+      opens += other.opens;
+      return *this;
+    }
   };
 
   using EndLimits = porttape::EndLimits;
@@ -75,13 +83,21 @@ class Session {
   // Passes on what has come in, completes tape and report, ends. Called again: ends at once.
   void stop();
 
-  void request(RecorderRequest what) {
-    if (Recorder* recorder = device_->recorder()) recorder->request(what);
+  // Errc::usage: nothing is recorded, or it cannot be done now.
+  Result<void> request(const RecorderRequest& what) {
+    Recorder* const recorder = device_->recorder();
+    if (recorder == nullptr) return make_error(Errc::usage, device_->name() + " is not recorded");
+    return recorder->request(what);
   }
 
+  // How it stands, as a word for people and programs: waiting (for a driver), opening (the device, for a
+  // driver that is there), open, interrupted, broken (the device's line has ended, the driver has yet to
+  // close), draining, ending.
+  [[nodiscard]] std::string_view state() const;
+
   [[nodiscard]] const Counters& counters() const { return counters_; }
-  [[nodiscard]] Port& driver() { return *driver_; }
-  [[nodiscard]] Port& device() { return *device_; }
+  [[nodiscard]] Port& driver() const { return *driver_; }
+  [[nodiscard]] Port& device() const { return *device_; }
 
  private:
   enum class DeviceState { closed, opening, up, interrupted, down, draining };
@@ -91,6 +107,7 @@ class Session {
   struct DeviceSide;
 
   void driver_up();
+  void trace(std::string_view arrow, ByteView data) const;
   void driver_data(ByteView data);
   PortListener::Answers driver_ended();
   void let_driver(bool read);

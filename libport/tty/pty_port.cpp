@@ -451,4 +451,6 @@ std::string PtyPort::name() const {
   return line_ ? "pty:" + line_->pty.slave_path() : "pty";
 }
 
+std::string PtyPort::peer_node() const { return line_ ? line_->pty.slave_path() : std::string(); }
+
 }  // namespace porttape

@@ -65,6 +65,7 @@ class PtyPort final : public Port {
   [[nodiscard]] bool keeps_datagrams() const override { return false; }
   bool end_writing() override { return false; }
   [[nodiscard]] std::string name() const override;
+  [[nodiscard]] std::string peer_node() const override;
 
  private:
   using Openers = std::optional<int>;  // how many descriptors programs have open; none: unknown
