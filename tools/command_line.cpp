@@ -21,6 +21,20 @@ CommandLine& CommandLine::flag(const char* name, const char* help) {
   return *this;
 }
 
+CommandLine& CommandLine::takes_nothing() {
+  takes_ = Takes::nothing;
+  return *this;
+}
+
+CommandLine& CommandLine::takes_words() {
+  takes_ = Takes::words;
+  return *this;
+}
+
+CommandLine& CommandLine::color() {
+  return value("color", "WHEN", "auto (the default: on a terminal, unless NO_COLOR is set), always, never");
+}
+
 CommandLine& CommandLine::value(const char* name, const char* value_name, const char* help) {
   options_.add_options()(name, po::value<std::string>()->value_name(value_name), help);
   return *this;
@@ -28,7 +42,7 @@ CommandLine& CommandLine::value(const char* name, const char* value_name, const 
 
 std::optional<int> CommandLine::parse(Arguments args, std::ostream& out, std::ostream& err) {
   po::options_description all;
-  all.add(options_).add_options()("tape", po::value<std::vector<std::string>>(&tapes_));
+  all.add(options_).add_options()("tape", po::value<std::vector<std::string>>(&words_));
   po::positional_options_description positional;
   positional.add("tape", -1);
   try {
@@ -40,7 +54,14 @@ std::optional<int> CommandLine::parse(Arguments args, std::ostream& out, std::os
     print_help(out);
     return exit_status::kPass;
   }
-  if (tapes_.empty()) return usage_error(err, "no tape given");
+  if (const auto given = text("color")) {
+    const auto choice = parse_color(*given);
+    if (!choice) return usage_error(err, "--color is '" + *given + "'; it must be auto, always or never");
+    color_ = *choice;
+  }
+  if (takes_ == Takes::tapes && words_.empty()) return usage_error(err, "no tape given");
+  if (takes_ == Takes::nothing && !words_.empty())
+    return usage_error(err, "'" + words_.front() + "' is too much; only options are taken");
   return std::nullopt;
 }
 

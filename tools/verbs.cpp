@@ -17,6 +17,8 @@ constexpr std::array kVerbs{
     Verb{"cat", "both directions of a tape in order, one line a burst", run_cat},
     Verb{"test", "runs a command against a tape in the device's place, gives the verdict", run_test},
     Verb{"verify", "whether tapes are sound", run_verify},
+    Verb{"status", "what the daemons do that run: ports, drivers, bytes, tapes, trouble", run_status},
+    Verb{"ctl", "steers a daemon that runs: a mark on its tape, its end", run_ctl},
 };
 
 void print_help(std::ostream& out) {
