@@ -66,6 +66,13 @@ std::vector<OptionSpec> test_options() {
   specs.push_back({"timeout", OptionSpec::Kind::number, "",
                    "seconds after which the command is ended; 0: never, not even one that sleeps for ever", 0,
                    1e9});
+  specs.push_back({"color",
+                   OptionSpec::Kind::choice,
+                   "auto",
+                   "of the verdict; auto: on a terminal, unless NO_COLOR is set",
+                   0,
+                   0,
+                   {"auto", "always", "never"}});
   specs.push_back({"help", OptionSpec::Kind::flag, "", "this text"});
   return specs;
 }
@@ -73,6 +80,7 @@ std::vector<OptionSpec> test_options() {
 Result<TestRequest> read_request(const po::variables_map& values, const std::vector<OptionSpec>& specs,
                                  PrivateFolder& folder, std::vector<std::string> command) {
   ChannelSpec channel{ChannelMode::replay, given_values(values, specs)};
+  channel.values.erase("color");
   std::optional<Nanos> limit;
   bool never_ends = false;
   if (const auto timeout = channel.values.extract("timeout")) {
@@ -105,7 +113,7 @@ int fail(const Error& error, std::ostream& err) {
   return exit_status_of(error.code);
 }
 
-int run_request(const TestRequest& request, std::ostream& out, std::ostream& err) {
+int run_request(const TestRequest& request, ColorChoice color, std::ostream& out, std::ostream& err) {
   ::signal(SIGPIPE, SIG_IGN);
   TestRun test(request);
   Result<RunReport> report = test.run();
@@ -113,7 +121,7 @@ int run_request(const TestRequest& request, std::ostream& out, std::ostream& err
   if (!report) return fail(report.error(), err);
   RunReport shown = *report;
   shown.tape = printable_line(shown.tape);
-  out << to_text(shown, wants_color(out)) << std::flush;
+  out << to_text(shown, wants_color(out, color)) << std::flush;
   if (report->command_exit.value_or(0) != 0)
     fmt::print(err, "porttape test: the command ended with status {}\n", *report->command_exit);
   report->process_exit = output_status(out, test.exit_status(*report));
@@ -139,10 +147,17 @@ int run_test(Arguments args, std::ostream& out, std::ostream& err) {
       out << kHelp << '\n' << as_text(description);
       return exit_status::kPass;
     }
+    const std::string when = values.contains("color") ? values["color"].as<std::string>() : "auto";
+    const std::optional<ColorChoice> color = parse_color(when);
+    if (!color) {
+      return fail(make_error(Errc::usage,
+                             "option 'color': '" + when + "' is not valid; accepted: auto, always, never"),
+                  err);
+    }
     PrivateFolder folder;
     const Result<TestRequest> request = read_request(values, specs, folder, std::move(command));
     if (!request) return fail(request.error(), err);
-    return run_request(*request, out, err);
+    return run_request(*request, *color, out, err);
   } catch (const po::error& error) {
     return fail(make_error(Errc::usage, fmt::format("{}; see porttape test --help", error.what())), err);
   }
