@@ -52,21 +52,15 @@ Result<ControlListener> ControlListener::create(const ControlFolder& folder) {
       ::bind(fd.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) != 0)
     return cannot(path, errno_text(errno));
   ControlListener listener(std::move(fd), path);
-  struct stat status {};
-  if (::lstat(path.c_str(), &status) == 0) listener.node_.emplace(status.st_dev, status.st_ino);
   if (::listen(listener.fd(), kBacklog) != 0) return cannot(path, errno_text(errno));
   return listener;
 }
 
-ControlListener::ControlListener(ControlListener&& other) noexcept
-    : fd_(std::move(other.fd_)),
-      path_(std::move(other.path_)),
-      node_(std::exchange(other.node_, std::nullopt)) {}
-
+// Once it is closed nobody has it, unless another one has taken its name.
 ControlListener::~ControlListener() {
-  struct stat status {};
-  if (node_ && ::lstat(path_.c_str(), &status) == 0 && *node_ == std::pair(status.st_dev, status.st_ino))
-    (void)::unlink(path_.c_str());
+  if (!fd_) return;
+  fd_.reset();
+  if (is_stale_socket(path_)) (void)::unlink(path_.c_str());
 }
 
 }  // namespace porttape

@@ -1,8 +1,6 @@
 #pragma once
 
-#include <optional>
 #include <string>
-#include <sys/types.h>
 #include <utility>
 
 #include "libport/base/result.hpp"
@@ -11,13 +9,13 @@
 
 namespace porttape {
 
-// The socket of this process in a control folder. Removes it at the end, if it is still its own.
+// The socket of this process in a control folder. Removes it at the end, if nobody else has taken its name.
 class ControlListener {
  public:
   // Makes the folder if need be, and the socket, which only its owner can use (0600); a stale one of that
   // name is removed. Errc::io, Errc::usage.
   static Result<ControlListener> create(const ControlFolder& folder);
-  ControlListener(ControlListener&& other) noexcept;
+  ControlListener(ControlListener&&) noexcept = default;
   ControlListener& operator=(ControlListener&&) = delete;
   ~ControlListener();
 
@@ -29,7 +27,6 @@ class ControlListener {
 
   UniqueFd fd_;
   std::string path_;
-  std::optional<std::pair<dev_t, ino_t>> node_;
 };
 
 }  // namespace porttape

@@ -253,7 +253,7 @@ TEST_F(TapPortTest, AfterTheirFinishObserversAreToldNothingAndTheLogIsToldOfTheB
   tap.open();
   tap.finish();
   one.text.clear();
-  EXPECT_TRUE(tap.recorder()->request(RecorderRequest::next_tape()));
+  EXPECT_FALSE(tap.recorder()->request(RecorderRequest::next_tape()));
   tap.write(as_bytes("four"));
   device.send("three");
   device.interrupt();
