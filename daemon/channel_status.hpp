@@ -49,7 +49,7 @@ struct LineStatus {
   std::string device;
   std::optional<RecordingStatus> recording;
 };
-LineStatus status_of(const Session& session);
+LineStatus status_of(Session& session);
 
 // A channel as `porttape status` tells of it (CONTROL.md).
 struct ChannelStatus {

@@ -77,9 +77,7 @@ class Session final : public Channel {
   [[nodiscard]] Counters counters() const override { return counters_; }
   [[nodiscard]] std::vector<Session*> sessions() override { return {this}; }
   [[nodiscard]] Port& driver() override { return *driver_; }
-  [[nodiscard]] const Port& driver() const { return *driver_; }
   [[nodiscard]] Port& device() { return *device_; }
-  [[nodiscard]] const Port& device() const { return *device_; }
 
  private:
   enum class DeviceState { closed, opening, up, interrupted, down, draining };
