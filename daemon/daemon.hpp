@@ -1,13 +1,16 @@
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <map>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <spdlog/logger.h>
 
+#include "daemon/control_protocol.hpp"
 #include "daemon/supervised_channel.hpp"
 #include "libport/base/result.hpp"
 #include "libport/catalog/channel.hpp"
@@ -20,9 +23,10 @@ namespace porttape {
 // once), SIGUSR1 starts their next tapes, SIGHUP reopens the log. SIGUSR2 does nothing.
 //
 // Drive it: start(), then run() until every channel has ended.
-class Daemon {
+class Daemon final : public ControlTarget {
  public:
   struct Options {
+    std::string verb = {};        // of the program, for its status
     bool keeps_channels = false;  // the verb `run`: a channel in trouble is retried, see SupervisedChannel
     bool ends_on_hang_up =
         false;  // SIGHUP ends the channels too: the terminal of a program in the foreground
@@ -39,17 +43,29 @@ class Daemon {
   // The exit status: the worst that a channel ended with.
   int run();
 
+  // For the control socket.
+  [[nodiscard]] std::string status() const override;
+  Result<Outcome> mark(const std::string& channel, const std::string& text) override;
+  Result<Outcome> stop(const std::string& channel) override;
+
  private:
+  struct Running {
+    std::unique_ptr<SupervisedChannel> running;
+    std::shared_ptr<LastTrouble> trouble;
+  };
+
   void signalled(int number);
   void stop();
-  void request(RecorderRequest what);
+  [[nodiscard]] Result<std::vector<std::string>> running(const std::string& channel) const;
   void hung_up();
   void ended(const std::string& name, int exit_status);
 
   Loop* loop_;
   std::shared_ptr<spdlog::logger> log_;
   Options options_;
-  std::map<std::string, std::unique_ptr<SupervisedChannel>> channels_;
+  std::map<std::string, Running> channels_;
+  std::map<std::string, ChannelStatus> ended_;
+  const WallTime since_ = std::chrono::system_clock::now();
   std::optional<SignalWatch> signals_;
   int exit_status_ = 0;
 };

@@ -86,7 +86,7 @@ using Kind = OptionSpec::Kind;
 const OptionSpec kLogLevel{"log-level",
                            Kind::choice,
                            "info",
-                           "how much is logged",
+                           "how much is logged; trace shows the bytes: -> the driver writes, <- it is sent",
                            0,
                            0,
                            {"trace", "debug", "info", "warn", "error", "off"}};
@@ -182,6 +182,7 @@ Result<Invocation> parse_verb(const Verb& verb, std::span<const std::string> arg
     return line;
   }
   if (Result<void> taken = take_common(*values, line); !taken) return taken.error();
+  line.verb = verb.name;
   line.channels.emplace(verb.name, ChannelSpec{verb.mode, given_values(*values, specs)});
   const std::vector<ChannelProblem> problems = check_channels(line.channels);
   if (!problems.empty()) return problems.front().problem.error;
@@ -197,6 +198,7 @@ Result<Invocation> run_channels(Invocation line, const std::string& file, bool c
     return line;
   }
   line.channels = std::move(*channels);
+  line.verb = "run";
   line.keeps_channels = true;
   return line;
 }

@@ -176,6 +176,7 @@ Result<Log> make_log(const LogPlace& place, spdlog::level::level_enum level) {
   if (!chosen) return chosen.error();
   const auto sink = std::make_shared<QueueSink>(std::move(chosen->target), chosen->style);
   Log log{std::make_shared<spdlog::logger>("porttaped", sink), [sink] { sink->reopen(); }, chosen->place};
+  sink->set_level(level);  // a channel's logger may ask for more, for sinks of its own
   log.logger->set_level(level);
   return log;
 }

@@ -1,7 +1,10 @@
 #include <csignal>
 #include <exception>
 #include <fcntl.h>
+#include <functional>
 #include <iostream>
+#include <memory>
+#include <optional>
 #include <poll.h>
 #include <string>
 #include <sys/resource.h>
@@ -10,6 +13,7 @@
 #include <vector>
 
 #include "daemon/background.hpp"
+#include "daemon/control_server.hpp"
 #include "daemon/daemon.hpp"
 #include "daemon/invocation.hpp"
 #include "daemon/log.hpp"
@@ -43,6 +47,44 @@ bool ignores_hang_up() {
   return ::sigaction(SIGHUP, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
 }
 
+// The control socket. Without one the lines work all the same.
+class Control {
+ public:
+  explicit Control(std::shared_ptr<spdlog::logger> log) : log_(std::move(log)) {
+    attempt([this]() -> Result<void> {
+      Result<ControlListener> made =
+          ControlListener::create(control_folder(ControlEnvironment::of_process()));
+      if (!made) return made.error();
+      listener_.emplace(std::move(*made));
+      return {};
+    });
+  }
+  void serve(Loop& loop, Daemon& daemon) {
+    if (!listener_) return;
+    attempt([&]() -> Result<void> {
+      server_.emplace(loop, log_, daemon, std::move(*listener_));
+      return {};
+    });
+  }
+
+ private:
+  void attempt(const std::function<Result<void>()>& step) {
+    std::string trouble;
+    try {
+      const Result<void> done = step();
+      if (done) return;
+      trouble = done.error().message;
+    } catch (const std::exception& error) {  // no memory
+      trouble = error.what();
+    }
+    log_->warn("{}; porttape status and ctl do not find this daemon", trouble);
+  }
+
+  std::shared_ptr<spdlog::logger> log_;
+  std::optional<ControlListener> listener_;
+  std::optional<ControlServer> server_;
+};
+
 int run(const Invocation& line) {
   Background background;
   const bool ends_on_hang_up = ends_with_terminal(line);
@@ -55,15 +97,19 @@ int run(const Invocation& line) {
   if (!log) return fail(log.error());
   Loop loop;
   Daemon daemon(loop, log->logger,
-                {.keeps_channels = line.keeps_channels,
+                {.verb = line.verb,
+                 .keeps_channels = line.keeps_channels,
                  .ends_on_hang_up = ends_on_hang_up,
                  .ignores_hang_up = ignores_hang_up(),
                  .reopen_log = log->reopen});
+  // Before the channels, whose descriptors it would take else where these are few.
+  Control control(log->logger);
   if (Result<void> started = daemon.start(line.channels); !started) return fail(started.error());
   PidFile pid_file;
   if (!line.pid_file.empty()) {
     if (Result<void> written = pid_file.write(line.pid_file); !written) return fail(written.error());
   }
+  control.serve(loop, daemon);
   if (line.background && line.log_file.empty()) tell("the log goes to " + log->place);
   background.ready();
   notify_systemd("READY=1");

@@ -64,7 +64,7 @@ Result<void> SupervisedChannel::start_session() {
       result = make_error(Errc::io, error.what());
     }
   });
-  if (!result) session_.reset();
+  if (!result) drop_session();
   return result;
 }
 
@@ -78,12 +78,33 @@ void SupervisedChannel::stop() {
   }
 }
 
-void SupervisedChannel::request(RecorderRequest what) {
-  if (session_) session_->request(what);
+Result<void> SupervisedChannel::request(const RecorderRequest& what) {
+  if (session_) return session_->request(what);
+  return make_error(Errc::usage, "the channel is in trouble: " + trouble_);
+}
+
+ChannelStatus SupervisedChannel::status() const {
+  ChannelStatus status = described(spec_);
+  status.counters = before_;
+  if (session_) {
+    status.counters += session_->counters();
+    for (const Session* line : session_->sessions()) status.lines.push_back(status_of(*line));
+    if (status.lines.empty())  // a port whose connections have a line each
+      status.lines.push_back({.state = "waiting", .driver = session_->driver().name(), .device = status.device});
+  } else {
+    status.why = trouble_;
+    if (const auto due = retry_timer_.due()) status.retry_in = std::max(*due - Loop::now(), Nanos::zero());
+  }
+  return status;
+}
+
+void SupervisedChannel::drop_session() {
+  if (session_) before_ += session_->counters();
+  session_.reset();
 }
 
 void SupervisedChannel::session_ended(int exit_status) {
-  session_.reset();
+  drop_session();
   if (retries_ && !stopping_ && is_trouble(exit_status)) {
     try_again(fmt::format("the channel has ended with status {}", exit_status));
   } else {
@@ -96,7 +117,7 @@ void SupervisedChannel::threw(const std::string& what) {
   later([this, what] {                       // its parts are on the stack still
     broken_ = false;
     if (!session_) return;
-    session_.reset();
+    drop_session();
     if (retries_ && !stopping_) return try_again(what);
     context_.log->error("{}", what);
     end(exit_status::kRuntime);

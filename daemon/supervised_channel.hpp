@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 
+#include "daemon/channel_status.hpp"
 #include "libport/base/result.hpp"
 #include "libport/catalog/channel.hpp"
 #include "libport/loop/fence.hpp"
@@ -33,10 +34,13 @@ class SupervisedChannel {
   // The error is this channel's end, and on_end does not come; none with `retries`.
   Result<void> start();
   void stop();  // as Session::stop()
-  void request(RecorderRequest what);
+  // Errc::usage: nothing is recorded, or it cannot be done now.
+  Result<void> request(const RecorderRequest& what);
+  [[nodiscard]] ChannelStatus status() const;
 
  private:
   Result<void> start_session();
+  void drop_session();
   void session_ended(int exit_status);
   void threw(const std::string& what);
   void later(std::function<void()> task);
@@ -50,6 +54,7 @@ class SupervisedChannel {
   std::function<void(int)> on_end_;
   std::shared_ptr<Fence> fence_;
   std::unique_ptr<Channel> session_;
+  Channel::Counters before_;  // of the sessions before this one
   Timer retry_timer_;
   Nanos delay_;
   Instant started_{};    // the session's start

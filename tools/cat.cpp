@@ -3,11 +3,14 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <variant>
 
 #include "libport/base/printable.hpp"
+#include "libport/tape/tape_lock.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "tools/cat_lines.hpp"
 #include "tools/command_line.hpp"
+#include "tools/follow.hpp"
 #include "tools/output.hpp"
 #include "tools/verbs.hpp"
 
@@ -15,16 +18,20 @@ namespace porttape {
 namespace {
 
 constexpr VerbHelp kHelp{
-    "cat", "TAPE [--json] [--from S] [--to S] [--dir r|w] [--blocks]",
+    "cat", "TAPE [--full] [--follow] [--json] [--from S] [--to S] [--dir r|w] [--blocks]",
     "Prints a tape in order, a line a burst: time in seconds, direction (r: the driver reads,\n"
     "w: it writes), length, the bytes as text and in hex. A burst is blocks of one direction\n"
-    "less than 500 us apart with nothing in between. Exit status: 0, 1 the tape is damaged (all\n"
-    "before the damage is printed) or cannot be read, 2 it is not a tape or not there.\n",
+    "less than 500 us apart with nothing in between. Long ones are cut to the terminal's width\n"
+    "($COLUMNS; elsewhere to 32 bytes), which '...' says; --full shows all bytes. Exit status:\n"
+    "0, 1 the tape is damaged (what is sound is printed) or cannot be read, 2 it is not a tape\n"
+    "or not there.\n",
     "  porttape cat laser.log\n"
-    "  porttape cat laser.log --from 1.5 --to 2 --blocks\n"
+    "  porttape cat laser.log --follow\n"
+    "  porttape cat laser.log --full --from 1.5 --to 2 | less\n"
     "  porttape cat laser.log --json --dir r | jq -r .hex | xxd -r -p\n"};
 
 constexpr Micros kBurstGap{500};
+constexpr Nanos kRotation = std::chrono::milliseconds(300);
 constexpr std::size_t kMaxBurst = std::size_t{64} * 1024;
 
 struct CatOptions {
@@ -32,6 +39,7 @@ struct CatOptions {
   TapeTime to = TapeTime::max();
   std::optional<Direction> direction;
   bool blocks = false;
+  bool follow = false;
 };
 
 // Seconds with up to 6 decimals that count.
@@ -105,25 +113,30 @@ bool is_wanted(const Record& record, const CatOptions& options) {
   return record.kind == (*options.direction == Direction::read ? RecordKind::read : RecordKind::write);
 }
 
-// Prints until the tape ends, --to is reached, or `out` fails.
-Result<void> print_tape(TapeReader& tape, const CatOptions& options, CatPrinter& printer,
+// Prints what is there. True: more may come, and is wanted.
+Result<bool> print_tape(TapeReader& tape, const CatOptions& options, CatPrinter& printer,
                         const std::ostream& out) {
   BurstJoiner joiner(printer, !options.blocks);
-  while (out.good()) {
+  bool more = true;
+  while (more && out.good()) {
     const auto record = tape.next();
     if (!record) {
       joiner.flush();
       return record.error();
     }
-    if (!*record || (**record).at >= options.to) break;
-    if (is_wanted(**record, options)) {
+    if (!*record) break;
+    if ((**record).at >= options.to) {
+      more = false;
+    } else if (is_wanted(**record, options)) {
       is_block(**record) ? joiner.on_block(**record) : joiner.on_event(**record);
     } else {
       joiner.flush();  // something is in between, though it is not shown
     }
+    const Event* const event = (**record).event;
+    if (event != nullptr && std::holds_alternative<event::End>(*event)) more = false;
   }
   joiner.flush();
-  return {};
+  return more && out.good();
 }
 
 int fail(const Error& error, std::ostream& out, std::ostream& err) {
@@ -132,19 +145,65 @@ int fail(const Error& error, std::ostream& out, std::ostream& err) {
   return exit_status_of(error.code);
 }
 
+void note(const std::string& text, std::ostream& out, std::ostream& err) {
+  out.flush();
+  err << "porttape cat: note: " << printable_line(text) << '\n';
+}
+
+// The recorder makes the next part when it has ended this one.
+void note_next_part(const TapePaths& paths, const TapeReader& tape, Nanos limit, std::ostream& out,
+                    std::ostream& err) {
+  const auto header = tape.header();
+  if (!header || header->id.empty()) return;
+  const auto next = next_part(paths, header->id, limit);
+  if (next) note("it goes on as " + *next, out, err);
+}
+
+// Prints what comes, until the tape ends or nobody writes it or reads us any more.
+Result<void> follow_tape(TapeReader& tape, const TapePaths& paths, const CatOptions& options,
+                         CatPrinter& printer, std::ostream& out, std::ostream& err) {
+  const TapeGrowth growth(paths, descriptor_of(out));
+  for (;;) {
+    const bool written = is_being_written(paths);  // before it is read: nothing comes after
+    const Result<bool> more = print_tape(tape, options, printer, out);
+    out.flush();
+    if (!more) return more.error();
+    if (!*more) {
+      // A rotation takes a moment from the end of one tape to the next.
+      if (options.to == TapeTime::max())
+        note_next_part(paths, tape, written ? kRotation : Nanos::zero(), out, err);
+      return {};
+    }
+    if (!written) {
+      note("nobody writes this tape; it has no end", out, err);
+      return {};
+    }
+    if (growth.wait() == TapeGrowth::News::no_reader) return {};
+    tape.read_on();
+  }
+}
+
 int cat_tape(const std::string& argument, const CatOptions& options, CatPrinter& printer, std::ostream& out,
              std::ostream& err) {
   const auto paths = find_tape(argument);
-  if (!paths) return fail(paths.error(), out, err);
-  auto tape = TapeReader::open(*paths);
+  if (!paths) {
+    Error missing = paths.error();
+    if (options.follow) missing.message += "; a tape begins when a driver first opens the port";
+    return fail(missing, out, err);
+  }
+  auto tape = TapeReader::open(*paths, {.grows = options.follow, .events_may_fail = true});
   if (!tape) return fail(tape.error(), out, err);
-  if (const auto printed = print_tape(*tape, options, printer, out); !printed) {
-    return fail(printed.error(), out, err);
+  Result<void> printed;
+  if (options.follow) {
+    printed = follow_tape(*tape, *paths, options, printer, out, err);
+  } else if (const Result<bool> all = print_tape(*tape, options, printer, out); !all) {
+    printed = all.error();
   }
-  if (const auto note = tape->torn_tail()) {
-    out.flush();
-    err << "porttape cat: note: " << printable_line(*note) << '\n';
+  if (!printed) {
+    fail(printed.error(), out, err);
+    return exit_status::kRuntime;
   }
+  if (const auto torn = tape->torn_tail()) note(*torn, out, err);
   return exit_status::kPass;
 }
 
@@ -162,6 +221,7 @@ std::optional<std::string> take_options(const CommandLine& line, CatOptions& opt
     options.direction = *direction == "r" ? Direction::read : Direction::write;
   }
   options.blocks = line.has("blocks");
+  options.follow = line.has("follow");
   if (line.tapes().size() > 1) return "more than one tape given";
   return std::nullopt;
 }
@@ -174,11 +234,16 @@ int run_cat(Arguments args, std::ostream& out, std::ostream& err) {
       .value("from", "S", "from this second on")
       .value("to", "S", "up to this second, which is not included")
       .value("dir", "r|w", "one direction only, and no events")
-      .flag("blocks", "a line for every block, bursts are not joined");
+      .flag("blocks", "a line for every block, bursts are not joined")
+      .flag("full", "all bytes, in as many rows as they take")
+      .flag("follow,f", "goes on with what is being written, up to the tape's end")
+      .color();
   if (const auto done = line.parse(args, out, err)) return *done;
   CatOptions options;
   if (const auto wrong = take_options(line, options)) return line.usage_error(err, *wrong);
-  std::unique_ptr<CatPrinter> printer = std::make_unique<TextCatPrinter>(out, wants_color(out));
+  const TextCatPrinter::Layout layout{
+      .color = line.colors(out), .full = line.has("full"), .width = columns_of(out)};
+  std::unique_ptr<CatPrinter> printer = std::make_unique<TextCatPrinter>(out, layout);
   if (line.has("json")) printer = std::make_unique<JsonCatPrinter>(out);
   return cat_tape(line.tapes().front(), options, *printer, out, err);
 }

@@ -1,24 +1,39 @@
 #include "tools/cat_lines.hpp"
 
 #include <algorithm>
-#include <iomanip>
 #include <string>
 #include <string_view>
 
 #include "libport/base/json_text.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/base/utf8.hpp"
+#include "tools/output.hpp"
 #include "tools/text.hpp"
 
 namespace porttape {
 namespace {
 
-constexpr std::string_view kPlain = "\x1b[0m";
-constexpr std::string_view kGreen = "\x1b[32m";
-constexpr std::string_view kCyan = "\x1b[36m";
-constexpr std::string_view kYellow = "\x1b[33m";
+constexpr std::string_view kMore = "...";
+// Quotes around the text, two blanks before the hex, and both said to be cut.
+constexpr std::size_t kFrame = 4;
+constexpr std::size_t kCut = 6;
+constexpr std::size_t kUsualWidth = 80;
+constexpr std::size_t kTime = 15;  // its columns, which have no colour
 
-std::ostream& print_time(std::ostream& out, TapeTime at) {
-  return out << std::right << std::setw(13) << seconds_number(to_us(at)) << "  ";
+std::string time_text(TapeTime at) {
+  std::string text = seconds_number(to_us(at));
+  return std::string(text.size() < 13 ? 13 - text.size() : 0, ' ') + text + "  ";
+}
+
+// Columns of a byte in both forms.
+std::size_t columns_of(Byte byte) { return to_printable(ByteView(&byte, 1)).size() + 2; }
+
+// Bytes of the first characters of a text that fit into so many columns.
+std::size_t fitting(std::string_view text, std::size_t columns) {
+  std::size_t size = 0;
+  for (; columns > 0 && size < text.size(); --columns)
+    size += std::max<std::size_t>(utf8_length(text.substr(size)), 1);
+  return size;
 }
 
 // What a line of the events file says besides time and kind: `"text":"here"`; the whole line where it is not
@@ -34,34 +49,77 @@ std::string_view details(const Record& record) {
 
 }  // namespace
 
+std::size_t TextCatPrinter::room() const {
+  const std::size_t width = layout_.width.value_or(kUsualWidth);
+  return width > head_.size() + kFrame ? width - head_.size() - kFrame : 0;
+}
+
 void TextCatPrinter::begin(const CatLine& line) {
   line_ = line;
-  shown_.clear();
+  const std::string length = std::to_string(line.length);
+  head_ = time_text(line.at) + (line.direction == Direction::read ? 'r' : 'w') + ' ' +
+          std::string(length.size() < 6 ? 6 - length.size() : 0, ' ') + length + "  ";
+  row_.clear();
+  columns_ = 0;
+  full_row_ = false;
 }
 
 void TextCatPrinter::data(ByteView piece) {
-  const std::size_t take = std::min(kShown - shown_.size(), piece.size());
-  shown_.insert(shown_.end(), piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(take));
+  for (const Byte byte : piece) {
+    if (full_row_) return;
+    add(byte);
+  }
+}
+
+// At least one byte goes into a row, however narrow it is.
+void TextCatPrinter::add(Byte byte) {
+  const std::size_t wanted = columns_of(byte);
+  if (layout_.full) {
+    if (!row_.empty() && columns_ + wanted > room()) print_row({});
+  } else {
+    full_row_ = !row_.empty() && (layout_.width ? columns_ + wanted > room() : row_.size() == kShown);
+    if (full_row_) return;
+  }
+  row_.push_back(byte);
+  columns_ += wanted;
+}
+
+void TextCatPrinter::print_row(std::string_view more) {
+  const Color color = line_.direction == Direction::read ? Color::read : Color::write;
+  out_ << std::string_view(head_).substr(0, kTime) << color_begin(color, layout_.color)
+       << std::string_view(head_).substr(kTime) << '"' << to_printable(row_) << '"' << more << "  "
+       << to_hex(row_) << more << color_end(layout_.color) << '\n';
+  head_.assign(head_.size(), ' ');
+  row_.clear();
+  columns_ = 0;
 }
 
 void TextCatPrinter::end() {
-  const bool is_read = line_.direction == Direction::read;
-  const std::string_view more = line_.length > shown_.size() ? "..." : "";
-  print_time(out_, line_.at);
-  if (color_) out_ << (is_read ? kGreen : kCyan);
-  out_ << (is_read ? 'r' : 'w') << ' ' << std::setw(6) << line_.length << "  \"" << to_printable(shown_)
-       << '"' << more << "  " << to_hex(shown_) << more;
-  if (color_) out_ << kPlain;
-  out_ << '\n';
+  const bool whole = layout_.full || row_.size() == line_.length;
+  // There must be room to say that it is cut.
+  while (!whole && layout_.width && row_.size() > 1 && columns_ + kCut > room()) {
+    columns_ -= columns_of(row_.back());
+    row_.pop_back();
+  }
+  print_row(whole ? std::string_view() : kMore);
 }
 
 void TextCatPrinter::event(const Record& record) {
-  print_time(out_, record.at);
-  if (color_) out_ << kYellow;
   const std::string more = printable_line(details(record));
-  out_ << "-  " << printable_line(name_of(*record.event)) << (more.empty() ? "" : "  ") << more;
-  if (color_) out_ << kPlain;
-  out_ << '\n';
+  std::string text = "-  " + printable_line(name_of(*record.event)) + (more.empty() ? "" : "  ") + more;
+  head_ = time_text(record.at);
+  const std::size_t columns = layout_.full || layout_.width ? room() + kFrame : text.size();
+  std::string_view left = text;
+  do {
+    std::size_t size = fitting(left, columns);
+    const bool cut = size < left.size() && !layout_.full;
+    if (cut) size = fitting(left, columns - std::min(columns, kMore.size()));
+    if (size == 0) size = left.size();  // narrower than its time
+    out_ << head_ << color_begin(Color::event, layout_.color) << left.substr(0, size) << (cut ? kMore : "")
+         << color_end(layout_.color) << '\n';
+    left = cut ? std::string_view() : left.substr(size);
+    head_.assign(head_.size(), ' ');
+  } while (!left.empty());
 }
 
 void JsonCatPrinter::begin(const CatLine& line) {

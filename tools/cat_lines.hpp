@@ -1,7 +1,11 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <ostream>
+#include <string>
+#include <string_view>
 
 #include "libport/base/bytes.hpp"
 #include "libport/tape/record.hpp"
@@ -28,22 +32,37 @@ class CatPrinter {
   virtual void event(const Record& record) = 0;
 };
 
-// For people: time, direction, length, text and hex; of long data the first bytes only.
+// For people: time, direction, length, text and hex. Of long data the first bytes only, as many as fit, or
+// all of it in as many rows as it takes.
 class TextCatPrinter final : public CatPrinter {
  public:
-  static constexpr std::size_t kShown = 32;
+  static constexpr std::size_t kShown = 32;  // bytes of a line whose width is not limited
 
-  TextCatPrinter(std::ostream& out, bool color) : out_(out), color_(color) {}
+  struct Layout {
+    bool color = false;
+    bool full = false;
+    std::optional<std::size_t> width =
+        {};  // columns; none: as much as kShown takes, in full as a terminal has
+  };
+
+  TextCatPrinter(std::ostream& out, Layout layout) : out_(out), layout_(layout) {}
   void begin(const CatLine& line) override;
   void data(ByteView piece) override;
   void end() override;
   void event(const Record& record) override;
 
  private:
+  [[nodiscard]] std::size_t room() const;
+  void add(Byte byte);
+  void print_row(std::string_view more);
+
   std::ostream& out_;
-  bool color_;
+  Layout layout_;
   CatLine line_;
-  Bytes shown_;
+  std::string head_;         // of the next row
+  Bytes row_;                // its bytes
+  std::size_t columns_ = 0;  // that they take
+  bool full_row_ = false;    // no more go into it
 };
 
 // JSON Lines, data whole (OUTPUT.md).

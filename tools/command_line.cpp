@@ -1,12 +1,15 @@
 #include "tools/command_line.hpp"
 
+#include <array>
 #include <fmt/format.h>
+#include <string_view>
 
 #include <boost/program_options/errors.hpp>
 #include <boost/program_options/positional_options.hpp>
 #include <boost/program_options/value_semantic.hpp>
 
 #include "libport/base/error.hpp"
+#include "libport/base/nearest.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/port/help_table.hpp"
 #include "tools/option_description.hpp"
@@ -14,6 +17,7 @@
 namespace porttape {
 
 namespace po = boost::program_options;
+using std::string_view_literals::operator""sv;
 
 CommandLine::CommandLine(const VerbHelp& help) : help_(help), options_("Options") {
   options_.add_options()("help,h", "this text");
@@ -24,6 +28,20 @@ CommandLine& CommandLine::flag(const char* name, const char* help) {
   return *this;
 }
 
+CommandLine& CommandLine::takes_nothing() {
+  takes_ = Takes::nothing;
+  return *this;
+}
+
+CommandLine& CommandLine::takes_words() {
+  takes_ = Takes::words;
+  return *this;
+}
+
+CommandLine& CommandLine::color() {
+  return value("color", "WHEN", "auto (the default: on a terminal, unless NO_COLOR is set), always, never");
+}
+
 CommandLine& CommandLine::value(const char* name, const char* value_name, const char* help) {
   options_.add_options()(name, po::value<std::string>()->value_name(value_name), help);
   return *this;
@@ -31,7 +49,7 @@ CommandLine& CommandLine::value(const char* name, const char* value_name, const 
 
 std::optional<int> CommandLine::parse(Arguments args, std::ostream& out, std::ostream& err) {
   po::options_description all;
-  all.add(options_).add_options()("tape", po::value<std::vector<std::string>>(&tapes_));
+  all.add(options_).add_options()("tape", po::value<std::vector<std::string>>(&words_));
   po::positional_options_description positional;
   positional.add("tape", -1);
   try {
@@ -43,8 +61,18 @@ std::optional<int> CommandLine::parse(Arguments args, std::ostream& out, std::os
     print_help(out);
     return exit_status::kPass;
   }
-  if (tapes_.empty())
+  if (const auto given = text("color")) {
+    const auto choice = parse_color(*given);
+    if (!choice)
+      return usage_error(
+          err, fmt::format("option '--color': {} is not valid; accepted: auto, always, never{}",
+                           in_quotes(*given), did_you_mean(*given, std::array{"auto"sv, "always"sv, "never"sv})));
+    color_ = *choice;
+  }
+  if (takes_ == Takes::tapes && words_.empty())
     return usage_error(err, fmt::format("no tape given; type porttape {} TAPE", help_.verb));
+  if (takes_ == Takes::nothing && !words_.empty())
+    return usage_error(err, in_quotes(words_.front()) + " is too much; only options are taken");
   return std::nullopt;
 }
 

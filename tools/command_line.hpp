@@ -9,6 +9,7 @@
 #include <boost/program_options/options_description.hpp>
 #include <boost/program_options/variables_map.hpp>
 
+#include "tools/output.hpp"
 #include "tools/verbs.hpp"
 
 namespace porttape {
@@ -21,7 +22,7 @@ struct VerbHelp {
   std::string_view examples;  // whole lines
 };
 
-// The command line of a verb that takes tapes: its options and TAPE arguments.
+// The command line of a verb: its options, and TAPE arguments unless it takes something else.
 //
 // Add the options first, then parse(). Options are never guessed from a prefix; `--` ends them.
 class CommandLine {
@@ -29,6 +30,9 @@ class CommandLine {
   explicit CommandLine(const VerbHelp& help);
 
   CommandLine& flag(const char* name, const char* help);
+  CommandLine& takes_nothing();
+  CommandLine& takes_words();  // or none
+  CommandLine& color();        // --color auto|always|never
   CommandLine& value(const char* name, const char* value_name, const char* help);
 
   // The exit status if the verb has nothing more to do: --help was asked for, or what was given makes no
@@ -40,7 +44,10 @@ class CommandLine {
 
   [[nodiscard]] bool has(const std::string& option) const { return values_.count(option) > 0; }
   [[nodiscard]] std::optional<std::string> text(const std::string& option) const;
-  [[nodiscard]] const std::vector<std::string>& tapes() const { return tapes_; }
+  // Whether `out` gets colours.
+  [[nodiscard]] bool colors(const std::ostream& out) const { return wants_color(out, color_); }
+  [[nodiscard]] const std::vector<std::string>& tapes() const { return words_; }
+  [[nodiscard]] const std::vector<std::string>& words() const { return words_; }
 
  private:
   void print_help(std::ostream& out) const;
@@ -48,7 +55,10 @@ class CommandLine {
   VerbHelp help_;
   boost::program_options::options_description options_;
   boost::program_options::variables_map values_;
-  std::vector<std::string> tapes_;
+  enum class Takes { tapes, words, nothing };
+  Takes takes_ = Takes::tapes;
+  std::vector<std::string> words_;
+  ColorChoice color_ = ColorChoice::automatic;
 };
 
 }  // namespace porttape

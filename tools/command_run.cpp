@@ -132,7 +132,7 @@ void CommandRun::watch_signals() {
 void CommandRun::signalled(int number) {
   if (!command_runs()) return;
   if (number == SIGUSR1) {
-    if (channel_) channel_->request(RecorderRequest::next_tape);
+    if (channel_) (void)channel_->request(RecorderRequest::next_tape());
     return;
   }
   if (std::exchange(signal_, number) != 0) return kill_command();

@@ -6,6 +6,7 @@
 #include "libport/base/printable.hpp"
 #include "libport/tape/judgement.hpp"
 #include "tools/command_line.hpp"
+#include "tools/output.hpp"
 #include "tools/text.hpp"
 #include "tools/verbs.hpp"
 
@@ -105,6 +106,16 @@ std::string to_json(const std::vector<SessionSummary>& sessions) {
   return "[" + list + "]";
 }
 
+std::string to_json(const std::vector<MarkSummary>& marks) {
+  std::string list;
+  for (const MarkSummary& mark : marks) {
+    JsonObject json;
+    json.add("t_us", to_us(mark.at)).add("text", mark.text);
+    list += (list.empty() ? "" : ",") + json.str();
+  }
+  return "[" + list + "]";
+}
+
 std::string to_json(const std::vector<std::string>& texts) {
   std::string list;
   for (const std::string& text : texts) list += (list.empty() ? "" : ",") + json_quote(text);
@@ -133,6 +144,7 @@ std::string to_json(const EventsSummary& events) {
       .add_or_null("stamped", header.stamped ? std::optional(text_of(*header.stamped)) : std::nullopt)
       .add_raw("previous", to_json(header.previous))
       .add_raw("gaps", to_json(events.gaps))
+      .add_raw("marks", to_json(events.marks))
       .add_raw("ended", events.ended ? "true" : "false");
   return json.str();
 }
@@ -225,6 +237,10 @@ void print_events(const EventsSummary& events, std::ostream& out) {
   if (events.count<event::Gap>() > 0) {
     label(out, "gaps") << events.count<event::Gap>() << ", " << events.gap_bytes << " bytes missing\n";
   }
+  for (const MarkSummary& mark : events.marks)
+    label(out, "mark") << seconds_number(to_us(mark.at)) << " s  " << safe(mark.text) << '\n';
+  if (events.count<event::Mark>() > events.marks.size())
+    label(out, "mark") << "… and " << events.count<event::Mark>() - events.marks.size() << " more\n";
   label(out, "ended") << (events.ended ? "yes\n" : "no\n");
 }
 
@@ -245,7 +261,7 @@ void print_sessions(const TapeSummary& tape, std::ostream& out) {
     label(out, "") << "and " << tape.session_count - kSessionsShown << " more\n";
 }
 
-void print_text(const TapeSummary& tape, const Judgement& judgement, std::ostream& out) {
+void print_text(const TapeSummary& tape, const Judgement& judgement, bool colors, std::ostream& out) {
   out << safe(tape.name) << '\n';
   label(out, "layout") << to_string(tape.layout) << '\n';
   label(out, "duration") << seconds_number(tape.duration().count()) << " s\n";
@@ -260,12 +276,13 @@ void print_text(const TapeSummary& tape, const Judgement& judgement, std::ostrea
   }
   print_sessions(tape, out);
   print_events(tape.events, out);
-  label(out, "state") << words_of(judgement.verdict) << '\n';
+  label(out, "state") << color_begin(color_of(judgement.verdict), colors) << words_of(judgement.verdict)
+                      << color_end(colors) << '\n';
   for (const std::string& note : judgement.notes) label(out, "note") << safe(note) << '\n';
   for (const std::string& damage : judgement.damages) label(out, "damage") << safe(damage) << '\n';
 }
 
-int info_of(const std::string& argument, bool json, std::ostream& out, std::ostream& err) {
+int info_of(const std::string& argument, bool json, bool colors, std::ostream& out, std::ostream& err) {
   const auto paths = find_tape(argument);
   const auto summary = paths ? summarize(*paths) : Result<TapeSummary>(paths.error());
   if (!summary) {
@@ -274,7 +291,7 @@ int info_of(const std::string& argument, bool json, std::ostream& out, std::ostr
     return exit_status_of(summary.error().code);
   }
   const Judgement judgement = judge(*summary);
-  json ? print_json(*summary, judgement, out) : print_text(*summary, judgement, out);
+  json ? print_json(*summary, judgement, out) : print_text(*summary, judgement, colors, out);
   return judgement.damages.empty() ? exit_status::kPass : exit_status::kRuntime;
 }
 
@@ -282,11 +299,11 @@ int info_of(const std::string& argument, bool json, std::ostream& out, std::ostr
 
 int run_info(Arguments args, std::ostream& out, std::ostream& err) {
   CommandLine line(kHelp);
-  line.flag("json", "one JSON object a tape and line (tools/OUTPUT.md)");
+  line.flag("json", "one JSON object a tape and line (tools/OUTPUT.md)").color();
   if (const auto done = line.parse(args, out, err)) return *done;
   int worst = exit_status::kPass;
   for (const std::string& tape : line.tapes())
-    worst = std::max(worst, info_of(tape, line.has("json"), out, err));
+    worst = std::max(worst, info_of(tape, line.has("json"), line.colors(out), out, err));
   return worst;
 }
 

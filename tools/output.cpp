@@ -1,7 +1,11 @@
 #include "tools/output.hpp"
 
+#include <array>
 #include <cerrno>
+#include <charconv>
 #include <cstdlib>
+#include <cstring>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include "libport/base/error.hpp"
@@ -10,6 +14,7 @@ namespace porttape {
 namespace {
 
 constexpr std::size_t kBufferSize = std::size_t{64} * 1024;
+constexpr std::size_t kUsualColumns = 80;
 
 }  // namespace
 
@@ -37,9 +42,58 @@ FdStreambuf::int_type FdStreambuf::overflow(int_type c) {
   return traits_type::not_eof(c);
 }
 
-bool wants_color(const std::ostream& out) {
+std::optional<ColorChoice> parse_color(std::string_view text) {
+  if (text == "auto") return ColorChoice::automatic;
+  if (text == "always") return ColorChoice::always;
+  if (text == "never") return ColorChoice::never;
+  return std::nullopt;
+}
+
+std::string_view color_begin(Color color, bool wanted) {
+  if (!wanted) return {};
+  constexpr std::array<std::string_view, 6> codes = {"\x1b[32m", "\x1b[36m", "\x1b[33m",
+                                                     "\x1b[32m", "\x1b[33m", "\x1b[31m"};
+  return codes.at(static_cast<std::size_t>(color));
+}
+
+Color color_of(Judgement::Verdict verdict) {
+  switch (verdict) {
+    case Judgement::Verdict::sound:
+      return Color::good;
+    case Judgement::Verdict::damaged:
+      return Color::bad;
+    case Judgement::Verdict::unchecked:
+    case Judgement::Verdict::flawed:
+      break;
+  }
+  return Color::doubtful;
+}
+
+std::string_view color_end(bool wanted) { return wanted ? "\x1b[0m" : ""; }
+
+int descriptor_of(const std::ostream& out) {
   const auto* buffer = dynamic_cast<const FdStreambuf*>(out.rdbuf());
-  if (buffer == nullptr || ::isatty(buffer->fd()) != 1) return false;
+  return buffer == nullptr ? -1 : buffer->fd();
+}
+
+std::optional<std::size_t> columns_of(const std::ostream& out) {
+  if (const char* const given = std::getenv("COLUMNS"); given != nullptr) {
+    std::size_t columns = 0;
+    const char* const end = given + std::strlen(given);
+    const auto [stop, error] = std::from_chars(given, end, columns);
+    if (error == std::errc() && stop == end && columns > 0) return columns;
+  }
+  const int fd = descriptor_of(out);
+  winsize size{};
+  if (fd < 0 || ::isatty(fd) != 1) return std::nullopt;
+  if (::ioctl(fd, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return kUsualColumns;
+  return size.ws_col;
+}
+
+bool wants_color(const std::ostream& out, ColorChoice choice) {
+  if (choice != ColorChoice::automatic) return choice == ColorChoice::always;
+  const int fd = descriptor_of(out);
+  if (fd < 0 || ::isatty(fd) != 1) return false;
   const char* no_color = std::getenv("NO_COLOR");
   return no_color == nullptr || *no_color == '\0';
 }

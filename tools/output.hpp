@@ -1,8 +1,13 @@
 #pragma once
 
+#include <cstddef>
 #include <memory>
+#include <optional>
 #include <ostream>
 #include <streambuf>
+#include <string_view>
+
+#include "libport/tape/judgement.hpp"
 
 namespace porttape {
 
@@ -28,8 +33,31 @@ class FdStreambuf final : public std::streambuf {
   std::unique_ptr<char[]> buffer_;
 };
 
-// Whether colours are wanted there: a terminal, and NO_COLOR is not set.
-bool wants_color(const std::ostream& out);
+// Which colours a user wants (--color): by default those of a terminal, unless NO_COLOR is set.
+enum class ColorChoice { automatic, always, never };
+// None: it is not auto, always or never.
+std::optional<ColorChoice> parse_color(std::string_view text);
+bool wants_color(const std::ostream& out, ColorChoice choice = ColorChoice::automatic);
+
+// What each colour stands for, in all verbs.
+enum class Color {
+  read,   // from the device
+  write,  // from the driver
+  event,
+  good,
+  doubtful,
+  bad
+};
+// Before a text and behind it; empty where no colours are wanted.
+std::string_view color_begin(Color color, bool wanted);
+std::string_view color_end(bool wanted);
+Color color_of(Judgement::Verdict verdict);
+
+// The descriptor behind it, -1 where there is none.
+int descriptor_of(const std::ostream& out);
+
+// Columns of a line there: $COLUMNS, else what the terminal has; none where it is no terminal.
+std::optional<std::size_t> columns_of(const std::ostream& out);
 
 // `status`, or 1 where that is 0 and what was flushed to `out` could not be written. A reader that went away
 // is no error.

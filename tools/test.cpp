@@ -36,7 +36,23 @@ std::vector<OptionSpec> test_options() {
                    .help = "after how long the command is ended; 0: never, not even one that sleeps for ever",
                    .max = 1e9,
                    .unit = "s"});
+  specs.push_back({"color",
+                   OptionSpec::Kind::choice,
+                   "auto",
+                   "of the verdict; auto: on a terminal, unless NO_COLOR is set",
+                   0,
+                   0,
+                   {"auto", "always", "never"}});
   return specs;
+}
+
+Result<ColorChoice> take_color(CommandVerbLine& line, const std::vector<OptionSpec>& specs) {
+  const auto given = line.values.extract("color");
+  if (!given) return ColorChoice::automatic;
+  const auto spec = std::ranges::find(specs, "color", &OptionSpec::name);
+  const Result<std::string> checked = check_value(*spec, given.mapped());
+  if (!checked) return checked.error();
+  return *parse_color(*checked);
 }
 
 Result<TestRequest> read_request(CommandVerbLine line, const std::vector<OptionSpec>& specs) {
@@ -61,14 +77,14 @@ Result<TestRequest> read_request(CommandVerbLine line, const std::vector<OptionS
   return request;
 }
 
-Result<int> run_request(const TestRequest& request, std::ostream& out, std::ostream& err) {
+Result<int> run_request(const TestRequest& request, ColorChoice color, std::ostream& out, std::ostream& err) {
   TestRun test(request);
   Result<RunReport> report = test.run();
   for (const std::string& note : test.notes()) fmt::print(err, "porttape test: {}\n", printable_line(note));
   if (!report) return report.error();
   report->outcome = outcome_text(*report, test.end());
   report->command_end = command_end_text(*report, test.end());
-  out << to_text(*report, wants_color(out)) << std::flush;
+  out << to_text(*report, wants_color(out, color)) << std::flush;
   report->process_exit = output_status(out, exit_status_of(*report, test.end()));
   if (!request.replay().report_file.empty()) {
     if (Result<void> written =
@@ -88,9 +104,11 @@ int run_test(Arguments args, std::ostream& out, std::ostream& err) {
                          .options = test_options(),
                          .example = "--tape laser -- ./laser_driver --device {port}"};
   return run_command_verb(verb, args, out, err, [&](CommandVerbLine line) -> Result<int> {
+    const Result<ColorChoice> color = take_color(line, verb.options);
+    if (!color) return color.error();
     const Result<TestRequest> request = read_request(std::move(line), verb.options);
     if (!request) return request.error();
-    return run_request(*request, out, err);
+    return run_request(*request, *color, out, err);
   });
 }
 

@@ -21,6 +21,8 @@ constexpr std::array kVerbs{
     Verb{"record", "runs a command on a device, keeps a tape of what they say", run_record},
     Verb{"test", "runs a command against a tape in the device's place, gives the verdict", run_test},
     Verb{"verify", "whether tapes are sound", run_verify},
+    Verb{"status", "what the daemons do that run: ports, drivers, bytes, tapes, trouble", run_status},
+    Verb{"ctl", "steers a daemon that runs: a mark on its tape, its end", run_ctl},
 };
 
 static_assert(same_names(kVerbs, kToolVerbs), "a verb is missing in verb_advice.hpp");

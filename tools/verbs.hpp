@@ -12,8 +12,10 @@ namespace porttape {
 using Arguments = std::span<const std::string>;
 
 int run_cat(Arguments args, std::ostream& out, std::ostream& err);
+int run_ctl(Arguments args, std::ostream& out, std::ostream& err);
 int run_info(Arguments args, std::ostream& out, std::ostream& err);
 int run_record(Arguments args, std::ostream& out, std::ostream& err);
+int run_status(Arguments args, std::ostream& out, std::ostream& err);
 int run_test(Arguments args, std::ostream& out, std::ostream& err);
 int run_verify(Arguments args, std::ostream& out, std::ostream& err);
 

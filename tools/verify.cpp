@@ -3,6 +3,7 @@
 #include "libport/base/printable.hpp"
 #include "libport/tape/judgement.hpp"
 #include "tools/command_line.hpp"
+#include "tools/output.hpp"
 #include "tools/text.hpp"
 #include "tools/verbs.hpp"
 
@@ -21,7 +22,7 @@ constexpr VerbHelp kHelp{
     "  porttape verify laser.log\n"
     "  porttape verify *.logr || echo do not use these\n"};
 
-int verify_tape(const std::string& argument, std::ostream& out, std::ostream& err) {
+int verify_tape(const std::string& argument, bool colors, std::ostream& out, std::ostream& err) {
   const auto paths = find_tape(argument);
   const auto summary = paths ? summarize(*paths) : Result<TapeSummary>(paths.error());
   if (!summary) {
@@ -37,11 +38,12 @@ int verify_tape(const std::string& argument, std::ostream& out, std::ostream& er
   const std::string name = printable_line(summary->name);
   const Judgement judgement = judge(*summary);
   for (const std::string& damage : judgement.damages)
-    out << name << ": damaged: " << printable_line(damage) << '\n';
+    out << name << ": " << color_begin(Color::bad, colors) << "damaged" << color_end(colors) << ": "
+        << printable_line(damage) << '\n';
   if (judgement.damages.empty()) {
-    out << name << ": " << words_of(judgement.verdict) << ": " << summary->read.blocks << " read and "
-        << summary->write.blocks << " write blocks, " << seconds_number(summary->duration().count())
-        << " s\n";
+    out << name << ": " << color_begin(color_of(judgement.verdict), colors) << words_of(judgement.verdict)
+        << color_end(colors) << ": " << summary->read.blocks << " read and " << summary->write.blocks
+        << " write blocks, " << seconds_number(summary->duration().count()) << " s\n";
   }
   for (const std::string& note : judgement.notes) out << name << ": note: " << printable_line(note) << '\n';
   return judgement.damages.empty() ? exit_status::kPass : exit_status::kRuntime;
@@ -51,9 +53,11 @@ int verify_tape(const std::string& argument, std::ostream& out, std::ostream& er
 
 int run_verify(Arguments args, std::ostream& out, std::ostream& err) {
   CommandLine line(kHelp);
+  line.color();
   if (const auto done = line.parse(args, out, err)) return *done;
   int worst = exit_status::kPass;
-  for (const std::string& tape : line.tapes()) worst = std::max(worst, verify_tape(tape, out, err));
+  for (const std::string& tape : line.tapes())
+    worst = std::max(worst, verify_tape(tape, line.colors(out), out, err));
   return worst;
 }
 

@@ -1,5 +1,7 @@
 #include "libport/base/bytes.hpp"
 
+#include <algorithm>
+
 namespace porttape {
 namespace {
 
@@ -45,6 +47,12 @@ std::string to_hex(ByteView bytes) {
   out.reserve(bytes.size() * 2);
   for (const Byte byte : bytes) append_hex(out, byte);
   return out;
+}
+
+std::string text_and_hex(ByteView bytes, std::size_t most) {
+  const ByteView shown = bytes.first(std::min(most, bytes.size()));
+  const std::string more = shown.size() < bytes.size() ? "..." : "";
+  return '"' + to_printable(shown) + '"' + more + "  " + to_hex(shown) + more;
 }
 
 std::string to_printable(ByteView bytes) {

@@ -27,6 +27,9 @@ std::string to_hex(ByteView bytes);
 // Printable ASCII as it is, the rest as \n \r \t \\ \" or \xNN: one line, safe inside double quotes.
 std::string to_printable(ByteView bytes);
 
+// `"text"  hex`, as above; of more than `most` bytes the first ones, and "..." behind each.
+std::string text_and_hex(ByteView bytes, std::size_t most);
+
 // \n \r \t \\ \" as two characters, what C and JSON write alike; empty for every other byte.
 std::string_view short_escape(Byte byte);
 

@@ -59,8 +59,8 @@ class LiveDevices final : public DeviceGroup, private Nobody {
   Result<std::unique_ptr<Port>> port_for(unsigned connection) override {
     return make_port(context_, spec_for(connection), driver_);
   }
-  void request(RecorderRequest what) override {
-    if (what == RecorderRequest::next_tape && group_) group_->rotate(Loop::now());
+  void request(const RecorderRequest& what) override {
+    if (what.kind == RecorderRequest::Kind::next_tape && group_) group_->rotate(Loop::now());
   }
   void finish(unsigned, std::function<void(int)> done) override { done(exit_status::kPass); }
   [[nodiscard]] bool must_not_fail() const override {

@@ -27,7 +27,7 @@ class DeviceGroup {
   // The port for a connection: 1, 2, … as they come, `who` from. Errc::usage: there is none for it.
   virtual Result<std::unique_ptr<Port>> port_for(unsigned connection) = 0;
   // Before the same is asked of the ports.
-  virtual void request(RecorderRequest) {}
+  virtual void request(const RecorderRequest&) {}
   // The end, with so many connections having come: completes what nobody came for. `done` comes once, from
   // within or later, with an exit status.
   virtual void finish(unsigned came, std::function<void(int exit_status)> done) = 0;

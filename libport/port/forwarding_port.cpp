@@ -32,6 +32,7 @@ bool ForwardingPort::passive() const { return inner_->passive(); }
 bool ForwardingPort::keeps_datagrams() const { return inner_->keeps_datagrams(); }
 std::string ForwardingPort::name() const { return inner_->name(); }
 PortPlace ForwardingPort::place() const { return inner_->place(); }
+std::string ForwardingPort::peer_node() const { return inner_->peer_node(); }
 
 void ForwardingPort::on_up() { listener().on_up(); }
 void ForwardingPort::on_data(ByteView data) { listener().on_data(data); }

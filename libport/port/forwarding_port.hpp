@@ -45,6 +45,7 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   [[nodiscard]] bool keeps_datagrams() const override;
   [[nodiscard]] std::string name() const override;
   [[nodiscard]] PortPlace place() const override;
+  [[nodiscard]] std::string peer_node() const override;
 
  protected:
   [[nodiscard]] Port& inner() { return *inner_; }

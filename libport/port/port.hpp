@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/result.hpp"
@@ -121,14 +122,41 @@ class WaitingCalls {
 };
 
 // What a user asks of those who record, while they do.
-enum class RecorderRequest : std::uint8_t {
-  next_tape  // ends the tape and begins another
+struct RecorderRequest {
+  enum class Kind : std::uint8_t {
+    next_tape,  // ends the tape and begins another
+    mark        // notes `text` on the tape, in its place among the bytes
+  };
+  Kind kind = Kind::next_tape;
+  std::string text = {};
+
+  static RecorderRequest next_tape() { return {}; }
+  static RecorderRequest mark(std::string text) { return {Kind::mark, std::move(text)}; }
+};
+
+// How a recording stands, for one who asks.
+struct RecordingStatus {
+  enum class State : std::uint8_t {
+    waiting,    // for the first driver: there is no tape yet
+    recording,  // also between two drivers
+    failing,    // the disk does not take the last bytes
+    not_made    // the tape cannot be made; tried again
+  };
+  State state = State::waiting;
+  std::string tape;                // its name
+  std::uint64_t bytes = 0;         // of both directions, on the tape
+  std::uint64_t lost_bytes = 0;    // that passed and are not on it
+  std::uint64_t queued_bytes = 0;  // wait for a slow disk
+  std::string why = {};            // of failing and not_made
 };
 
 // What records a line.
 class Recorder {
  public:
-  virtual void request(RecorderRequest what) = 0;
+  // Errc::usage: it cannot be done now, with the reason.
+  virtual Result<void> request(const RecorderRequest& what) = 0;
+  // None: it keeps no tape.
+  [[nodiscard]] virtual std::optional<RecordingStatus> recording() const { return std::nullopt; }
   // So many bytes of the session reached nobody at the line's other end.
   virtual void note_gap(std::uint64_t bytes, std::string_view why) = 0;
 
@@ -237,6 +265,8 @@ class Port {
   // Where a program finds it; a passive one from prepare() on, with what the system chose. One that connects:
   // where to. Empty where it is nowhere (a tape).
   [[nodiscard]] virtual PortPlace place() const { return {}; }
+  // The device node that its peer opens (a pty's slave, `/dev/pts/3`); empty where there is none.
+  [[nodiscard]] virtual std::string peer_node() const { return {}; }
 
  protected:
   [[nodiscard]] PortListener& listener() const { return *listener_; }

@@ -43,7 +43,8 @@ class Channel {
   virtual Result<void> start() = 0;
   // Passes on what has come in, completes tapes and reports, ends. Called again: ends at once.
   virtual void stop() = 0;
-  virtual void request(RecorderRequest what) = 0;
+  // Errc::usage: nothing is recorded, or it cannot be done now.
+  virtual Result<void> request(const RecorderRequest& what) = 0;
 
   // Of all its sessions, those that have ended too.
   [[nodiscard]] virtual Counters counters() const = 0;

@@ -181,9 +181,17 @@ void Connections::later(std::function<void()> task) {
   });
 }
 
-void Connections::request(RecorderRequest what) {
+// Good where one of the lines takes it.
+Result<void> Connections::request(const RecorderRequest& what) {
   devices_->request(what);
-  for (const auto& [number, line] : lines_) line.session->request(what);
+  Result<void> all = make_error(Errc::usage, driver_->name() + ": no connection is there");
+  bool taken = false;
+  for (const auto& [number, line] : lines_) {
+    const Result<void> one = line.session->request(what);
+    taken = taken || one;
+    all = one;
+  }
+  return taken ? Result<void>() : all;
 }
 
 Channel::Counters Connections::counters() const {

@@ -34,7 +34,7 @@ class Connections final : public Channel, private PortListener {
   // Errc::usage: the driver's port gives no connections away.
   Result<void> start() override;
   void stop() override;
-  void request(RecorderRequest what) override;
+  Result<void> request(const RecorderRequest& what) override;
   [[nodiscard]] Counters counters() const override;
   [[nodiscard]] Port& driver() override { return *driver_; }
   [[nodiscard]] std::vector<Session*> sessions() override;

@@ -16,6 +16,8 @@ using std::chrono::seconds;
 constexpr Nanos kDrainLimit = seconds(30);
 // How often an end looks at what is left.
 constexpr Nanos kEndLook = std::chrono::milliseconds(50);
+// So many bytes of a block are shown in a trace.
+constexpr std::size_t kTraced = 32;
 
 }  // namespace
 
@@ -134,6 +136,25 @@ void Session::device_up() {
   read_driver();
 }
 
+std::string_view Session::state() const {
+  if (!end_.running()) return "ending";
+  switch (device_state_) {
+    case DeviceState::closed:
+      return "waiting";
+    case DeviceState::opening:
+      return "opening";
+    case DeviceState::up:
+      return "open";
+    case DeviceState::interrupted:
+      return "interrupted";
+    case DeviceState::down:
+      return "broken";
+    case DeviceState::draining:
+      return "draining";
+  }
+  return "";
+}
+
 // Whether what was written to it may still go out.
 bool Session::device_has_line() const {
   return device_state_ == DeviceState::up || device_state_ == DeviceState::interrupted ||
@@ -235,12 +256,19 @@ void Session::device_arrivals(ByteView data, std::span<const std::size_t> ends) 
   for_each_arrival(data, ends, [this](ByteView arrival) { device_data(arrival); });
 }
 
+// The bytes as the log shows them with --log-level trace: `->` the driver writes, `<-` it is written to.
+void Session::trace(std::string_view arrow, ByteView data) const {
+  if (context_.log->should_log(spdlog::level::trace))
+    context_.log->trace("{} {} bytes  {}", arrow, data.size(), text_and_hex(data, kTraced));
+}
+
 void Session::driver_data(ByteView data) {
   if (!end_.takes_in()) {  // still read, since that is how its close is seen
     dropped_by_driver(
         data.size(), device_has_line() ? "they came after the end" : "the device was not there to take them");
     return;
   }
+  trace("->", data);
   counters_.from_driver_bytes += data.size();
   device_->write(data);
   if (device_->congested()) let_driver(false);
@@ -251,6 +279,7 @@ void Session::device_data(ByteView data) {
     dropped(data.size(), "no driver was there");
     return;
   }
+  trace("<-", data);
   counters_.to_driver_bytes += data.size();
   driver_->write(data);
   if (driver_->congested()) let_device(false);

@@ -63,14 +63,23 @@ class Session final : public Channel {
 
   Result<void> start() override;
   void stop() override;
-  void request(RecorderRequest what) override {
-    if (Recorder* recorder = device_->recorder()) recorder->request(what);
+  Result<void> request(const RecorderRequest& what) override {
+    Recorder* const recorder = device_->recorder();
+    if (recorder == nullptr) return make_error(Errc::usage, device_->name() + " is not recorded");
+    return recorder->request(what);
   }
+
+  // How it stands, as a word for people and programs: waiting (for a driver), opening (the device, for a
+  // driver that is there), open, interrupted, broken (the device's line has ended, the driver has yet to
+  // close), draining, ending.
+  [[nodiscard]] std::string_view state() const;
 
   [[nodiscard]] Counters counters() const override { return counters_; }
   [[nodiscard]] std::vector<Session*> sessions() override { return {this}; }
   [[nodiscard]] Port& driver() override { return *driver_; }
+  [[nodiscard]] const Port& driver() const { return *driver_; }
   [[nodiscard]] Port& device() { return *device_; }
+  [[nodiscard]] const Port& device() const { return *device_; }
 
  private:
   enum class DeviceState { closed, opening, up, interrupted, down, draining };
@@ -80,6 +89,7 @@ class Session final : public Channel {
   struct DeviceSide;
 
   void driver_up();
+  void trace(std::string_view arrow, ByteView data) const;
   void driver_data(ByteView data);
   PortListener::Answers driver_ended();
   PortListener::Answers device_ended();

@@ -24,6 +24,15 @@ void BlockFile::rewind() {
   error_.reset();
 }
 
+// An unfinished block may have been cut off again: nothing of it is kept.
+void BlockFile::read_on() {
+  if (!ended_ || error_ || decoder_.inside_block()) return;
+  ended_ = false;
+  torn_bytes_ = 0;
+  begin_ = end_ = 0;
+  decoder_.set_end(known_size_ = 0);
+}
+
 std::optional<std::string> BlockFile::torn_tail() const {
   if (torn_bytes_ == 0) return std::nullopt;
   return name() + ": torn tail at offset " + std::to_string(decoder_.offset()) + ": the last " +

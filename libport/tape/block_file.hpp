@@ -40,6 +40,8 @@ class BlockFile {
 
   // Starts again at the first block, also after an error.
   void rewind();
+  // After `end`: goes on there, for a file that may have grown since.
+  void read_on();
 
   [[nodiscard]] const BlockPiece& piece() const { return decoder_.piece(); }
   [[nodiscard]] const Error& error() const {

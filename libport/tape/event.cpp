@@ -20,7 +20,6 @@ namespace json = boost::json;
 
 constexpr std::string_view kFormat = "porttape-events";
 constexpr int kVersion = 1;
-constexpr std::size_t kMaxText = 4096;
 
 // The values that are words on the tape; the place is the value.
 using Words = std::span<const std::string_view>;
@@ -41,9 +40,9 @@ std::optional<Value> value_of(std::string_view word, Words words) {
 
 // Cut between two characters.
 std::string_view shortened(std::string_view text) {
-  if (text.size() <= kMaxText) return text;
-  std::size_t length = kMaxText;
-  while (length > kMaxText - 4 && (static_cast<unsigned char>(text[length]) & 0xC0U) == 0x80U) --length;
+  if (text.size() <= kMaxEventText) return text;
+  std::size_t length = kMaxEventText;
+  while (length > kMaxEventText - 4 && (static_cast<unsigned char>(text[length]) & 0xC0U) == 0x80U) --length;
   return text.substr(0, length);
 }
 

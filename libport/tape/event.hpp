@@ -13,6 +13,8 @@
 
 namespace porttape {
 
+inline constexpr std::size_t kMaxEventText = 4096;
+
 // Who did it.
 enum class Side : std::uint8_t { driver, device };
 
@@ -106,7 +108,7 @@ struct TapeEvent {
 // The kind's name on the tape. Refers to the event.
 std::string_view name_of(const Event& event);
 
-// A line of the events file, newline included; a long text is cut to 4096 bytes.
+// A line of the events file, newline included; a long text is cut to kMaxEventText bytes.
 std::string encode(TapeTime at, const Event& event);
 std::string encode(const TapeHeader& header);
 

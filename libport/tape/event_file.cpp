@@ -24,6 +24,13 @@ void EventFile::rewind() {
   if (const auto read = read_header(); !read) fail(read.error());
 }
 
+void EventFile::read_on() {
+  if (!ended_ || error_) return;
+  ended_ = torn_ = false;
+  offset_ -= end_ - begin_;
+  begin_ = end_ = 0;
+}
+
 std::optional<std::string> EventFile::torn_tail() const {
   if (!torn_) return std::nullopt;
   return name() + ": the last line (" + std::to_string(line_number_ + 1) +
@@ -87,6 +94,10 @@ Result<void> EventFile::read_header() {
 
 EventFile::Step EventFile::next() {
   if (ended_) return error_ ? Step::failed : Step::end;
+  if (!header_) {
+    if (const auto read = read_header(); !read) return fail(read.error());
+    if (ended_) return Step::end;
+  }
   const auto line = next_line();
   if (!line) return fail(line.error());
   if (!*line) {

@@ -26,6 +26,8 @@ class EventFile {
 
   Step next();
   void rewind();
+  // After `end`: goes on there, for a file that may have grown since.
+  void read_on();
 
   [[nodiscard]] const TapeEvent& event() const { return event_; }
   // The event's whole JSON object, without the newline.

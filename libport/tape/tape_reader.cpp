@@ -42,6 +42,13 @@ class Head {
     state_ = State::unknown;
     if (file_) file_->rewind();
   }
+  // Whether it was at its end and is not any more.
+  bool read_on() {
+    if (!file_ || state_ != State::end) return false;
+    state_ = State::unknown;
+    file_->read_on();
+    return look() != State::end;
+  }
 
  private:
   std::optional<File> file_;
@@ -101,7 +108,10 @@ struct TapeReader::Impl {
   Head<BlockFile> write;
   Head<EventFile> events;
   bool has_events = false;
+  Options options;
+  std::optional<Error> events_error;  // of one that may fail
 
+  TapeFile look();
   Result<std::optional<Record>> next();
 };
 
@@ -121,17 +131,19 @@ Result<TapeSources> TapeSources::open(const TapePaths& paths) {
   return TapeSources{std::move(*read), std::move(*write), std::move(*events)};
 }
 
-Result<TapeReader> TapeReader::open(const TapePaths& paths, Select select) {
+Result<TapeReader> TapeReader::open(const TapePaths& paths, const Options& options) {
   auto sources = TapeSources::open(paths);
   if (!sources) return sources.error();
-  return from_sources(std::move(*sources), select);
+  return from_sources(std::move(*sources), options);
 }
 
-Result<TapeReader> TapeReader::from_sources(TapeSources sources, Select select) {
+Result<TapeReader> TapeReader::from_sources(TapeSources sources, const Options& options) {
+  const Select select = options.select;
   const auto layout = detect_layout(sources.read.get(), sources.write.get());
   if (!layout) return layout.error();
   auto impl = std::make_unique<Impl>();
   impl->has_events = sources.events != nullptr;
+  impl->options = options;
   if (sources.read && (select == Select::merged || select == Select::reads_only)) {
     impl->read.set(BlockFile(std::move(sources.read), *layout, BlockFile::Blocks::whole));
   }
@@ -140,8 +152,13 @@ Result<TapeReader> TapeReader::from_sources(TapeSources sources, Select select) 
   }
   if (sources.events && (select == Select::merged || select == Select::events_only)) {
     auto events = EventFile::create(std::move(sources.events));
-    if (!events) return events.error();
-    impl->events.set(std::move(*events));
+    if (events) {
+      impl->events.set(std::move(*events));
+    } else if (options.events_may_fail) {
+      impl->events_error = events.error();
+    } else {
+      return events.error();
+    }
   }
   return TapeReader(std::move(impl));
 }
@@ -153,22 +170,39 @@ TapeReader::~TapeReader() = default;
 
 Result<std::optional<Record>> TapeReader::next() { return impl_->next(); }
 
-// A failed stream ends the tape: what comes after its damage in the others has no known place in the order.
-Result<std::optional<Record>> TapeReader::Impl::next() {
+// The file whose item comes next.
+TapeFile TapeReader::Impl::look() {
   using BlockState = Head<BlockFile>::State;
   using EventState = Head<EventFile>::State;
   const EventState e = events.look();
   const BlockState w = write.look();
   const BlockState r = read.look();
-  if (e == EventState::failed) return events.file().error();
-  if (w == BlockState::failed) return write.file().error();
-  if (r == BlockState::failed) return read.file().error();
-
   const TapeTime next_event = e == EventState::item ? events.file().event().at : kNoMore;
   const TapeTime next_write = w == BlockState::item ? write.file().piece().at : kNoMore;
   const TapeTime next_read = r == BlockState::item ? read.file().piece().at : kNoMore;
-  switch (next_in_order(next_event, next_write, next_read)) {
+  return next_in_order(next_event, next_write, next_read);
+}
+
+// A failed stream ends the tape: what comes after its damage in the others has no known place in the order.
+Result<std::optional<Record>> TapeReader::Impl::next() {
+  TapeFile file = look();
+  // A file that was at its end when it was looked at may have got something since that comes before.
+  while (options.grows && file != TapeFile::none) {
+    const bool more_events = events.read_on();
+    const bool more_writes = write.read_on();
+    const bool more_reads = read.read_on();
+    if (!more_events && !more_writes && !more_reads) break;
+    file = look();
+  }
+  if (events.look() == Head<EventFile>::State::failed) {
+    if (!options.events_may_fail) return events.file().error();
+    events_error = events.file().error();
+  }
+  if (write.look() == Head<BlockFile>::State::failed) return write.file().error();
+  if (read.look() == Head<BlockFile>::State::failed) return read.file().error();
+  switch (file) {
     case TapeFile::none:
+      if (events_error) return *events_error;
       return std::optional<Record>{};
     case TapeFile::events:
       events.take();
@@ -188,6 +222,12 @@ Result<void> TapeReader::rewind() {
   impl_->write.rewind();
   impl_->events.rewind();
   return {};
+}
+
+void TapeReader::read_on() {
+  (void)impl_->read.read_on();
+  (void)impl_->write.read_on();
+  (void)impl_->events.read_on();
 }
 
 bool TapeReader::has_events() const { return impl_->has_events; }

@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "libport/tape/byte_source.hpp"
 #include "libport/tape/record.hpp"
@@ -38,10 +39,23 @@ class TapeReader final : public RecordSource {
     events_only   // all that is neither read nor write
   };
 
-  // Errors: Errc::usage (unreadable, a folder, …), Errc::not_a_tape. Damage further on is found by next().
-  static Result<TapeReader> open(const TapePaths& paths, Select select = Select::merged);
+  struct Options {
+    Select select = Select::merged;
+    bool grows = false;  // is being written: the order is exact also for what comes while it is looked at
+    // Damage of the events file ends that file alone: its error follows the last block.
+    bool events_may_fail = false;
+  };
 
-  static Result<TapeReader> from_sources(TapeSources sources, Select select = Select::merged);
+  // Errors: Errc::usage (unreadable, a folder, …), Errc::not_a_tape. Damage further on is found by next().
+  static Result<TapeReader> open(const TapePaths& paths, Select select = Select::merged) {
+    return open(paths, Options{.select = select});
+  }
+  static Result<TapeReader> open(const TapePaths& paths, const Options& options);
+
+  static Result<TapeReader> from_sources(TapeSources sources, Select select = Select::merged) {
+    return from_sources(std::move(sources), Options{.select = select});
+  }
+  static Result<TapeReader> from_sources(TapeSources sources, const Options& options);
 
   TapeReader(TapeReader&&) noexcept;
   TapeReader& operator=(TapeReader&&) noexcept;
@@ -49,6 +63,8 @@ class TapeReader final : public RecordSource {
 
   Result<std::optional<Record>> next() override;
   Result<void> rewind() override;
+  // When next() has given nothing: it goes on with what has been written since.
+  void read_on();
 
   // Whether the tape has an events file, that is: was made by porttape and is stamped at arrival.
   [[nodiscard]] bool has_events() const;

@@ -16,6 +16,7 @@ namespace {
 constexpr std::size_t kMaxKinds = 64;
 constexpr std::size_t kMaxGaps = 64;
 constexpr std::size_t kMaxSessions = 1000;
+constexpr std::size_t kMaxMarks = 64;
 
 // Counts exchanges and measures answers, told the blocks in order.
 class ExchangeMeter {
@@ -194,6 +195,8 @@ class EventStream {
     const std::string kind(name_of(event));
     if (summary_.kinds.size() < kMaxKinds || summary_.kinds.contains(kind)) ++summary_.kinds[kind];
     if (const auto* gap = std::get_if<event::Gap>(&event)) note_gap(at, *gap);
+    const auto* mark = std::get_if<event::Mark>(&event);
+    if (mark != nullptr && summary_.marks.size() < kMaxMarks) summary_.marks.push_back({at, mark->text});
     const auto* end = std::get_if<event::End>(&event);
     summary_.ended = end != nullptr;
     const bool tells = end != nullptr && end->read && end->write;

@@ -51,15 +51,21 @@ struct SessionSummary {
   std::uint64_t write_bytes = 0;
 };
 
+struct MarkSummary {
+  TapeTime at{};
+  std::string text;
+};
+
 struct EventsSummary {
   std::string path;
   bool exists = false;
   std::optional<TapeHeader> header;
   std::map<std::string, std::uint64_t, std::less<>>
-      kinds;                     // how many events of each; of unknown kinds at most 64 different ones
-  std::uint64_t gap_bytes = 0;   // that the gap events say are missing
-  std::vector<GapSummary> gaps;  // the first 64
-  bool ended = false;            // the last event is `end`
+      kinds;                       // how many events of each; of unknown kinds at most 64 different ones
+  std::uint64_t gap_bytes = 0;     // that the gap events say are missing
+  std::vector<GapSummary> gaps;    // the first 64
+  std::vector<MarkSummary> marks;  // the first 64
+  bool ended = false;              // the last event is `end`
   std::optional<PayloadTotals> end_read;  // what it tells of the r and w files, both or none
   std::optional<PayloadTotals> end_write;
   std::optional<TapeTime> last;

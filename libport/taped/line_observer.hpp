@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string_view>
 
 #include "libport/base/bytes.hpp"
@@ -31,8 +32,10 @@ class LineObserver {
   // An event, in its place among the blocks.
   virtual void note(Instant at, const Event& event) = 0;
 
-  // A user asks for something; what it does not know of is not for it.
-  virtual void request(Instant at, RecorderRequest what) = 0;
+  // A user asks for something. False: it is not for this observer. Errc::usage: it cannot be done now.
+  virtual Result<bool> request(Instant at, const RecorderRequest& what) = 0;
+  // How the tape stands that it keeps, if it does.
+  [[nodiscard]] virtual std::optional<RecordingStatus> recording() const { return std::nullopt; }
   // The last call but for give_up(): completes its work. `done` comes once, from within or later: with
   // whether it has kept everything that passed.
   virtual void finish(Instant at, std::function<void(bool complete)> done) = 0;

@@ -157,8 +157,26 @@ void TapPort::on_dropped(std::uint64_t bytes, std::string_view why) {
   ForwardingPort::on_dropped(bytes, why);
 }
 
-void TapPort::request(RecorderRequest what) {
-  tell([now = now_(), what](LineObserver& observer) { observer.request(now, what); });
+Result<void> TapPort::request(const RecorderRequest& what) {
+  bool taken = false;
+  std::optional<Error> refused;
+  tell([&, now = now_()](LineObserver& observer) {
+    const Result<bool> answer = observer.request(now, what);
+    if (answer) {
+      taken = taken || *answer;
+    } else if (!refused) {
+      refused = answer.error();
+    }
+  });
+  if (taken) return {};
+  return refused ? *refused : make_error(Errc::usage, name() + ": its recording has ended");
+}
+
+std::optional<RecordingStatus> TapPort::recording() const {
+  for (const Observer& each : observers_) {
+    if (auto status = each->recording()) return status;
+  }
+  return std::nullopt;
 }
 
 void TapPort::finish() {

@@ -48,7 +48,8 @@ class TapPort final : public ForwardingPort, private Recorder {
  private:
   std::size_t write_some(ByteView data) override;
   bool discard() override;
-  void request(RecorderRequest what) override;
+  Result<void> request(const RecorderRequest& what) override;
+  [[nodiscard]] std::optional<RecordingStatus> recording() const override;
   void note_gap(std::uint64_t bytes, std::string_view why) override;
 
   void on_up() override;

@@ -198,8 +198,50 @@ void TapeKeeper::watch_disk() {
   if (silence >= kFailClosedSilence) must_end();
 }
 
-void TapeKeeper::request(Instant at, RecorderRequest what) {
-  if (what == RecorderRequest::next_tape) rotate(at);
+Result<bool> TapeKeeper::request(Instant at, const RecorderRequest& what) {
+  switch (what.kind) {
+    case RecorderRequest::Kind::next_tape:
+      rotate(at);
+      return true;
+    case RecorderRequest::Kind::mark:
+      if (Result<void> made = mark(at, what.text); !made) return made.error();
+      return true;
+  }
+  return false;
+}
+
+Result<void> TapeKeeper::mark(Instant at, const std::string& text) {
+  if (!begun_) {
+    return make_error(Errc::usage,
+                      "tape " + options_.tape.name() +
+                          " has not begun: no driver has opened the port yet; mark it once one has");
+  }
+  if (!tape_) {
+    return make_error(Errc::usage,
+                      "nothing is recorded now" + (missed_why_.empty() ? "" : ": " + missed_why_));
+  }
+  note(at, event::Mark{text});
+  return {};
+}
+
+std::optional<RecordingStatus> TapeKeeper::recording() const {
+  using State = RecordingStatus::State;
+  if (finished_) return std::nullopt;
+  RecordingStatus recording{.state = State::waiting, .tape = options_.tape.name()};
+  recording.lost_bytes = missed_bytes_;
+  if (tape_) {
+    const LiveTape::Status status = tape_->status();
+    recording.state = status.failure.empty() ? State::recording : State::failing;
+    recording.tape = status.paths.name();
+    recording.bytes = status.bytes_written;
+    recording.lost_bytes += status.bytes_lost;
+    recording.queued_bytes = status.bytes_waiting;
+    recording.why = status.failure;
+  } else if (begun_) {
+    recording.state = State::not_made;
+    recording.why = missed_why_;
+  }
+  return recording;
 }
 
 // The next tape's zero is `now`. Nothing to do before the first open.
@@ -237,6 +279,7 @@ void TapeKeeper::tell_missed() {
 void TapeKeeper::finish(Instant now, std::function<void(bool)> done) {
   closed(now);
   end_current(now);
+  finished_ = true;
   ending_.when_over([this, done = std::move(done)](bool complete) { done(complete && !incomplete_); });
 }
 

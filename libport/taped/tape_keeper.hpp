@@ -50,13 +50,15 @@ class TapeKeeper final : public LineObserver {
   void closed(Instant at) override;
   void block(Direction direction, Instant at, ByteView data) override;
   void note(Instant at, const Event& event) override;
-  void request(Instant at, RecorderRequest what) override;
+  Result<bool> request(Instant at, const RecorderRequest& what) override;
+  [[nodiscard]] std::optional<RecordingStatus> recording() const override;
   void finish(Instant now, std::function<void(bool complete)> done) override;
   void give_up() override;
 
  private:
   void begin();
   void rotate(Instant now);
+  Result<void> mark(Instant at, const std::string& text);
   void start();
   void take_part(const TapeGroup::Part& part);
   void end_current(Instant now);
@@ -81,6 +83,7 @@ class TapeKeeper final : public LineObserver {
   bool open_ = false;   // by a driver
   bool begun_ = false;  // the first tape
   bool incomplete_ = false;
+  bool finished_ = false;
   // Of the current tape.
   std::string id_;
   bool made_told_ = false;

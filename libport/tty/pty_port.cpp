@@ -458,4 +458,6 @@ PortPlace PtyPort::place() const {
   return {.path = line_ ? line_->pty.slave_path() : std::string()};
 }
 
+std::string PtyPort::peer_node() const { return line_ ? line_->pty.slave_path() : std::string(); }
+
 }  // namespace porttape

@@ -67,6 +67,7 @@ class PtyPort final : public Port {
   bool end_writing() override { return false; }
   [[nodiscard]] std::string name() const override;
   [[nodiscard]] PortPlace place() const override;
+  [[nodiscard]] std::string peer_node() const override;
 
  private:
   using Openers = std::optional<int>;  // how many descriptors programs have open; none: unknown

@@ -12,5 +12,10 @@ TEST(Printable, EscapesWhatATerminalWouldMisread) {
   EXPECT_EQ(to_printable(Bytes{0x1b, 'x', 0x80}), R"(\x1bx\x80)");
 }
 
+TEST(TextAndHex, ShowsTheFirstBytesAndThatThereAreMore) {
+  EXPECT_EQ(text_and_hex(as_bytes("AT\r"), 3), R"("AT\r"  41540d)");
+  EXPECT_EQ(text_and_hex(as_bytes("AT\r"), 2), R"("AT"...  4154...)");
+}
+
 }  // namespace
 }  // namespace porttape

@@ -11,6 +11,7 @@ devices=$e2e/../devices
 : "${SHARED_DIR:=$e2e/../../../shared}"
 self=$(basename "$0" .sh)
 work=$(mktemp -d "${TMPDIR:-/tmp}/porttape-e2e.XXXXXX")
+export RUNTIME_DIRECTORY=$work/control # daemons of other tests, and of this machine, are not seen
 pids=()
 
 say() { printf '%s: %s\n' "$self" "$*"; }

@@ -43,6 +43,7 @@ class ToldPort final : public Port, private WaitingCalls, private Recorder {
   [[nodiscard]] bool passive() const override { return true; }
   [[nodiscard]] bool keeps_datagrams() const override { return true; }
   [[nodiscard]] std::string name() const override { return "told"; }
+  [[nodiscard]] std::string peer_node() const override { return "/dev/told"; }
 
   PortListener& outer() { return listener(); }
 
@@ -52,7 +53,7 @@ class ToldPort final : public Port, private WaitingCalls, private Recorder {
   bool discard() override { return false; }
   [[nodiscard]] std::string awaits() override { return "told"; }
   [[nodiscard]] std::optional<Instant> next_due() override { return Instant{}; }
-  void request(RecorderRequest) override {}
+  Result<void> request(const RecorderRequest&) override { return {}; }
   void note_gap(std::uint64_t, std::string_view) override {}
   void say(std::string call) { calls_->push_back(std::move(call)); }
 
@@ -101,6 +102,7 @@ TEST_F(ForwardingPortTest, PassesOnEveryCallToTheInnerPort) {
   EXPECT_TRUE(wrapper.passive());
   EXPECT_TRUE(wrapper.keeps_datagrams());
   EXPECT_EQ(wrapper.name(), "told");
+  EXPECT_EQ(wrapper.peer_node(), "/dev/told");
 }
 
 // Notes all that PortLog does, and the rest.

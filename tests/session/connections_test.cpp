@@ -66,7 +66,7 @@ class Devices final : public DeviceGroup {
     if (test_->peers.size() < connection) test_->peers.resize(connection);
     return std::unique_ptr<Port>(std::make_unique<MemoryPort>(test_->peers[connection - 1]));
   }
-  void request(RecorderRequest) override { ++test_->requests; }
+  void request(const RecorderRequest&) override { ++test_->requests; }
   void finish(unsigned came, std::function<void(int)> done) override {
     test_->came = came;
     if (test_->finishes) done(test_->status);
@@ -294,7 +294,7 @@ TEST_F(ConnectionsTest, ARequestReachesTheGroupAndEach) {
   start();
   driver();
   driver();
-  connections->request(RecorderRequest::next_tape);
+  EXPECT_TRUE(connections->request(RecorderRequest::next_tape()));
   EXPECT_EQ(devices.requests, 1);
   EXPECT_TRUE(devices.peers[0].calls.ends_with("next_tape ")) << devices.peers[0].calls;
   EXPECT_TRUE(devices.peers[1].calls.ends_with("next_tape ")) << devices.peers[1].calls;

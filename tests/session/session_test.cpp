@@ -557,8 +557,37 @@ TEST_F(SessionTest, AStopDuringAnEndOfTheTapesOwnChangesNothing) {
 
 TEST_F(SessionTest, RotateReachesTheTape) {
   start();
-  session->request(RecorderRequest::next_tape);
+  EXPECT_TRUE(session->request(RecorderRequest::next_tape()));
   EXPECT_EQ(device.calls, "prepare next_tape ");
+}
+
+TEST_F(SessionTest, ATraceShowsTheFirstBytesOfEachBlockBothWays) {
+  start();
+  driver.up();
+  driver.send("not traced");
+  book.log()->set_level(spdlog::level::trace);
+  driver.send("AT\r");
+  device.send(std::string(1000, 'x'));
+  EXPECT_EQ(book.text().find("not traced"), std::string::npos);
+  EXPECT_NE(book.text().find("-> 3 bytes  \"AT\\r\"  41540d\n"), std::string::npos) << book.text();
+  EXPECT_NE(book.text().find("<- 1000 bytes  \"" + std::string(32, 'x') + "\"..."), std::string::npos);
+}
+
+TEST_F(SessionTest, SaysHowItStands) {
+  start();
+  EXPECT_EQ(session->state(), "waiting");
+  device.up_at_once = false;
+  driver.up();
+  EXPECT_EQ(session->state(), "opening");
+  device.up();
+  EXPECT_EQ(session->state(), "open");
+  device.interrupt();
+  EXPECT_EQ(session->state(), "interrupted");
+  device.resume();
+  device.down(Reason::lost);
+  EXPECT_EQ(session->state(), "broken");
+  driver.down(Reason::closed);
+  EXPECT_EQ(session->state(), "waiting");
 }
 
 }  // namespace

@@ -114,7 +114,10 @@ class MemoryPort final : public Port, private Recorder {
   [[nodiscard]] std::string name() const override { return "memory"; }
 
  private:
-  void request(RecorderRequest) override { peer_->calls += "next_tape "; }
+  Result<void> request(const RecorderRequest& what) override {
+    peer_->calls += what.kind == RecorderRequest::Kind::mark ? "mark:" + what.text + " " : "next_tape ";
+    return {};
+  }
   void note_gap(std::uint64_t bytes, std::string_view) override { peer_->gaps += bytes; }
 
   Peer* peer_;

@@ -119,12 +119,35 @@ TEST_F(RecordingTest, AnExistingTapeIsFoundBeforeTheDeviceIsTouched) {
   EXPECT_TRUE(port->prepare().has_value());
 }
 
+TEST_F(RecordingTest, AMarkStandsInItsPlaceAmongTheBlocks) {
+  ASSERT_TRUE(port->prepare().has_value());
+  Recorder& recorder = *port->recorder();
+  const Result<void> early = recorder.request(RecorderRequest::mark("early"));
+  ASSERT_FALSE(early.has_value());
+  EXPECT_NE(early.error().message.find("no driver has opened the port yet"), std::string::npos);
+  EXPECT_EQ(recorder.recording()->state, RecordingStatus::State::waiting);
+  port->open();
+  port->write(as_bytes("one"));
+  pass(5);
+  EXPECT_TRUE(recorder.request(RecorderRequest::mark("arm is moving")));
+  pass(5);
+  port->write(as_bytes("two"));
+  port->close();
+  EXPECT_TRUE(recorder.request(RecorderRequest::mark("between two drivers")));
+  EXPECT_EQ(recorder.recording()->state, RecordingStatus::State::recording);
+  EXPECT_EQ(recorder.recording()->tape, tape.name());
+  finish();
+  EXPECT_FALSE(recorder.request(RecorderRequest::mark("late")));
+  EXPECT_FALSE(recorder.recording());
+  EXPECT_EQ(records(tape), "open@0 w:one@0 mark@5 w:two@10 close@11 mark@11 end@11 ");
+}
+
 TEST_F(RecordingTest, RotationGoesOnWithTheNextName) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
   port->write(as_bytes("one"));
   pass(50);
-  port->recorder()->request(RecorderRequest::next_tape);
+  EXPECT_TRUE(port->recorder()->request(RecorderRequest::next_tape()));
   pass(5);
   port->write(as_bytes("two"));
   pass(5);
@@ -138,7 +161,7 @@ TEST_F(RecordingTest, ARotationThatComesAfterTheEndMakesNoTape) {
   port->open();
   port->write(as_bytes("one"));
   port->finish();  // whose end the loop tells
-  port->recorder()->request(RecorderRequest::next_tape);
+  EXPECT_FALSE(port->recorder()->request(RecorderRequest::next_tape()));
   run_until(loop, [this] { return log.status.has_value(); });
   EXPECT_EQ(log.status, 0);
   EXPECT_EQ(records(tape), "open@0 w:one@0 close@1 end@1 ");
@@ -149,7 +172,7 @@ TEST_F(RecordingTest, TheNextPartKnowsTheOneBefore) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
   pass(50);
-  port->recorder()->request(RecorderRequest::next_tape);
+  EXPECT_TRUE(port->recorder()->request(RecorderRequest::next_tape()));
   EXPECT_EQ(finish(), 0);
   const auto first = TapeReader::open(tape)->header();
   const auto second = TapeReader::open(literal_tape((dir.path() / "x.2.log").string()))->header();
@@ -203,7 +226,7 @@ TEST_F(RecordingTest, RotationToANameThatCannotBeMadeKeepsTheLine) {
   make_port();
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
-  port->recorder()->request(RecorderRequest::next_tape);
+  EXPECT_TRUE(port->recorder()->request(RecorderRequest::next_tape()));
   port->write(as_bytes("ask"));
   EXPECT_EQ(device.written, "ask");
   EXPECT_EQ(finish(), exit_status::kRuntime);

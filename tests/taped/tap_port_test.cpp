@@ -26,6 +26,7 @@ class Notes final : public LineObserver {
     Result<void> ready;
     bool done_when_given_up = false;
     bool finishes_at_once = false;
+    Result<bool> request_is_for_it = true;
   };
   explicit Notes(Book& book) : book_(&book) {}
   [[nodiscard]] Result<void> check() const override { return book_->ready; }
@@ -36,7 +37,10 @@ class Notes final : public LineObserver {
     book_->text += (direction == Direction::read ? "r:" : "w:") + std::string(as_text(data)) + " ";
   }
   void note(Instant, const Event& event) override { book_->text += std::string(name_of(event)) + " "; }
-  void request(Instant, RecorderRequest) override { book_->text += "next_tape "; }
+  Result<bool> request(Instant, const RecorderRequest&) override {
+    book_->text += "next_tape ";
+    return book_->request_is_for_it;
+  }
   void finish(Instant, std::function<void(bool)> done) override {
     book_->done = std::move(done);
     if (!book_->finishes_at_once) return;
@@ -119,7 +123,7 @@ TEST_F(TapPortTest, EveryObserverIsToldAllThatPasses) {
   device.send("answer");
   device.arrive("abc", {1, 3});
   tap.peer_flushed(FlushQueue::in);
-  tap.recorder()->request(RecorderRequest::next_tape);
+  EXPECT_TRUE(tap.recorder()->request(RecorderRequest::next_tape()));
   tap.close();
   EXPECT_EQ(one.text, "opened up w:ask r:answer r:a r:bc flush next_tape closed ");
   EXPECT_EQ(other.text, one.text);
@@ -249,7 +253,7 @@ TEST_F(TapPortTest, AfterTheirFinishObserversAreToldNothingAndTheLogIsToldOfTheB
   tap.open();
   tap.finish();
   one.text.clear();
-  tap.recorder()->request(RecorderRequest::next_tape);
+  EXPECT_FALSE(tap.recorder()->request(RecorderRequest::next_tape()));
   tap.write(as_bytes("four"));
   device.send("three");
   device.interrupt();

@@ -1,7 +1,16 @@
+#include <csignal>
+#include <fcntl.h>
+#include <sstream>
+#include <thread>
+#include <unistd.h>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "libport/base/unique_fd.hpp"
+#include "libport/tape/tape_writer.hpp"
 #include "tests/tools/run.hpp"
+#include "tools/output.hpp"
 
 namespace porttape {
 namespace {
@@ -124,6 +133,209 @@ TEST(Cat, NothingOfAForeignEventIsObeyedByATerminal) {
       EXPECT_THAT(ran.out, testing::Not(HasSubstr(obeyed)));
     EXPECT_THAT(ran.out, HasSubstr("\xc3\xa9"));
   }
+}
+
+TEST(Cat, WhatIsSoundOfATapeWithADamagedEventsFileIsPrinted) {
+  const TempDir dir;
+  const std::string tape = make_tape(dir, "t", {{1000, "before"}, {9000, "after"}}, {{3000, "ask"}},
+                                     "{\"t_us\":0,\"event\":\"open\"}\nno event\n");
+  const auto ran = run({"cat", tape});
+  EXPECT_EQ(ran.status, 1);
+  EXPECT_THAT(ran.out, HasSubstr("open\n"));
+  for (const char* text : {"before", "ask", "after"}) EXPECT_THAT(ran.out, HasSubstr(text));
+  EXPECT_THAT(ran.err, HasSubstr("t.loge is damaged in line 3: not a JSON object"));
+
+  test::write_file(tape + "e", as_bytes("no header\n"));
+  const auto headless = run({"cat", tape});
+  EXPECT_EQ(headless.status, 1);
+  for (const char* text : {"before", "ask", "after"}) EXPECT_THAT(headless.out, HasSubstr(text));
+  EXPECT_THAT(headless.err, HasSubstr("is not an events file"));
+}
+
+std::vector<std::string> lines_of(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream in(text);
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  return lines;
+}
+
+class CatWidth : public testing::Test {
+ protected:
+  ~CatWidth() override { ::unsetenv("COLUMNS"); }
+  static test::Ran cat_at(const char* columns, std::vector<std::string> args) {
+    ::setenv("COLUMNS", columns, 1);
+    args.insert(args.begin(), "cat");
+    return run(args);
+  }
+};
+
+TEST_F(CatWidth, LongLinesAreCutToTheWidthAndSaySo) {
+  const TempDir dir;
+  const std::string tape =
+      make_tape(dir, "t", {{0, std::string(300, 'x')}, {1'000'000, "\x01\x02"}}, {},
+                "{\"t_us\":500000,\"event\":\"mark\",\"text\":\"" + std::string(300, 'y') + "\"}\n");
+  for (const char* columns : {"60", "80", "81", "82", "83", "200"}) {
+    const auto lines = lines_of(cat_at(columns, {tape}).out);
+    ASSERT_EQ(lines.size(), 3U);
+    const std::size_t width = std::stoul(columns);
+    EXPECT_LE(lines[0].size(), width);
+    EXPECT_GT(lines[0].size() + 3, width);
+    EXPECT_THAT(lines[0], testing::EndsWith("78..."));
+    EXPECT_EQ(lines[1].size(), width);
+    EXPECT_THAT(lines[1], testing::EndsWith("yyy..."));
+    EXPECT_THAT(lines[2], testing::EndsWith("\"\\x01\\x02\"  0102"));
+  }
+  // What just fits is not cut: 25 columns in front, 4 around, 3 a byte.
+  const std::string fits = make_tape(dir, "u", {{0, "abcdefgh"}}, {});
+  EXPECT_THAT(cat_at("53", {fits}).out, testing::EndsWith("\"abcdefgh\"  6162636465666768\n"));
+  EXPECT_THAT(cat_at("52", {fits}).out, HasSubstr("..."));
+  EXPECT_EQ(lines_of(cat_at("1", {fits}).out).size(), 1U);
+}
+
+TEST_F(CatWidth, FullShowsEveryByteInRowsOfTheWidth) {
+  const TempDir dir;
+  std::string all;
+  for (int n = 0; n < 1024; ++n) all += static_cast<char>(n);
+  const std::string tape = make_tape(dir, "t", {{0, all}, {1'000'000, std::string(300'000, 'x')}}, {});
+  for (const char* columns : {"1", "60", "80", "133"}) {
+    const auto ran = cat_at(columns, {"--full", tape});
+    std::string hex;
+    for (const std::string& line : lines_of(ran.out)) {
+      const std::size_t width = std::stoul(columns);
+      EXPECT_TRUE(width == 1 || line.size() <= width) << line;
+      hex += line.substr(line.rfind(' ') + 1);
+    }
+    EXPECT_EQ(hex, to_hex(as_bytes(all + std::string(300'000, 'x'))));
+  }
+  const auto row = lines_of(cat_at("60", {"--full", tape}).out)[1];
+  EXPECT_THAT(row, testing::StartsWith(std::string(25, ' ') + '"'));
+}
+
+TEST(CatColor, EachDirectionHasItsOwnWhenAskedFor) {
+  const TempDir dir;
+  const std::string tape = make_tape(dir, "t", {{2000, "r"}}, {{1000, "w"}});
+  const auto lines = lines_of(run({"cat", tape, "--color", "always"}).out);
+  ASSERT_EQ(lines.size(), 2U);
+  EXPECT_THAT(lines[0], HasSubstr("\x1b[36mw"));
+  EXPECT_THAT(lines[1], HasSubstr("\x1b[32mr"));
+  EXPECT_THAT(lines[1], testing::EndsWith("\x1b[0m"));
+  for (const std::vector<std::string>& plain : {std::vector<std::string>{"cat", tape},
+                                                {"cat", tape, "--color", "never"},
+                                                {"info", tape},
+                                                {"verify", tape}})
+    EXPECT_EQ(run(plain).out.find('\x1b'), std::string::npos);
+  for (const char* verb : {"info", "verify"})
+    EXPECT_THAT(run({verb, tape, "--color=always"}).out,
+                HasSubstr("\x1b[33msound as far as it can be checked\x1b[0m"))
+        << verb;
+  EXPECT_EQ(run({"cat", tape, "--color", "maybe"}).status, 2);
+}
+
+// Reads a tape while a recorder writes it.
+class CatFollow : public testing::Test {
+ protected:
+  CatFollow() : paths(literal_tape(dir / "t.log")) {
+    TapeHeader header;
+    header.id = "0123";
+    auto made = TapeWriter::create(paths, header, {.sync = false});
+    writer = std::move(*made);
+    writer->event(tape_time_us(0), event::Open{});
+    writer->write_block(tape_time_us(1000), as_bytes("ask"));
+  }
+  void follow() {
+    int ends[2];
+    ASSERT_EQ(::pipe2(ends, O_CLOEXEC), 0);
+    reader = UniqueFd(ends[0]);
+    thread = std::thread([this, fd = ends[1]] {
+      const UniqueFd out_fd(fd);
+      FdStreambuf buffer(fd);
+      std::ostream out(&buffer);
+      const std::vector<std::string> args = {"cat", "--follow", paths.name()};
+      status = run_porttape(args, out, err);
+      out.flush();
+    });
+  }
+  // The next line; empty at the end.
+  std::string line() {
+    std::string text;
+    char c = 0;
+    while (::read(reader.get(), &c, 1) == 1 && c != '\n') text += c;
+    return text;
+  }
+  ~CatFollow() override {
+    if (thread.joinable()) thread.join();
+  }
+
+  TempDir dir;
+  TapePaths paths;
+  std::optional<TapeWriter> writer;
+  UniqueFd reader;
+  std::ostringstream err;
+  int status = -1;
+  std::thread thread;
+};
+
+TEST_F(CatFollow, ShowsWhatComesUntilTheTapeEnds) {
+  follow();
+  EXPECT_THAT(line(), HasSubstr("open"));
+  EXPECT_THAT(line(), HasSubstr("ask"));
+  for (int n = 2; n < 6; ++n) {
+    writer->read_block(tape_time_us(n * 1000), as_bytes("answer " + std::to_string(n)));
+    EXPECT_THAT(line(), HasSubstr("answer " + std::to_string(n)));
+  }
+  writer->event(tape_time_us(7000), event::Mark{"here"});
+  EXPECT_THAT(line(), HasSubstr("here"));
+  ASSERT_TRUE(writer->finish(tape_time_us(8000)));
+  EXPECT_THAT(line(), HasSubstr("end"));
+  EXPECT_EQ(line(), "");
+  thread.join();
+  EXPECT_EQ(status, 0);
+  EXPECT_EQ(err.str(), "");
+}
+
+TEST_F(CatFollow, NamesTheTapeThatGoesOn) {
+  follow();
+  EXPECT_THAT(line(), HasSubstr("open"));
+  EXPECT_THAT(line(), HasSubstr("ask"));
+  TapeHeader next;
+  next.previous = PreviousTape{"0123", "t.log"};
+  auto part = TapeWriter::create(literal_tape(dir / "t.2.log"), next, {.sync = false});
+  ASSERT_TRUE(part);
+  ASSERT_TRUE(writer->finish(tape_time_us(8000)));
+  thread.join();
+  EXPECT_EQ(status, 0);
+  EXPECT_THAT(err.str(), HasSubstr("note: it goes on as " + (dir / "t.2.log")));
+}
+
+TEST_F(CatFollow, EndsWhenNobodyWritesTheTape) {
+  follow();
+  EXPECT_THAT(line(), HasSubstr("open"));
+  EXPECT_THAT(line(), HasSubstr("ask"));
+  // As a killed recorder leaves it: what is there stays, the locks go.
+  const Bytes events = test::read_file(paths.events);
+  writer.reset();
+  thread.join();
+  EXPECT_EQ(status, 0);
+  test::write_file(paths.events, events);
+  const auto ran = run({"cat", "--follow", paths.name()});
+  EXPECT_EQ(ran.status, 0);
+  EXPECT_THAT(ran.err, HasSubstr("nobody writes this tape; it has no end"));
+}
+
+TEST_F(CatFollow, EndsWhenNobodyReadsIt) {
+  follow();
+  EXPECT_THAT(line(), HasSubstr("open"));
+  ::signal(SIGPIPE, SIG_IGN);
+  reader.reset();
+  thread.join();
+  EXPECT_EQ(status, 0);
+}
+
+TEST(CatFollowNothing, SaysThatThereIsNoTapeYet) {
+  const TempDir dir;
+  const auto ran = run({"cat", "--follow", dir / "none"});
+  EXPECT_EQ(ran.status, 2);
+  EXPECT_THAT(ran.err, HasSubstr("a tape begins when a driver first opens the port"));
 }
 
 }  // namespace

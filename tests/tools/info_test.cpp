@@ -71,6 +71,16 @@ TEST(Info, ATapeWithoutOpensIsOneSession) {
   EXPECT_EQ(only.at("read_bytes").as_int64(), 2);
 }
 
+TEST(Info, ShowsMarks) {
+  const TempDir dir;
+  const std::string tape =
+      make_tape(dir, "t", {}, {}, "{\"t_us\":1500000,\"event\":\"mark\",\"text\":\"arm\"}\n");
+  EXPECT_THAT(run({"info", tape}).out, HasSubstr("mark       1.500000 s  arm\n"));
+  const auto json = boost::json::parse(run({"info", "--json", tape}).out).as_object();
+  EXPECT_EQ(json.at("events").at("marks").at(0).at("t_us").as_int64(), 1'500'000);
+  EXPECT_EQ(json.at("events").at("marks").at(0).at("text").as_string(), "arm");
+}
+
 TEST(Info, JsonSaysTheSame) {
   const TempDir dir;
   const std::string tape = sample(dir);

@@ -26,7 +26,8 @@ class Program:
         self.notify = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
         self.notify.bind(world.path(f"notify{number}"))
         environment = dict(os.environ, LD_PRELOAD=world.config.library, TROUBLE_PROGRAM=os.path.basename(command[0]),
-                           TROUBLE_PLACES=self.table, NOTIFY_SOCKET=world.path(f"notify{number}"), TMPDIR=world.folder)
+                           TROUBLE_PLACES=self.table, NOTIFY_SOCKET=world.path(f"notify{number}"), TMPDIR=world.folder,
+                           RUNTIME_DIRECTORY=world.path("control"))
         if trouble:
             environment["TROUBLE"] = trouble.environment(addresses)
         if world.tapes:

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <string>
+#include <utility>
+
+#include "libport/base/result.hpp"
+#include "libport/base/unique_fd.hpp"
+#include "tools/control_place.hpp"
+
+namespace porttape {
+
+// The socket of this process in a control folder. Removes it at the end, if nobody else has taken its name.
+class ControlListener {
+ public:
+  // Makes the folder if need be, and the socket, which only its owner can use (0600); a stale one of that
+  // name is removed. Errc::io, Errc::usage.
+  static Result<ControlListener> create(const ControlFolder& folder);
+  ControlListener(ControlListener&&) noexcept = default;
+  ControlListener& operator=(ControlListener&&) = delete;
+  ~ControlListener();
+
+  [[nodiscard]] int fd() const { return fd_.get(); }
+  [[nodiscard]] const std::string& path() const { return path_; }
+
+ private:
+  ControlListener(UniqueFd fd, std::string path) : fd_(std::move(fd)), path_(std::move(path)) {}
+
+  UniqueFd fd_;
+  std::string path_;
+};
+
+}  // namespace porttape

@@ -1,0 +1,58 @@
+#include "daemon/control_protocol.hpp"
+
+#include <boost/json/parse.hpp>
+#include <boost/json/value.hpp>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "libport/tape/event.hpp"
+#include "tests/daemon/told_target.hpp"
+
+namespace porttape {
+namespace {
+
+using test::ToldTarget;
+using testing::HasSubstr;
+
+TEST(ControlProtocol, EachVerbReachesItsTarget) {
+  ToldTarget target;
+  EXPECT_EQ(control_reply(target, R"({"verb":"status"})"), R"({"ok":true,"status":{"pid":7}})");
+  EXPECT_EQ(control_reply(target, R"({"verb":"mark","text":"a \"b\"","channel":"x"})"),
+            R"({"ok":true,"channels":["x"],"refused":[]})");
+  EXPECT_EQ(control_reply(target, R"({"verb":"stop"})"),
+            R"({"ok":true,"channels":["all"],"refused":[{"channel":"other","error":"no"}]})");
+  EXPECT_EQ(target.calls, "mark(x,a \"b\") stop() ");
+}
+
+TEST(ControlProtocol, WhatCannotBeDoneIsSaidWithItsReason) {
+  ToldTarget target;
+  target.error = "tape t.log has not begun";
+  EXPECT_EQ(control_reply(target, R"({"verb":"mark","text":"a"})"),
+            R"({"ok":false,"error":"tape t.log has not begun"})");
+}
+
+TEST(ControlProtocol, WrongRequestsDoNothingAndSayWhatIsKnown) {
+  ToldTarget target;
+  const std::pair<std::string, std::string> wrong[] = {
+      {"", "JSON object"},
+      {"stop", "JSON object"},
+      {"[]", "JSON object"},
+      {R"({"verb":"stop"} x)", "JSON object"},
+      {R"({})", "known: status, mark, stop"},
+      {R"({"verb":"stopp"})", "unknown verb 'stopp'; known: status, mark, stop"},
+      {R"({"verb":"stop","chanel":"x"})", "stop has no 'chanel'; it has: channel"},
+      {R"({"verb":"status","channel":"x"})", "status has no 'channel'"},
+      {R"({"verb":"stop","channel":5})", "'channel' must be a text"},
+      {R"({"verb":"mark"})", "text is missing"},
+      {R"({"verb":"mark","text":")" + std::string(kMaxEventText + 1, 'x') + R"("})", "at most 4096"},
+      {std::string(10'000, '['), "JSON object"}};
+  for (const auto& [line, why] : wrong) {
+    const auto reply = boost::json::parse(control_reply(target, line)).as_object();
+    EXPECT_FALSE(reply.at("ok").as_bool()) << line;
+    EXPECT_THAT(std::string(reply.at("error").as_string().c_str()), HasSubstr(why)) << line;
+  }
+  EXPECT_EQ(target.calls, "");
+}
+
+}  // namespace
+}  // namespace porttape

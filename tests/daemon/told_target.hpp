@@ -1,0 +1,34 @@
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "daemon/control_protocol.hpp"
+
+namespace porttape::test {
+
+// Notes what a control socket asks for.
+class ToldTarget final : public ControlTarget {
+ public:
+  [[nodiscard]] std::string status() const override {
+    if (on_status) on_status();
+    return state;
+  }
+  Result<Outcome> mark(const std::string& channel, const std::string& text) override {
+    calls += "mark(" + channel + "," + text + ") ";
+    if (!error.empty()) return make_error(Errc::usage, error);
+    return Outcome{{channel.empty() ? "all" : channel}, {}};
+  }
+  Result<Outcome> stop(const std::string& channel) override {
+    calls += "stop(" + channel + ") ";
+    if (!error.empty()) return make_error(Errc::usage, error);
+    return Outcome{{channel.empty() ? "all" : channel}, {{"other", "no"}}};
+  }
+
+  std::string calls;
+  std::string state = R"({"pid":7})";
+  std::string error;
+  std::function<void()> on_status;
+};
+
+}  // namespace porttape::test

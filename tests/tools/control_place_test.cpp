@@ -1,0 +1,72 @@
+#include "tools/control_place.hpp"
+
+#include <cstring>
+#include <filesystem>
+#include <sys/socket.h>
+#include <sys/stat.h>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "libport/base/unique_fd.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+using test::TempDir;
+using testing::ElementsAre;
+
+std::vector<pid_t> pids(const ControlEnvironment& environment) {
+  std::vector<pid_t> found;
+  for (const ControlSocket& each : control_sockets(environment)) found.push_back(each.pid);
+  return found;
+}
+
+void make_socket(const std::string& path) {
+  std::filesystem::create_directories(std::filesystem::path(path).parent_path());
+  const UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM, 0));
+  const auto address = socket_address(path);
+  ASSERT_TRUE(address);
+  ASSERT_EQ(::bind(fd.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address), 0);
+}
+
+TEST(ControlPlace, AFolderThatIsGivenComesFirstThenTheUsersOwn) {
+  EXPECT_EQ(
+      control_folder({.user = 7, .runtime_directory = "/run/porttape/x:/run/other", .xdg_runtime_dir = "/x"})
+          .path,
+      "/run/porttape/x");
+  EXPECT_EQ(control_folder({.user = 0, .xdg_runtime_dir = "/x"}).path, "/run/porttape");
+  EXPECT_EQ(control_folder({.user = 7, .xdg_runtime_dir = "/x"}).path, "/x/porttape");
+  EXPECT_EQ(control_folder({.user = 7}).path, "/tmp/porttape-7");
+  EXPECT_EQ(control_folder({.user = 7, .runtime_directory = "relative", .xdg_runtime_dir = "relative"}).path,
+            "/tmp/porttape-7");
+  EXPECT_EQ(control_socket("/run/porttape", 12), "/run/porttape/12.sock");
+}
+
+TEST(ControlPlace, TheUsersOwnAndTheUnitsAreFoundByRootAll) {
+  const TempDir dir;
+  ControlEnvironment environment{.user = ::geteuid(), .run = dir / "run", .tmp = dir / "tmp"};
+  const std::string self = std::to_string(environment.user);
+  make_socket(dir / "run/porttape/1.sock");
+  make_socket(dir / "run/porttape/robot/2.sock");
+  make_socket(dir / ("run/user/" + self + "/porttape/3.sock"));
+  make_socket(dir / ("tmp/porttape-" + self + "/4.sock"));
+  for (const char* other : {"x.sock", "5.sock.x", "-6.sock", "0.sock"})
+    make_socket(dir / ("run/porttape/" + std::string(other)));
+  test::write_file(dir / "run/porttape/7.sock", {});
+  EXPECT_THAT(pids(environment), ElementsAre(1, 2, 3, 4));
+  environment.runtime_directory = dir / "run/porttape/robot";
+  EXPECT_THAT(pids(environment), ElementsAre(2));
+}
+
+TEST(ControlPlace, AFolderThatAnotherUserHasMadeInTmpIsNotBelieved) {
+  const TempDir dir;
+  const uid_t user = ::geteuid() + 1;
+  const ControlEnvironment environment{.user = user, .run = dir / "run", .tmp = dir / "tmp"};
+  make_socket(dir / ("tmp/porttape-" + std::to_string(user) + "/4.sock"));
+  EXPECT_THAT(pids(environment), ElementsAre());
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,166 @@
+#include "tools/control_client.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <fmt/format.h>
+#include <poll.h>
+#include <string_view>
+#include <sys/socket.h>
+#include <sys/syscall.h>
+#include <sys/time.h>
+#include <unistd.h>
+#include <utility>
+
+#include <boost/json/parse.hpp>
+#include <boost/json/serialize.hpp>
+
+namespace porttape {
+namespace {
+
+namespace json = boost::json;
+
+constexpr std::size_t kMostReply = std::size_t{64} << 20;
+
+Error failed(pid_t pid, int error) {
+  if (error == EACCES || error == EPERM)
+    return make_error(Errc::usage,
+                      fmt::format("process {} is another user's; ask as that user or as root", pid));
+  if (error == EAGAIN || error == EWOULDBLOCK)
+    return make_error(Errc::io, fmt::format("process {} does not answer within {} s; is it stopped?", pid,
+                                            ControlClient::kLimit.count()));
+  return make_error(Errc::io, fmt::format("process {}: {}", pid, errno_text(error)));
+}
+
+void set_limit(int fd, Nanos limit) {
+  const auto us = std::max<std::int64_t>(std::chrono::duration_cast<Micros>(limit).count(), 1);
+  const timeval time{us / 1'000'000, us % 1'000'000};
+  (void)::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &time, sizeof time);
+  (void)::setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &time, sizeof time);
+}
+
+}  // namespace
+
+ControlClient::ControlClient(UniqueFd fd, pid_t pid)
+    : fd_(std::move(fd)), process_(static_cast<int>(::syscall(SYS_pidfd_open, pid, 0))), pid_(pid) {}
+
+Result<std::optional<ControlClient>> ControlClient::connect(const ControlSocket& socket) {
+  const auto address = socket_address(socket.path);
+  UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  if (!fd || !address) return failed(socket.pid, address ? errno : ENAMETOOLONG);
+  set_limit(fd.get(), kLimit);
+  if (::connect(fd.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) != 0) {
+    const int error = errno;
+    if (error == ENOENT) return std::optional<ControlClient>();
+    if (error != ECONNREFUSED || !is_stale_socket(socket.path)) return failed(socket.pid, error);
+    (void)::unlink(socket.path.c_str());
+    return std::optional<ControlClient>();
+  }
+  return std::optional(ControlClient(std::move(fd), socket.pid));
+}
+
+Result<json::object> ControlClient::ask(const json::object& request) {
+  const std::string line = json::serialize(request) + '\n';
+  for (std::size_t sent = 0; sent < line.size();) {
+    const ssize_t part = ::send(fd_.get(), line.data() + sent, line.size() - sent, MSG_NOSIGNAL);
+    if (part < 0 && errno == EINTR) continue;
+    if (part < 0) return failed(pid_, errno);
+    sent += static_cast<std::size_t>(part);
+  }
+  const Result<std::string> answer = read_line();
+  if (!answer) return answer.error();
+  json::error_code wrong;
+  const json::value value = json::parse(*answer, wrong);
+  if (wrong || !value.is_object())
+    return make_error(Errc::io,
+                      fmt::format("process {} answers something else than a daemon of porttape", pid_));
+  const json::object& reply = value.get_object();
+  const json::value* ok = reply.if_contains("ok");
+  if (ok != nullptr && ok->is_bool() && ok->get_bool()) return reply;
+  return make_error(Errc::usage, text_of(reply, "error"));
+}
+
+Result<std::string> ControlClient::read_line() {
+  const Instant limit = std::chrono::steady_clock::now() + kLimit;
+  for (;;) {
+    if (const std::size_t newline = input_.find('\n'); newline != std::string::npos) {
+      std::string line = input_.substr(0, newline);
+      input_.erase(0, newline + 1);
+      return line;
+    }
+    const Nanos left = limit - std::chrono::steady_clock::now();
+    if (left <= Nanos::zero()) return failed(pid_, EAGAIN);
+    set_limit(fd_.get(), left);
+    std::array<char, 65536> buffer;
+    const ssize_t size = ::recv(fd_.get(), buffer.data(), buffer.size(), 0);
+    if (size < 0 && errno == EINTR) continue;
+    if (size < 0) return failed(pid_, errno);
+    if (size == 0) return make_error(Errc::io, fmt::format("process {} has ended", pid_));
+    input_.append(buffer.data(), static_cast<std::size_t>(size));
+    if (input_.size() > kMostReply) return failed(pid_, EMSGSIZE);
+  }
+}
+
+bool ControlClient::wait_ended(Nanos limit) const {
+  const Instant end = std::chrono::steady_clock::now() + limit;
+  for (;;) {
+    // Without a process to watch: the connection goes with it.
+    pollfd watched{process_ ? process_.get() : fd_.get(), POLLIN, 0};
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+    const int ready = ::poll(&watched, 1, static_cast<int>(std::max<std::int64_t>(left.count(), 0)));
+    if (ready > 0) return true;
+    if (ready == 0 || errno != EINTR) return false;
+  }
+}
+
+RunningDaemons find_daemons(std::optional<pid_t> pid) {
+  RunningDaemons found;
+  for (const ControlSocket& socket : control_sockets(ControlEnvironment::of_process())) {
+    if (pid && socket.pid != *pid) continue;
+    Result<std::optional<ControlClient>> client = ControlClient::connect(socket);
+    if (client && !*client) continue;
+    const Result<json::object> reply = client ? (*client)->ask({{"verb", "status"}}) : client.error();
+    if (!reply) {
+      found.silent.push_back(reply.error());
+      continue;
+    }
+    const json::value* status = reply->if_contains("status");
+    found.daemons.push_back({std::move(**client), status != nullptr && status->is_object()
+                                                      ? status->get_object()
+                                                      : json::object()});
+  }
+  return found;
+}
+
+std::optional<pid_t> parse_pid(const std::string& text) {
+  pid_t pid = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), pid);
+  if (error != std::errc() || end != text.data() + text.size() || pid <= 0) return std::nullopt;
+  return pid;
+}
+
+std::string text_of(const json::object& object, std::string_view key) {
+  const json::value* value = object.if_contains({key.data(), key.size()});
+  const json::string* text = value == nullptr ? nullptr : value->if_string();
+  return text == nullptr ? std::string() : std::string(text->data(), text->size());
+}
+
+std::int64_t number_of(const json::object& object, std::string_view key) {
+  const json::value* value = object.if_contains({key.data(), key.size()});
+  const std::int64_t* number = value == nullptr ? nullptr : value->if_int64();
+  return number == nullptr ? 0 : *number;
+}
+
+std::vector<json::object> objects_of(const json::object& object, std::string_view key) {
+  std::vector<json::object> objects;
+  const json::value* value = object.if_contains({key.data(), key.size()});
+  const json::array* list = value == nullptr ? nullptr : value->if_array();
+  if (list == nullptr) return objects;
+  for (const json::value& each : *list) {
+    if (each.is_object()) objects.push_back(each.get_object());
+  }
+  return objects;
+}
+
+}  // namespace porttape

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <boost/json/object.hpp>
+
+#include "libport/base/result.hpp"
+#include "libport/base/time.hpp"
+#include "libport/base/unique_fd.hpp"
+#include "tools/control_place.hpp"
+
+namespace porttape {
+
+// A connection to the control socket of a daemon (daemon/CONTROL.md). Waits, kLimit at most for each answer.
+class ControlClient {
+ public:
+  static constexpr std::chrono::seconds kLimit{2};
+
+  // Nothing where no daemon has the socket any more; it is removed then. Errc::usage: it is another user's.
+  // Errc::io.
+  static Result<std::optional<ControlClient>> connect(const ControlSocket& socket);
+
+  [[nodiscard]] pid_t pid() const { return pid_; }
+  // The reply to a request, where it says `ok`; its error otherwise (Errc::io as that of a daemon that does
+  // not answer).
+  Result<boost::json::object> ask(const boost::json::object& request);
+  // Waits for the daemon's end. False: it is there still.
+  [[nodiscard]] bool wait_ended(Nanos limit) const;
+
+ private:
+  ControlClient(UniqueFd fd, pid_t pid);
+  Result<std::string> read_line();
+
+  UniqueFd fd_;
+  UniqueFd process_;
+  pid_t pid_;
+  std::string input_;
+};
+
+// What the daemons that run say of themselves.
+struct RunningDaemon {
+  ControlClient client;
+  boost::json::object status;
+};
+struct RunningDaemons {
+  std::vector<RunningDaemon> daemons;
+  std::vector<Error> silent;  // others, that do not answer or not to us
+};
+// All of them, or the one of this process.
+RunningDaemons find_daemons(std::optional<pid_t> pid);
+
+// The pid that a user gave.
+std::optional<pid_t> parse_pid(const std::string& text);
+
+// That of a daemon's status, or of a channel or line of it; empty and 0 where it is not there.
+std::string text_of(const boost::json::object& object, std::string_view key);
+std::int64_t number_of(const boost::json::object& object, std::string_view key);
+// Its objects; others are left out.
+std::vector<boost::json::object> objects_of(const boost::json::object& object, std::string_view key);
+
+}  // namespace porttape

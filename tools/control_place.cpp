@@ -1,0 +1,146 @@
+#include "tools/control_place.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <system_error>
+#include <unistd.h>
+
+#include "libport/base/unique_fd.hpp"
+
+namespace porttape {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kFolder = "porttape";
+constexpr std::string_view kEnding = ".sock";
+
+std::string value_of(const char* name) {
+  const char* const value = std::getenv(name);
+  return value == nullptr ? std::string() : std::string(value);
+}
+
+std::string in(const std::string& folder, std::string_view name) {
+  return (fs::path(folder) / name).string();
+}
+
+std::string of_user(const ControlEnvironment& environment) {
+  if (environment.xdg_runtime_dir.starts_with('/')) return in(environment.xdg_runtime_dir, kFolder);
+  return in(environment.tmp, "porttape-" + std::to_string(environment.user));
+}
+
+// The folders in `folder`, no links; none where it cannot be read.
+std::vector<std::string> folders_in(const std::string& folder) {
+  std::vector<std::string> found;
+  std::error_code unreadable;
+  for (fs::directory_iterator entry(folder, unreadable), end; !unreadable && entry != end;
+       entry.increment(unreadable)) {
+    std::error_code gone;
+    if (fs::is_directory(entry->symlink_status(gone))) found.push_back(entry->path().string());
+  }
+  return found;
+}
+
+std::vector<std::string> folders_of(const ControlEnvironment& environment) {
+  if (const ControlFolder own = control_folder(environment); own.given) return {own.path};
+  const std::string system = in(environment.run, kFolder);
+  std::vector<std::string> folders = folders_in(system);
+  folders.push_back(system);
+  folders.push_back(of_user(environment));
+  // A user's own daemons may have been started with another environment than ours.
+  folders.push_back(in(environment.run, "user/" + std::to_string(environment.user) + "/porttape"));
+  folders.push_back(in(environment.tmp, "porttape-" + std::to_string(environment.user)));
+  if (environment.user == 0) {
+    for (const std::string& user : folders_in(in(environment.run, "user")))
+      folders.push_back(in(user, kFolder));
+    for (const std::string& folder : folders_in(environment.tmp)) {
+      if (fs::path(folder).filename().string().starts_with("porttape-")) folders.push_back(folder);
+    }
+  }
+  std::ranges::sort(folders);
+  folders.erase(std::unique(folders.begin(), folders.end()), folders.end());
+  return folders;
+}
+
+// Anybody can make a folder in /tmp: the user's own counts, and root takes everybody's.
+bool is_trusted(const std::string& folder, const ControlEnvironment& environment) {
+  if (environment.user == 0 || fs::path(folder).parent_path() != environment.tmp) return true;
+  struct stat status {};
+  return ::lstat(folder.c_str(), &status) == 0 && S_ISDIR(status.st_mode) &&
+         status.st_uid == environment.user;
+}
+
+std::optional<pid_t> pid_of(const std::string& name) {
+  pid_t pid = 0;
+  const char* const end = name.data() + name.size();
+  const auto [stop, error] = std::from_chars(name.data(), end, pid);
+  if (error != std::errc() || pid <= 0 || std::string_view(stop, end) != kEnding) return std::nullopt;
+  return pid;
+}
+
+void add_sockets(const std::string& folder, std::vector<ControlSocket>& sockets) {
+  std::error_code unreadable;
+  for (fs::directory_iterator entry(folder, unreadable), end; !unreadable && entry != end;
+       entry.increment(unreadable)) {
+    const auto pid = pid_of(entry->path().filename().string());
+    std::error_code gone;
+    if (pid && fs::is_socket(entry->symlink_status(gone))) sockets.push_back({entry->path().string(), *pid});
+  }
+}
+
+}  // namespace
+
+ControlEnvironment ControlEnvironment::of_process() {
+  return {.user = ::geteuid(),
+          .runtime_directory = value_of("RUNTIME_DIRECTORY"),
+          .xdg_runtime_dir = value_of("XDG_RUNTIME_DIR")};
+}
+
+ControlFolder control_folder(const ControlEnvironment& environment) {
+  // systemd names several folders with colons between them.
+  const std::string given = environment.runtime_directory.substr(0, environment.runtime_directory.find(':'));
+  if (given.starts_with('/')) return {given, true};
+  // The units' folders lie in it, which others must reach.
+  if (environment.user == 0) return {in(environment.run, kFolder), false, 0755};
+  return {of_user(environment)};
+}
+
+std::string control_socket(std::string_view folder, pid_t pid) {
+  return in(std::string(folder), std::to_string(pid) + std::string(kEnding));
+}
+
+std::vector<ControlSocket> control_sockets(const ControlEnvironment& environment) {
+  std::vector<ControlSocket> sockets;
+  for (const std::string& folder : folders_of(environment)) {
+    if (is_trusted(folder, environment)) add_sockets(folder, sockets);
+  }
+  std::ranges::sort(sockets, {}, &ControlSocket::pid);
+  return sockets;
+}
+
+std::optional<sockaddr_un> socket_address(const std::string& path) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  if (path.size() >= sizeof address.sun_path) return std::nullopt;
+  std::memcpy(address.sun_path, path.data(), path.size());
+  return address;
+}
+
+bool is_stale_socket(const std::string& path) {
+  const auto address = socket_address(path);
+  struct stat status {};
+  if (!address || ::lstat(path.c_str(), &status) != 0 || !S_ISSOCK(status.st_mode)) return false;
+  // Of another type, so that one who listens, or is about to, sees no connection: EPROTOTYPE.
+  const UniqueFd probe(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  const auto* const where = reinterpret_cast<const sockaddr*>(&*address);
+  return probe && ::connect(probe.get(), where, sizeof *address) != 0 && errno == ECONNREFUSED;
+}
+
+}  // namespace porttape

@@ -1,0 +1,156 @@
+#include <algorithm>
+#include <chrono>
+#include <fmt/format.h>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "libport/base/printable.hpp"
+#include "tools/command_line.hpp"
+#include "tools/control_client.hpp"
+#include "tools/verbs.hpp"
+
+namespace porttape {
+namespace {
+
+namespace json = boost::json;
+
+constexpr VerbHelp kHelp{
+    "ctl", "[-c CHANNEL] [-p PID] mark TEXT | stop",
+    "Steers a daemon that runs: the one of that process or with that channel, or the only one.\n"
+    "  mark TEXT  notes the text on the tapes that are being recorded, in its place among the\n"
+    "             bytes; `porttape cat` and `info` show it\n"
+    "  stop       ends it as SIGTERM does, or that channel alone, and waits for the end; given\n"
+    "             again meanwhile, it ends at once\n"
+    "Exit status: 0, 1 it could not be done, 2 wrong usage, or it is not clear which is meant.\n",
+    "  porttape ctl mark arm is moving\n"
+    "  porttape ctl -c laser stop\n"};
+
+// A daemon ends within some 15 s, whatever its lines and disks do.
+constexpr std::chrono::seconds kEndLimit{30};
+constexpr std::chrono::milliseconds kLook{50};
+
+bool has_channel(const RunningDaemon& daemon, const std::string& name) {
+  const std::vector<json::object> channels = objects_of(daemon.status, "channels");
+  return std::ranges::any_of(channels,
+                             [&](const json::object& each) { return text_of(each, "name") == name; });
+}
+
+bool is_running(const json::object& status, const std::string& name) {
+  const std::vector<json::object> channels = objects_of(status, "channels");
+  return std::ranges::any_of(channels, [&](const json::object& each) {
+    return text_of(each, "name") == name && text_of(each, "state") != "ended";
+  });
+}
+
+// "1234 (laser, scanner)".
+std::string name_of(const RunningDaemon& daemon) {
+  std::vector<std::string> channels;
+  for (const json::object& channel : objects_of(daemon.status, "channels"))
+    channels.push_back(text_of(channel, "name"));
+  return fmt::format("{} ({})", daemon.client.pid(), fmt::join(channels, ", "));
+}
+
+struct Wanted {
+  std::optional<pid_t> pid;
+  std::string channel;
+};
+
+// The one that is meant.
+Result<RunningDaemon> find_daemon(const Wanted& wanted) {
+  RunningDaemons running = find_daemons(wanted.pid);
+  if (!wanted.channel.empty() && !wanted.pid)
+    std::erase_if(running.daemons,
+                  [&](const RunningDaemon& each) { return !has_channel(each, wanted.channel); });
+  if (running.daemons.size() == 1) return std::move(running.daemons.front());
+  if (running.daemons.empty()) {
+    if (!running.silent.empty()) return make_error(Errc::io, running.silent.front().message);
+    if (wanted.pid) return make_error(Errc::io, fmt::format("process {} is no porttaped", *wanted.pid));
+    return make_error(Errc::io,
+                      wanted.channel.empty()
+                          ? "no porttaped runs"
+                          : fmt::format("no porttaped runs with a channel '{}'; porttape status has those "
+                                        "that run",
+                                        wanted.channel));
+  }
+  std::vector<std::string> names;
+  for (const RunningDaemon& daemon : running.daemons) names.push_back(name_of(daemon));
+  return make_error(Errc::usage, fmt::format("{} daemons could be meant; say which with -p PID: {}",
+                                             names.size(), fmt::join(names, ", ")));
+}
+
+// Until the channel has ended, and with the last one the daemon.
+bool wait_channel_ended(RunningDaemon& daemon, const std::string& channel) {
+  const Instant limit = std::chrono::steady_clock::now() + kEndLimit;
+  while (std::chrono::steady_clock::now() < limit) {
+    const Result<json::object> reply = daemon.client.ask({{"verb", "status"}});
+    if (!reply) return daemon.client.wait_ended(kEndLimit);
+    const json::value* status = reply->if_contains("status");
+    if (status == nullptr || !status->is_object() || !is_running(status->get_object(), channel)) return true;
+    std::this_thread::sleep_for(kLook);
+  }
+  return false;
+}
+
+struct Command {
+  std::string verb;
+  std::string text;
+};
+
+Result<void> run_command(const Wanted& wanted, const Command& command, std::ostream& err) {
+  Result<RunningDaemon> daemon = find_daemon(wanted);
+  if (!daemon) return daemon.error();
+  json::object request{{"verb", command.verb}};
+  if (!wanted.channel.empty()) request["channel"] = wanted.channel;
+  if (command.verb == "mark") request["text"] = command.text;
+  const Result<json::object> reply = daemon->client.ask(request);
+  if (!reply) return make_error(Errc::io, reply.error().message);
+  for (const json::object& refused : objects_of(*reply, "refused")) {
+    err << "porttape ctl: note: " << printable_line(text_of(refused, "channel")) << ": "
+        << printable_line(text_of(refused, "error")) << '\n';
+  }
+  if (command.verb != "stop") return {};
+  const bool ended = wanted.channel.empty() ? daemon->client.wait_ended(kEndLimit)
+                                            : wait_channel_ended(*daemon, wanted.channel);
+  if (ended) return {};
+  return make_error(Errc::io,
+                    fmt::format("process {} has not ended after {} s; the same again ends it at once",
+                                daemon->client.pid(), kEndLimit.count()));
+}
+
+// What is wrong, or nothing.
+std::optional<std::string> take_words(const std::vector<std::string>& words, Command& command) {
+  if (words.empty()) return "no verb given; known: mark, stop";
+  command.verb = words.front();
+  if (command.verb != "mark" && command.verb != "stop")
+    return "unknown verb '" + command.verb + "'; known: mark, stop";
+  for (std::size_t n = 1; n < words.size(); ++n) command.text += (n > 1 ? " " : "") + words[n];
+  if (command.verb == "mark" && command.text.empty())
+    return "mark: the text is missing, as in: ctl mark arm is moving";
+  if (command.verb == "stop" && words.size() > 1)
+    return "stop takes no more words; a channel is named with -c";
+  return std::nullopt;
+}
+
+}  // namespace
+
+int run_ctl(Arguments args, std::ostream& out, std::ostream& err) {
+  CommandLine line(kHelp);
+  line.takes_words().value("channel,c", "CHANNEL", "that channel alone").value("pid,p", "PID", "that daemon");
+  if (const auto done = line.parse(args, out, err)) return *done;
+  Command command;
+  if (const auto wrong = take_words(line.words(), command)) return line.usage_error(err, *wrong);
+  Wanted wanted{.pid = {}, .channel = line.text("channel").value_or("")};
+  if (const auto given = line.text("pid")) {
+    wanted.pid = parse_pid(*given);
+    if (!wanted.pid)
+      return line.usage_error(err, "--pid is '" + *given + "'; it must be the number of a process");
+  }
+  const Result<void> ran = run_command(wanted, command, err);
+  if (ran) return exit_status::kPass;
+  err << "porttape ctl: " << printable_line(ran.error().message) << '\n';
+  return exit_status_of(ran.error().code);
+}
+
+}  // namespace porttape
