@@ -88,7 +88,7 @@ void LastTrouble::log(const spdlog::details::log_msg& message) {
   told_ = Told{message.time, std::string(message.payload.data(), message.payload.size())};
 }
 
-LineStatus status_of(const Session& session) {
+LineStatus status_of(Session& session) {
   LineStatus line{.state = std::string(session.state()),
                   .driver = session.driver().name(),
                   .driver_node = session.driver().peer_node(),

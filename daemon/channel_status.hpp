@@ -49,14 +49,14 @@ struct LineStatus {
   std::string device;
   std::optional<RecordingStatus> recording;
 };
-LineStatus status_of(const Session& session);
+LineStatus status_of(Session& session);
 
 // A channel as `porttape status` tells of it (CONTROL.md).
 struct ChannelStatus {
   std::string mode;  // record, replay, bridge
   std::string driver;
-  std::string device;  // of a replay: its tape
-  Channel::Counters counters = {};  // of all its lines, those that have ended too
+  std::string device;                  // of a replay: its tape
+  Channel::Counters counters = {};     // of all its lines, those that have ended too
   std::vector<LineStatus> lines = {};  // none while it is in trouble
   std::string why = {};                // of that
   std::optional<Nanos> retry_in = {};

@@ -88,9 +88,13 @@ ChannelStatus SupervisedChannel::status() const {
   status.counters = before_;
   if (session_) {
     status.counters += session_->counters();
-    for (const Session* line : session_->sessions()) status.lines.push_back(status_of(*line));
+    for (Session* line : session_->sessions()) status.lines.push_back(status_of(*line));
     if (status.lines.empty())  // a port whose connections have a line each
-      status.lines.push_back({.state = "waiting", .driver = session_->driver().name(), .device = status.device});
+      status.lines.push_back({.state = "waiting",
+                              .driver = session_->driver().name(),
+                              .driver_node = {},
+                              .device = status.device,
+                              .recording = {}});
   } else {
     status.why = trouble_;
     if (const auto due = retry_timer_.due()) status.retry_in = std::max(*due - Loop::now(), Nanos::zero());
