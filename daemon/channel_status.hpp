@@ -55,8 +55,8 @@ LineStatus status_of(Session& session);
 struct ChannelStatus {
   std::string mode;  // record, replay, bridge
   std::string driver;
-  std::string device;  // of a replay: its tape
-  Channel::Counters counters = {};  // of all its lines, those that have ended too
+  std::string device;                  // of a replay: its tape
+  Channel::Counters counters = {};     // of all its lines, those that have ended too
   std::vector<LineStatus> lines = {};  // none while it is in trouble
   std::string why = {};                // of that
   std::optional<Nanos> retry_in = {};

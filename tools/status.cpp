@@ -151,9 +151,10 @@ void print_lines(const json::object& channel, const Openers& openers, std::ostre
 void print_channel(const json::object& channel, const Openers& openers, std::ostream& out) {
   print_field(out, "state", state_text(channel, text_of(channel, "state")));
   print_lines(channel, openers, out);
-  std::string bytes = fmt::format("{} from the driver, {} from the device, in {} opens",
+  const auto opens = number_of(channel, "opens");
+  std::string bytes = fmt::format("{} from the driver, {} from the device, in {} {}",
                                   number_of(channel, "from_driver_bytes"),
-                                  number_of(channel, "to_driver_bytes"), number_of(channel, "opens"));
+                                  number_of(channel, "to_driver_bytes"), opens, opens == 1 ? "open" : "opens");
   if (const auto dropped = number_of(channel, "dropped_bytes"); dropped > 0)
     bytes += fmt::format("; {} reached nobody", dropped);
   print_field(out, "bytes", bytes);

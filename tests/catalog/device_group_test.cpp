@@ -120,6 +120,12 @@ TEST_F(DeviceGroupTest, AConnectionMeetsTheTapeOfItsNumber) {
   EXPECT_EQ(group->ends_after(), std::nullopt);
 }
 
+TEST_F(DeviceGroupTest, ItsTapesHaveOneReport) {
+  tape("laser", "one");
+  const auto group = make(ChannelMode::replay, {{"tape", dir / "laser"}, {"report", dir / "report"}});
+  EXPECT_TRUE(group->prepare().has_value());
+}
+
 TEST_F(DeviceGroupTest, APartWhoseFirstConnectionHadGoneIsPlayedToo) {
   tape("laser.2.c2", "two");
   tape("laser.2.c5", "five");
