@@ -17,7 +17,7 @@ namespace porttape {
 struct Invocation {
   std::optional<std::string> print;  // --help, --version: print this and end
   std::map<std::string, ChannelSpec>
-      channels;                 // by name; the verbs record, replay and bridge make one, named after the verb
+      channels;  // by name; the verbs record, replay and bridge make one, named after the verb
   std::string verb;
   bool keeps_channels = false;  // the verb `run`
   spdlog::level::level_enum log_level = spdlog::level::info;

@@ -65,8 +65,9 @@ std::optional<int> CommandLine::parse(Arguments args, std::ostream& out, std::os
     const auto choice = parse_color(*given);
     if (!choice)
       return usage_error(
-          err, fmt::format("option '--color': {} is not valid; accepted: auto, always, never{}",
-                           in_quotes(*given), did_you_mean(*given, std::array{"auto"sv, "always"sv, "never"sv})));
+          err,
+          fmt::format("option '--color': {} is not valid; accepted: auto, always, never{}", in_quotes(*given),
+                      did_you_mean(*given, std::array{"auto"sv, "always"sv, "never"sv})));
     color_ = *choice;
   }
   if (takes_ == Takes::tapes && words_.empty())

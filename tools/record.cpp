@@ -96,9 +96,12 @@ bool tell_tape(const TapePaths& paths, std::ostream& err) {
 }
 
 void tell_next(const std::string& tape, const CommandVerbLine& line, std::ostream& err) {
-  const std::string name = shell_line(std::vector{tape});
-  const std::string driver =
+  const auto connections = line.values.find("connections");
+  const bool group = connections != line.values.end() && connections->second == "each";
+  const std::string name = shell_line(std::vector{group ? line.values.at("tape") : tape});
+  std::string driver =
       line.own_driver ? "" : "--driver " + shell_line(std::vector{line.values.at("driver")}) + ' ';
+  if (group) driver += "--connections each ";
   fmt::print(err, "  look at it    porttape cat {}\n  test with it  porttape test --tape {} {}-- {}\n",
              printable_line(name), printable_line(name), printable_line(driver),
              printable_line(shell_line(line.command)));

@@ -152,9 +152,9 @@ void print_channel(const json::object& channel, const Openers& openers, std::ost
   print_field(out, "state", state_text(channel, text_of(channel, "state")));
   print_lines(channel, openers, out);
   const auto opens = number_of(channel, "opens");
-  std::string bytes = fmt::format("{} from the driver, {} from the device, in {} {}",
-                                  number_of(channel, "from_driver_bytes"),
-                                  number_of(channel, "to_driver_bytes"), opens, opens == 1 ? "open" : "opens");
+  std::string bytes =
+      fmt::format("{} from the driver, {} from the device, in {} {}", number_of(channel, "from_driver_bytes"),
+                  number_of(channel, "to_driver_bytes"), opens, opens == 1 ? "open" : "opens");
   if (const auto dropped = number_of(channel, "dropped_bytes"); dropped > 0)
     bytes += fmt::format("; {} reached nobody", dropped);
   print_field(out, "bytes", bytes);
