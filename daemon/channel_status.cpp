@@ -8,18 +8,6 @@
 namespace porttape {
 namespace {
 
-std::string_view word_of(ChannelMode mode) {
-  switch (mode) {
-    case ChannelMode::record:
-      return "record";
-    case ChannelMode::replay:
-      return "replay";
-    case ChannelMode::bridge:
-      break;
-  }
-  return "bridge";
-}
-
 std::string_view word_of(RecordingStatus::State state) {
   constexpr std::array<std::string_view, 4> words = {"waiting", "recording", "failing", "not-made"};
   return words.at(static_cast<std::size_t>(state));
@@ -99,7 +87,7 @@ LineStatus status_of(Session& session) {
 }
 
 ChannelStatus described(const ChannelSpec& spec) {
-  return {.mode = std::string(word_of(spec.mode)),
+  return {.mode = std::string(to_string(spec.mode)),
           .driver = value_of(spec, "driver"),
           .device = value_of(spec, spec.mode == ChannelMode::replay ? "tape" : "device")};
 }
