@@ -56,7 +56,7 @@ std::vector<OptionSpec> options_of(const CommandVerb& verb) {
 }
 
 void print_help(const CommandVerb& verb, const po::options_description& options, std::ostream& out) {
-  fmt::print(out, "Usage: porttape {0} {1}\n\n{2}{3}\nExample: porttape {0} {4}\n\n{5}", verb.name,
+  fmt::print(out, "Usage: porttape {0} {1}\n\n{2}{3}\nExample:\n  porttape {0} {4}\n\n{5}", verb.name,
              verb.usage, verb.about, kPlaceHelp, verb.example, as_text(options));
 }
 

@@ -26,8 +26,8 @@ constexpr std::string_view kAbout =
     "also by Ctrl-C, which goes to COMMAND (a second one kills it). SIGUSR1 begins\n"
     "the next tape.\n\n"
     "Exit status: COMMAND's own, 128 + N after signal N. Without COMMAND having run:\n"
-    "2 wrong use, 6 no such device. Where COMMAND gave 0: 1 something is missing from\n"
-    "the tape, 6 the device was lost.\n\n";
+    "2 wrong use, 6 no such device. Where COMMAND gave 0: 1 something is missing\n"
+    "from the tape, 6 the device was lost.\n\n";
 
 void tell(std::ostream& err, std::string_view text) {
   fmt::print(err, "porttape record: {}\n", printable_line(text));
@@ -142,7 +142,7 @@ int run_record(Arguments args, std::ostream& out, std::ostream& err) {
       .usage = "--device PORT --tape NAME [options] -- COMMAND…",
       .about = kAbout,
       .options = channel_options(ChannelMode::record),
-      .example = "--device /dev/ttyUSB0,baud=115200 --tape laser -- ./laser_driver {port}"};
+      .example = "--device /dev/ttyUSB0 --tape laser -- ./laser_driver {port}"};
   return run_command_verb(verb, args, out, err,
                           [&](const CommandVerbLine& line) { return record(line, err); });
 }

@@ -22,8 +22,8 @@ namespace {
 
 constexpr std::string_view kAbout =
     "Runs COMMAND against a tape in the device's place and prints the verdict.\n\n"
-    "Exit status: 0 pass, 1 failure at run time or of the command itself, 2 wrong use,\n"
-    "3 other data, 4 other timing, 5 incomplete; 130 and 143 when interrupted.\n\n";
+    "Exit status: 0 pass, 1 failure at run time or of the command itself, 2 wrong\n"
+    "use, 3 other data, 4 other timing, 5 incomplete; 130 and 143 when interrupted.\n\n";
 
 std::vector<OptionSpec> test_options() {
   std::vector<OptionSpec> specs = channel_options(ChannelMode::replay);

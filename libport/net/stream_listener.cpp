@@ -59,13 +59,16 @@ StreamListener::StreamListener(const PortContext& context, Owner& owner, std::st
       fd_(std::move(fd)),
       watch_(*context.loop, fd_.get(), [this] { on_acceptable(); }),
       look_timer_(*context.loop, [this] { look(); }),
-      accept_timer_(*context.loop, [this] { watch_.watch_readable(accepts_); }),
+      accept_timer_(*context.loop, [this] { watch(); }),
       tell_timer_(*context.loop, [this] { tell_refused(); }) {}
+
+void StreamListener::watch() { watch_.watch_readable(accepts_ && !(context_.pulled && taken_)); }
 
 void StreamListener::accept(bool on) {
   accepts_ = on;
-  watch_.watch_readable(on);
+  watch();
   if (on) return;
+  taken_ = false;
   accept_timer_.cancel();
   while (!waiting_.empty()) {
     refuse(waiting_.front(), "the port was closed while it waited");
@@ -97,16 +100,22 @@ void StreamListener::not_accepted(int error_number) {
 
 void StreamListener::newcomer(Newcomer newcomer) {
   const Inside inside = owner_->inside();
-  if (inside == Inside::nobody && waiting_.empty()) {
-    inside_ = newcomer.who;
-    return owner_->let_in(std::move(newcomer.fd), inside_);
-  }
+  if (inside == Inside::nobody && waiting_.empty()) return let_in(std::move(newcomer));
   if (waiting_.size() >= kMostWaiting) return refuse(newcomer, "too many wait already");
   waiting_.push_back(std::move(newcomer));
   if (!look_timer_.due()) look_timer_.set_after(kSettling);
 }
 
+void StreamListener::let_in(Newcomer newcomer) {
+  inside_ = newcomer.who;
+  taken_ = true;
+  watch();
+  owner_->let_in(std::move(newcomer.fd), inside_);
+}
+
 void StreamListener::left() {
+  taken_ = false;
+  watch();
   if (waiting_.empty()) return;
   context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
     if (!alive.expired()) let_next_in();
@@ -120,8 +129,7 @@ void StreamListener::let_next_in() {
     if (is_gone(next.fd.get())) {
       drop_gone(next);
     } else {
-      inside_ = next.who;
-      owner_->let_in(std::move(next.fd), inside_);
+      let_in(std::move(next));
     }
   }
 }
@@ -153,6 +161,8 @@ void StreamListener::look() {
 }
 
 bool StreamListener::next_waits() {
+  pollfd backlog{fd_.get(), POLLIN, 0};
+  if (context_.pulled && ::poll(&backlog, 1, 0) > 0) return true;
   return std::ranges::any_of(waiting_, [this](const Newcomer& each) { return !is_gone(each.fd.get()); });
 }
 

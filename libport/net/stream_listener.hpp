@@ -26,6 +26,9 @@ namespace porttape {
 // The end of a connection and the next one may come in either order: a newcomer is refused 20 ms after it
 // came, if the one before it is there still. At most kMostWaiting wait.
 //
+// In a program that waits in its calls (PortContext::pulled) nobody is refused: newcomers stay with the kernel
+// until the one inside has gone.
+//
 // Owns the socket. Drive it: accept(true), left() when the one inside has gone. Loop thread only.
 class StreamListener {
  public:
@@ -50,7 +53,7 @@ class StreamListener {
   // `name` is for messages; `owner` must outlive the listener.
   StreamListener(const PortContext& context, Owner& owner, std::string name, UniqueFd fd);
 
-  // False: newcomers stay with the kernel, and who waits here is turned away.
+  // False: newcomers stay with the kernel, who waits here is turned away, and the one inside is gone.
   void accept(bool on);
   // The one inside has gone: the next one is let in, on a later turn of the loop.
   void left();
@@ -65,6 +68,8 @@ class StreamListener {
     bool told = false;  // that it waits
   };
 
+  void watch();
+  void let_in(Newcomer newcomer);
   void on_acceptable();
   void not_accepted(int error_number);
   void newcomer(Newcomer newcomer);
@@ -86,6 +91,7 @@ class StreamListener {
   Timer accept_timer_;  // the next accept after a failure
   Timer tell_timer_;
   bool accepts_ = false;
+  bool taken_ = false;  // somebody was let in, and has not left
   int told_error_ = 0;                                    // of accept(), until one succeeds
   std::uint64_t not_told_ = 0;                            // refused since the last line about that
   std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop

@@ -226,7 +226,7 @@ TEST(CatColor, EachDirectionHasItsOwnWhenAskedFor) {
     EXPECT_EQ(run(plain).out.find('\x1b'), std::string::npos);
   for (const char* verb : {"info", "verify"})
     EXPECT_THAT(run({verb, tape, "--color=always"}).out,
-                HasSubstr("\x1b[33msound as far as it can be checked\x1b[0m"))
+                HasSubstr("\x1b[33mno damage found, as far as it can be checked\x1b[0m"))
         << verb;
   EXPECT_EQ(run({"cat", tape, "--color", "maybe"}).status, 2);
 }
