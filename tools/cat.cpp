@@ -188,7 +188,8 @@ int cat_tape(const std::string& argument, const CatOptions& options, CatPrinter&
   const auto paths = find_tape(argument);
   if (!paths) {
     Error missing = paths.error();
-    if (options.follow) missing.message += "; a tape begins when a driver first opens the port";
+    if (options.follow)
+      missing.message = "a tape begins when a driver first opens the port; " + missing.message;
     return fail(missing, out, err);
   }
   auto tape = TapeReader::open(*paths, {.grows = options.follow, .events_may_fail = true});

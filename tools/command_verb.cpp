@@ -13,7 +13,9 @@
 #include <boost/program_options/errors.hpp>
 
 #include "libport/base/printable.hpp"
+#include "libport/catalog/port_guess.hpp"
 #include "tools/option_description.hpp"
+#include "tools/verb_advice.hpp"
 
 namespace porttape {
 namespace {
@@ -78,16 +80,27 @@ Result<int> do_work(const CommandVerb& verb, CommandVerbLine line,
   return work(std::move(line));
 }
 
-// A command without `--` in front, a tape without --tape, or a word too many.
+// A command without `--` in front, a device or a tape without its option, or a word too many.
 Error stray_word(const CommandVerb& verb, Arguments args, const StrayWord& stray) {
   const auto separator = std::ranges::find(args, "--");
-  const bool has_tape = std::any_of(args.begin(), separator, [](const std::string& word) {
-    return word == "--tape" || word.starts_with("--tape=");
-  });
+  const auto is_given = [&](const std::string& option) {
+    return std::any_of(args.begin(), separator, [&](const std::string& word) {
+      return word == "--" + option || word.starts_with("--" + option + "=");
+    });
+  };
+  const bool has_tape = is_given("tape");
   if (separator != args.end() && has_tape)
     return make_error(Errc::usage, with_help(stray.what(), fmt::format("porttape {}", verb.name)));
   std::vector<std::string> line{"porttape", std::string(verb.name)};
   line.insert(line.end(), args.begin(), args.end());
+  const bool takes_device =
+      std::ranges::find(verb.options, "device", &OptionSpec::name) != verb.options.end();
+  if (takes_device && !is_given("device") && looks_like_port(stray.word())) {
+    return make_error(Errc::usage,
+                      fmt::format("--device is missing before {}; type porttape {} --device {} --tape NAME "
+                                  "-- COMMAND…",
+                                  in_quotes(stray.word()), verb.name, device_for(stray.word())));
+  }
   const bool is_tape = separator != args.end();
   line.insert(line.begin() + 2 + static_cast<std::ptrdiff_t>(stray.index()), is_tape ? "--tape" : "--");
   return make_error(Errc::usage,

@@ -1,11 +1,14 @@
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <fmt/format.h>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
+#include "libport/base/nearest.hpp"
 #include "libport/base/printable.hpp"
 #include "tools/command_line.hpp"
 #include "tools/control_client.hpp"
@@ -123,8 +126,11 @@ Result<void> run_command(const Wanted& wanted, const Command& command, std::ostr
 std::optional<std::string> take_words(const std::vector<std::string>& words, Command& command) {
   if (words.empty()) return "no verb given; known: mark, stop";
   command.verb = words.front();
-  if (command.verb != "mark" && command.verb != "stop")
-    return "unknown verb '" + command.verb + "'; known: mark, stop";
+  constexpr std::array<std::string_view, 2> known = {"mark", "stop"};
+  if (std::ranges::find(known, command.verb) == known.end()) {
+    const std::string near = did_you_mean(command.verb, known);
+    return "unknown verb " + in_quotes(command.verb) + (near.empty() ? "; accepted: mark, stop" : near);
+  }
   for (std::size_t n = 1; n < words.size(); ++n) command.text += (n > 1 ? " " : "") + words[n];
   if (command.verb == "mark" && command.text.empty())
     return "mark: the text is missing, as in: ctl mark arm is moving";
