@@ -235,8 +235,8 @@ class Port {
   // was written.
   virtual void hang_up(bool after_reading) = 0;
 
-  // Passes on what has come in by now and was not read yet, as far as reading is on. For the end of a
-  // session.
+  // Passes on what has come in by now and was not read yet, as far as reading is on; a passive port finds a
+  // peer that nothing has told of yet. For the end of a session.
   virtual void read_pending() = 0;
 
   // The program at the line's other end has dropped bytes of its own line. For a port with a tape, and one

@@ -371,6 +371,7 @@ void Session::finished(int exit_status) {
 }
 
 void Session::stop() {
+  if (!driver_up_ && end_.running()) driver_->read_pending();  // a driver that nothing has told of yet
   switch (end_.stop()) {
     case SessionEnd::Stop::begin:
       return begin_end();

@@ -396,6 +396,7 @@ void PtyPort::handle_packet(ByteView packet) {
 }
 
 void PtyPort::read_pending() {
+  if (!peer_ && accepting_) on_event();  // one that has come and gone before anything told of it
   deliver_held();
   // What a pty can hold, so that a driver that goes on writing does not keep us.
   for (std::size_t left = kMostHeld; left > 0 && line_ && may_deliver();) {

@@ -236,7 +236,7 @@ TEST_F(RecordVerb, HelpHasTheDaemonsOptions) {
   const Ran ran = run({"record", "--help"});
   EXPECT_EQ(ran.status, 0);
   for (const char* part :
-       {"--fail-closed", "--on-existing", "--wait-device", "Example: porttape record", "{port}"})
+       {"--fail-closed", "--on-existing", "--wait-device", "Example:\n  porttape record", "{port}"})
     EXPECT_THAT(ran.out, HasSubstr(part));
 }
 

@@ -194,7 +194,7 @@ TEST_F(TestVerb, ACommandWithoutTheDashesBeforeItIsShownWithThem) {
 TEST_F(TestVerb, HelpHasAnExample) {
   const Ran ran = run({"test", "--help"});
   EXPECT_EQ(ran.status, 0);
-  EXPECT_THAT(ran.out, HasSubstr("Example: porttape test"));
+  EXPECT_THAT(ran.out, HasSubstr("Example:\n  porttape test"));
 }
 
 }  // namespace

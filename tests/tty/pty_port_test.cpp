@@ -231,6 +231,17 @@ TEST_F(PtyPortTest, HangUpEndsTheDriversLineAndTheLinkLivesOn) {
   until("up hung_up up ");
 }
 
+TEST_F(PtyPortTest, AtTheEndADriverThatNothingToldOfIsFound) {
+  loop.file_events().refuse();  // opens are looked for now and then
+  start();
+  UniqueFd fd = driver();
+  ASSERT_EQ(::write(fd.get(), "quick", 5), 5);
+  fd.reset();
+  port.read_pending();
+  EXPECT_EQ(log.data, "quick");
+  EXPECT_EQ(log.events.substr(0, 3), "up ");
+}
+
 TEST_F(PtyPortTest, AHangUpTellsWhatItTookAway) {
   start();
   const UniqueFd fd = driver();
