@@ -71,7 +71,7 @@ Result<void> SupervisedChannel::start_session() {
 void SupervisedChannel::stop() {
   stopping_ = true;
   if (session_) {
-    session_->stop();
+    context_.loop->within(fence_, [this] { session_->stop(); });
   } else if (retry_timer_.due()) {
     retry_timer_.cancel();
     later([this] { end(exit_status::kPass); });
@@ -79,7 +79,11 @@ void SupervisedChannel::stop() {
 }
 
 Result<void> SupervisedChannel::request(const RecorderRequest& what) {
-  if (session_) return session_->request(what);
+  if (session_) {
+    Result<void> done = make_error(Errc::io, "the channel is in trouble");
+    context_.loop->within(fence_, [&] { done = session_->request(what); });
+    return done;
+  }
   return make_error(Errc::usage, "the channel is in trouble: " + trouble_);
 }
 

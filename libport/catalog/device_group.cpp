@@ -1,5 +1,6 @@
 #include "libport/catalog/device_group.hpp"
 
+#include <algorithm>
 #include <fmt/format.h>
 #include <utility>
 
@@ -127,6 +128,9 @@ class TapedDevices final : public DeviceGroup, private Nobody {
     finish_next();
   }
 
+  [[nodiscard]] unsigned left_over(unsigned came) const override {
+    return static_cast<unsigned>(tapes_.size()) - std::min(came, static_cast<unsigned>(tapes_.size()));
+  }
   [[nodiscard]] std::optional<unsigned> ends_after() const override {
     const bool ends = options().once || options().config.at_end == AtEnd::exit;
     return ends ? std::optional(static_cast<unsigned>(tapes_.size())) : std::nullopt;

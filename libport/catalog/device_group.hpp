@@ -28,9 +28,15 @@ class DeviceGroup {
   virtual Result<std::unique_ptr<Port>> port_for(unsigned connection) = 0;
   // Before the same is asked of the ports.
   virtual void request(const RecorderRequest&) {}
-  // The end, with so many connections having come: completes what nobody came for. `done` comes once, from
-  // within or later, with an exit status.
+  // The end, with so many connections having come: completes what nobody came for, one after the other.
+  // `done` comes once, from within or later, with an exit status.
   virtual void finish(unsigned came, std::function<void(int exit_status)> done) = 0;
+
+  // How many that are.
+  [[nodiscard]] virtual unsigned left_over(unsigned came) const {
+    (void)came;
+    return 0;
+  }
 
   // A tape that fails ends all connections.
   [[nodiscard]] virtual bool must_not_fail() const { return false; }

@@ -119,7 +119,8 @@ void StreamPort::connected(Result<UniqueFd> result) {
 
 StreamListener::Inside StreamPort::inside() {
   if (line_) line_->catch_up();
-  if (!line_) return StreamListener::Inside::nobody;
+  // A line that was hung up is over once that has been told.
+  if (!line_) return up_ ? StreamListener::Inside::ended : StreamListener::Inside::nobody;
   return line_->has_peer() ? StreamListener::Inside::there : StreamListener::Inside::ended;
 }
 

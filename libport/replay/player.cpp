@@ -198,6 +198,12 @@ Player::Progress Player::at_half_close(Turn& turn) {
   return by_device ? at_device_end(turn, &ReplayActions::end_sending) : at_driver_end(turn);
 }
 
+// One that comes late has come.
+void Player::set_writing_ended(std::optional<Instant> since) {
+  writing_ended_ = since;
+  if (since && missed_half_close_ && *missed_half_close_ >= session_start_) missed_half_close_.reset();
+}
+
 // A gate like a write: what follows is timed from the driver's own end of writing, which a close is too. One
 // that never comes is waited for with patience.
 Player::Progress Player::at_driver_end(const Turn& turn) {

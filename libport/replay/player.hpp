@@ -80,7 +80,7 @@ class Player {
 
   [[nodiscard]] std::optional<Instant> wake() const { return wake_; }
   // The driver writes no more in this session since then; nothing: it may.
-  void set_writing_ended(std::optional<Instant> since) { writing_ended_ = since; }
+  void set_writing_ended(std::optional<Instant> since);
   // When the first half-close was recorded that the driver was to make in this run and did not.
   [[nodiscard]] const std::optional<TapeTime>& missed_half_close() const { return missed_half_close_; }
 

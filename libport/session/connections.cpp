@@ -1,5 +1,6 @@
 #include "libport/session/connections.hpp"
 
+#include <algorithm>
 #include <exception>
 #include <fmt/format.h>
 #include <utility>
@@ -84,7 +85,7 @@ void Connections::ended(unsigned number, int exit_status) {
   context_.loop->within(fence_, [this, number, exit_status] {
     drop(number);
     take(exit_status);
-    if (exit_status == exit_status::kRuntime && devices_->must_not_fail()) return begin_end();
+    if (exit_status == exit_status::kRuntime && devices_->must_not_fail()) begin_end();
     end_if_over();
   });
 }
@@ -124,7 +125,7 @@ void Connections::end_if_over() {
 
 void Connections::stop() {
   if (step_ == Step::running) return begin_end();
-  for (const auto& [number, line] : lines_) line.session->stop();
+  stop_lines();
   if (step_ == Step::finishing) end_timer_.set_after(limits_.at_once);
 }
 
@@ -132,16 +133,24 @@ void Connections::begin_end() {
   if (step_ != Step::running) return;
   step_ = Step::ending;
   driver_->close();
-  for (const auto& [number, line] : lines_) line.session->stop();
+  stop_lines();
   if (lines_.empty()) {
     later([this] { finish(); });
+  }
+}
+
+// Each behind its own fence.
+void Connections::stop_lines() {
+  for (const auto& [number, line] : lines_) {
+    Session& session = *line.session;
+    context_.loop->within(line.fence, [&session] { session.stop(); });
   }
 }
 
 void Connections::finish() {
   if (step_ != Step::ending) return;
   step_ = Step::finishing;
-  end_timer_.set_after(limits_.completing);
+  end_timer_.set_after(limits_.completing * std::max(1U, devices_->left_over(came_)));
   devices_->finish(came_, [this](int exit_status) {
     take(exit_status);
     driver_->finish();
@@ -187,7 +196,9 @@ Result<void> Connections::request(const RecorderRequest& what) {
   Result<void> all = make_error(Errc::usage, driver_->name() + ": no connection is there");
   bool taken = false;
   for (const auto& [number, line] : lines_) {
-    const Result<void> one = line.session->request(what);
+    Result<void> one = make_error(Errc::io, "the connection is ended");
+    Session& session = *line.session;
+    context_.loop->within(line.fence, [&] { one = session.request(what); });
     taken = taken || one;
     all = one;
   }

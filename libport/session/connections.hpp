@@ -53,6 +53,7 @@ class Connections final : public Channel, private PortListener {
   void take(int exit_status);
   void end_if_over();
   void begin_end();
+  void stop_lines();
   void finish();
   void give_up();
   void complete();

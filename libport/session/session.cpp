@@ -367,7 +367,9 @@ void Session::finished(int exit_status) {
   if (!end_.running()) return;
   exit_status_ = exit_status;
   if (exit_status == exit_status::kRuntime) end_.fail();
-  context_.loop->post([this] { begin_end(); });
+  context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
+    if (!alive.expired()) begin_end();
+  });
 }
 
 void Session::stop() {
@@ -475,7 +477,9 @@ void Session::complete() {
   end_.end();
   end_timer_.cancel();
   tell_dropped();
-  context_.loop->post([this] { on_end_(exit_status_); });
+  context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
+    if (!alive.expired()) on_end_(exit_status_);
+  });
 }
 
 // A driver finds the line as the device's is, where its port can show that.

@@ -144,6 +144,7 @@ class Session final : public Channel {
   bool driver_up_ = false;
   DeviceState device_state_ = DeviceState::closed;
   SessionEnd end_;
+  std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
 };
 
 }  // namespace porttape

@@ -1,13 +1,23 @@
 #include "libport/taped/tape_group.hpp"
 
+#include <algorithm>
 #include <filesystem>
 #include <system_error>
 #include <utility>
 
 #include "libport/loop/loop.hpp"
 #include "libport/tape/tape_lock.hpp"
+#include "libport/tape/tape_reader.hpp"
 
 namespace porttape {
+namespace {
+
+std::optional<TapeZero> zero_of(const TapePaths& tape) {
+  const Result<TapeReader> reader = TapeReader::open(tape);
+  return reader && reader->header() ? reader->header()->zero : std::nullopt;
+}
+
+}  // namespace
 
 Result<void> TapeGroup::check() const {
   if (on_existing_ == OnExisting::next) return TapeWriter::check(first_, {.on_existing = on_existing_});
@@ -42,15 +52,20 @@ TapePaths TapeGroup::free_name(unsigned part) const {
   }
 }
 
-void TapeGroup::remove_older(const TapePaths& first, unsigned made) const {
-  for (const unsigned connection : recorded_connections(first)) {
+// The tapes of the recording that `first` is of, without that of the connection `made`. One with a zero of
+// its own is another recording, whatever its name.
+std::vector<TapePaths> TapeGroup::older_group(const TapePaths& first, unsigned made) const {
+  const std::vector<unsigned> connections = recorded_connections(first);
+  if (std::ranges::find(connections, 1U) == connections.end()) return {};
+  const std::optional<TapeZero> zero = zero_of(first);
+  std::vector<TapePaths> older;
+  for (const unsigned connection : connections) {
     const TapePaths tape = connection_tape(first, connection);
-    if (connection == made || is_being_written(tape)) continue;
-    for (const auto& file : {tape.read, tape.write, tape.events}) {
-      std::error_code told_when_it_is_in_the_way;
-      std::filesystem::remove(file, told_when_it_is_in_the_way);
-    }
+    const std::optional<TapeZero> own = zero_of(tape);
+    const bool is_other = zero && own && *own != *zero;
+    if (connection != made && !is_other && !is_being_written(tape)) older.push_back(tape);
   }
+  return older;
 }
 
 Result<TapeWriter> TapeGroup::make(unsigned part, unsigned connection, const TapeHeader& header) {
@@ -65,11 +80,18 @@ Result<TapeWriter> TapeGroup::make(unsigned part, unsigned connection, const Tap
     if (Result<void> free = check_free(name); !free) return free.error();
   }
   const OnExisting existing = by_number ? OnExisting::refuse : on_existing_;
+  const bool replaces = existing == OnExisting::overwrite;
+  const std::vector<TapePaths> older = replaces ? older_group(name, connection) : std::vector<TapePaths>();
   Result<TapeWriter> writer =
       TapeWriter::create(connection_tape(name, connection), header, {.on_existing = existing});
   if (!writer) return writer;
   names_.emplace(part, name);
-  if (existing == OnExisting::overwrite) remove_older(name, connection);
+  for (const TapePaths& tape : older) {
+    for (const auto& file : {tape.read, tape.write, tape.events}) {
+      std::error_code told_when_it_is_in_the_way;
+      std::filesystem::remove(file, told_when_it_is_in_the_way);
+    }
+  }
   return writer;
 }
 

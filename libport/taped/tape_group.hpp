@@ -21,7 +21,7 @@ namespace porttape {
 //
 // A group never mixes with the files of an older one: with OnExisting::refuse none of the names may be taken,
 // with `next` a part takes the first number of which none is, with `overwrite` the older group's tapes are
-// removed, all of them, once the first new one has been made.
+// removed, all of them (but for one with another zero), once the first new one has been made.
 //
 // begin() and next() are the loop thread's; make() may be called from any thread and waits for the disk.
 class TapeGroup {
@@ -54,7 +54,7 @@ class TapeGroup {
  private:
   [[nodiscard]] TapePaths free_name(unsigned part) const;
   [[nodiscard]] Result<void> check_free(const TapePaths& first) const;
-  void remove_older(const TapePaths& first, unsigned made) const;
+  [[nodiscard]] std::vector<TapePaths> older_group(const TapePaths& first, unsigned made) const;
 
   const TapePaths first_;
   const OnExisting on_existing_;

@@ -1,8 +1,10 @@
 #include "libport/tty/device_access.hpp"
 
 #include <algorithm>
+#include <cstdio>
 #include <fmt/format.h>
 #include <grp.h>
+#include <memory>
 #include <pwd.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -13,9 +15,15 @@
 namespace porttape {
 namespace {
 
+using File = std::unique_ptr<FILE, int (*)(FILE*)>;
+
+// By the system's own files alone: a name service may take long to answer, and this is on the loop.
 std::string user_name(uid_t id) {
-  const passwd* const entry = ::getpwuid(id);
-  return entry == nullptr ? std::to_string(id) : entry->pw_name;
+  const File file(std::fopen("/etc/passwd", "re"), &std::fclose);
+  while (const passwd* const entry = file ? ::fgetpwent(file.get()) : nullptr) {
+    if (entry->pw_uid == id) return entry->pw_name;
+  }
+  return std::to_string(id);
 }
 
 bool is_member_of(gid_t group) {
@@ -38,7 +46,9 @@ DeviceAccess device_access(const std::string& device, int mode) {
   access.group_may = (status.st_mode & wanted) == wanted;
   access.is_member = is_member_of(status.st_gid);
   access.group = std::to_string(status.st_gid);
-  if (const group* const entry = ::getgrgid(status.st_gid)) {
+  const File file(std::fopen("/etc/group", "re"), &std::fclose);
+  while (const group* const entry = file ? ::fgetgrent(file.get()) : nullptr) {
+    if (entry->gr_gid != status.st_gid) continue;
     access.group = entry->gr_name;
     for (char** member = entry->gr_mem; *member != nullptr; ++member)
       access.is_listed = access.is_listed || access.user == *member;

@@ -97,6 +97,16 @@ TEST(HalfClose, ADriverThatDoesNotMakeItIsAnsweredByPatienceAndIncomplete) {
   }
 }
 
+TEST(HalfClose, ADriverThatMakesItLateHasMadeIt) {
+  Rig rig = rig_of(asks_and_ends());
+  rig.open().write("ask").until(1'500'000);
+  EXPECT_EQ(rig.read(), "answer") << "by patience";
+  rig.end_writing().wait(10);
+  rig.close();
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+  EXPECT_FALSE(rig.report->missed_half_close.has_value());
+}
+
 TEST(HalfClose, AtStrictness0ItIsToldAndNoFault) {
   Rig rig = rig_of(asks_and_ends(), {.strictness = 0});
   rig.open().write("ask").until(2'000'000).close();

@@ -290,6 +290,20 @@ TEST_F(ConnectionsTest, ATapeThatMustNotFailEndsAll) {
   EXPECT_EQ(end_status, exit_status::kRuntime);
 }
 
+TEST_F(ConnectionsTest, TapesThatFailTogetherEndIt) {
+  devices.must_not_fail = true;
+  start();
+  driver();
+  driver();
+  devices.peers[0].finish(exit_status::kRuntime);
+  devices.peers[1].finish(exit_status::kRuntime);
+  run_ready();
+  leave(drivers[0]);
+  leave(drivers[1]);
+  run_to_end();
+  EXPECT_EQ(end_status, exit_status::kRuntime);
+}
+
 TEST_F(ConnectionsTest, ARequestReachesTheGroupAndEach) {
   start();
   driver();
