@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
+#include <sstream>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -17,6 +18,8 @@
 
 namespace porttape {
 namespace {
+
+constexpr std::size_t kLargest = std::size_t{1} << 20;  // bytes of a file
 
 constexpr std::string_view kSection = "channel";
 constexpr std::size_t kMostTold = 20;  // of what is no configuration, nobody wants to read every line
@@ -156,7 +159,17 @@ Result<std::map<std::string, ChannelSpec>> read_config_file(const std::string& p
                       fmt::format("configuration {}: {}; name an INI file, see porttaped run --help",
                                   in_quotes(path), errno_text(errno)));
   }
-  return read_config(file, path);
+  // What has no end, or is no text, is no configuration.
+  std::string text(kLargest + 1, '\0');
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<std::size_t>(file.gcount()));
+  if (text.size() > kLargest || text.find('\0') != std::string::npos) {
+    return make_error(Errc::usage,
+                      fmt::format("configuration {} is no INI file: it has {}", in_quotes(path),
+                                  text.size() > kLargest ? "more than a megabyte" : "a NUL byte"));
+  }
+  std::istringstream in(text);
+  return read_config(in, path);
 }
 
 }  // namespace porttape

@@ -80,25 +80,38 @@ void tell_gaps(const TapeSummary& tape, std::ostream& err) {
   }
 }
 
-// False when something is missing on it.
-bool tell_tape(const TapePaths& paths, std::ostream& err) {
+struct Told {
+  bool whole = false;  // nothing is missing on the tape
+  bool bytes = false;  // there are any
+};
+
+Told tell_tape(const TapePaths& paths, std::ostream& err) {
   const Result<TapeSummary> tape = summarize(paths);
   if (!tape) {
     tell(err, tape.error().message);
-    return false;
+    return {};
   }
   tell(err, text_of(*tape));
-  if (tape->write.bytes + tape->read.bytes == 0)
-    tell(err, "nothing passed: the command opened its port and neither wrote nor was sent anything");
+  const bool bytes = tape->write.bytes + tape->read.bytes > 0;
+  if (!bytes) tell(err, "no byte is on it: nothing passed between the command and the device");
   tell_gaps(*tape, err);
   for (const Error& damage : tape->damages()) tell(err, damage.message);
-  return tape->events.count<event::Gap>() == 0 && tape->damages().empty();
+  return {tape->events.count<event::Gap>() == 0 && tape->damages().empty(), bytes};
 }
 
-void tell_next(const std::string& tape, const CommandVerbLine& line, std::ostream& err) {
+// The name of a recording that has these tapes: of a group that of its first connection, the shortest one.
+std::string name_of(const std::vector<TapePaths>& tapes, bool group) {
+  std::string name = tapes.front().name();
+  for (const TapePaths& tape : tapes) {
+    if (group && tape.name().size() < name.size()) name = tape.name();
+  }
+  return name;
+}
+
+void tell_next(const std::vector<TapePaths>& tapes, const CommandVerbLine& line, std::ostream& err) {
   const auto connections = line.values.find("connections");
   const bool group = connections != line.values.end() && connections->second == "each";
-  const std::string name = shell_line(std::vector{group ? line.values.at("tape") : tape});
+  const std::string name = shell_line(std::vector{name_of(tapes, group)});
   std::string driver =
       line.own_driver ? "" : "--driver " + shell_line(std::vector{line.values.at("driver")}) + ' ';
   if (group) driver += "--connections each ";
@@ -128,21 +141,23 @@ Result<int> record(const CommandVerbLine& line, std::ostream& err) {
   } else if (record.tapes().empty()) {
     tell(err, "there is no tape; what went wrong is told above");
   }
-  bool whole = true;
-  for (const TapePaths& tape : record.tapes()) whole = tell_tape(tape, err) && whole;
-  if (!record.tapes().empty()) tell_next(record.tapes().front().name(), line, err);
-  return status_of(record, whole);
+  Told all{.whole = true};
+  for (const TapePaths& tape : record.tapes()) {
+    const Told told = tell_tape(tape, err);
+    all = {all.whole && told.whole, all.bytes || told.bytes};
+  }
+  if (all.bytes) tell_next(record.tapes(), line, err);
+  return status_of(record, all.whole);
 }
 
 }  // namespace
 
 int run_record(Arguments args, std::ostream& out, std::ostream& err) {
-  const CommandVerb verb{
-      .name = "record",
-      .usage = "--device PORT --tape NAME [options] -- COMMAND…",
-      .about = kAbout,
-      .options = channel_options(ChannelMode::record),
-      .example = "--device /dev/ttyUSB0 --tape laser -- ./laser_driver {port}"};
+  const CommandVerb verb{.name = "record",
+                         .usage = "--device PORT --tape NAME [options] -- COMMAND…",
+                         .about = kAbout,
+                         .options = channel_options(ChannelMode::record),
+                         .example = "--device /dev/ttyUSB0 --tape laser -- ./laser_driver {port}"};
   return run_command_verb(verb, args, out, err,
                           [&](const CommandVerbLine& line) { return record(line, err); });
 }

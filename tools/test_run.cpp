@@ -5,6 +5,8 @@
 #include <fmt/format.h>
 #include <utility>
 
+#include "libport/catalog/device_group.hpp"
+
 namespace porttape {
 namespace {
 
@@ -108,6 +110,12 @@ Result<RunReport> TestRun::verdict() {
   end_.opened = run_.counters().opens > 0;
   std::optional<RunReport> report = runs_.worst();
   end_.hung_up = report && is_hung_up(*report);
+  const std::size_t connections = tapes_of_group(request_.replay().tape).size();
+  if (!request_.ports.each_connection && connections > 1) {
+    run_.notes().push_back(fmt::format(
+        "the tape is the first of {} that were recorded together; --connections each plays them all",
+        connections));
+  }
   if (!report) {
     return make_error(run_.session_status() == exit_status::kDevice ? Errc::device_missing : Errc::io,
                       "there was no run; what went wrong is told above");

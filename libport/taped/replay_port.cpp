@@ -313,7 +313,9 @@ void ReplayPort::publish(const RunReport& report) {
     context_.log->info("{}: the driver wrote nothing, and the tape has writes: a look, and no run",
                        options_.tape.name());
   } else if (!report.nobody_came) {
-    context_.log->info("{}", to_text(report));
+    std::string text = to_text(report);
+    if (text.ends_with('\n')) text.pop_back();
+    context_.log->info("{}", text);
   }
   if (options_.on_report) options_.on_report(report);
 }

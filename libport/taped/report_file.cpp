@@ -140,6 +140,20 @@ Result<void> check_report_place(const std::string& path) {
                                              in_quotes(path), errno_text(why)));
 }
 
+Result<void> check_report_apart(const std::string& path, const TapePaths& tape) {
+  const auto plain = [](const std::string& name) {
+    std::error_code error;
+    const fs::path found = fs::weakly_canonical(name, error);
+    return error ? fs::path(name).lexically_normal() : found;
+  };
+  for (const auto& file : {tape.read, tape.write, tape.events}) {
+    if (path.empty() || path == "-" || plain(path) != plain(file)) continue;
+    return make_error(Errc::usage,
+                      fmt::format("report {} is a file of the tape; name another file", in_quotes(path)));
+  }
+  return {};
+}
+
 Result<void> write_report(const std::string& path, std::string_view text) {
   int error = 0;
   if (path == "-") {

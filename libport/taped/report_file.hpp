@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "libport/base/result.hpp"
+#include "libport/tape/tape_name.hpp"
 
 namespace porttape {
 
@@ -18,6 +19,9 @@ namespace porttape {
 
 // Whether a report can be written there later. Errc::usage.
 Result<void> check_report_place(const std::string& path);
+
+// Whether a report there would leave the tape alone, whatever name leads to its files. Errc::usage.
+Result<void> check_report_apart(const std::string& path, const TapePaths& tape);
 
 // Waits for the disk, and up to a second for the reader of a pipe or terminal: who has a line to serve calls
 // it from another thread.

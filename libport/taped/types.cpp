@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "libport/taped/replay_port.hpp"
+#include "libport/taped/report_file.hpp"
 #include "libport/taped/tap_port.hpp"
 #include "libport/taped/tape_keeper.hpp"
 
@@ -84,6 +85,7 @@ Result<ReplayPort::Options> replay_options(const PortOptions& written) {
   if (!session) return session.error();
   const Result<ReplayConfig> config = replay_config(written);
   if (!config) return config.error();
+  if (Result<void> apart = check_report_apart(written.text("report"), *tape); !apart) return apart.error();
   return ReplayPort::Options{.tape = *tape,
                              .config = *config,
                              .once = written.flag("once"),
