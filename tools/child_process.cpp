@@ -38,7 +38,7 @@ std::vector<std::string> environment_with(const ChildProcess::Environment& chang
   return all;
 }
 
-// The command gets the signals as they were before we ignored some.
+// The signals that this program ignores are the default again for the command.
 int spawn(const std::vector<std::string>& command, const ChildProcess::Environment& changed, pid_t& pid) {
   const std::vector<char*> arguments = pointers(command);
   const std::vector<std::string> environment = environment_with(changed);

@@ -13,14 +13,17 @@
 #include <spdlog/spdlog.h>
 
 #include "libport/port/printable_message.hpp"
+#include "libport/tape/disks.hpp"
 
 namespace porttape {
 namespace {
 
+using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr Nanos kAfterTerm = seconds(5);  // a command that was asked to end is killed then
-constexpr Nanos kLeftTerm = seconds(2);   // what the command left running: between SIGTERM and SIGKILL
+constexpr Nanos kLastWords = milliseconds(100);  // for what the command did last; a device may never pause
+constexpr Nanos kAfterTerm = seconds(5);         // a command that was asked to end is killed then
+constexpr Nanos kLeftTerm = seconds(2);          // what the command left running: between SIGTERM and SIGKILL
 constexpr Nanos kLeftKill = seconds(1);
 
 void replace_all(std::string& text, std::string_view what, const std::string& by) {
@@ -79,7 +82,10 @@ ChildProcess::Environment environment_of(const PortPlace& place) {
 
 CommandRun::CommandRun(Options options)
     : options_(std::move(options)),
-      context_{.loop = &loop_, .log = make_log(options_.name, options_.log_level), .announces = false},
+      context_{.loop = &loop_,
+               .log = make_log(options_.name, options_.log_level),
+               .disks = std::make_shared<Disks>(),
+               .announces = false},
       kill_timer_(loop_, [this] { kill_command(); }),
       signals_(loop_, [this](int number) { signalled(number); }) {}
 
@@ -91,7 +97,9 @@ Result<void> CommandRun::start_session(const ChannelPorts& ports) {
       make_channel(context_, ports, [this](int exit_status) { session_ended(exit_status); });
   if (!made) return made.error();
   channel_ = std::move(*made);
-  return channel_->start();
+  Result<void> begun = channel_->start();
+  if (!begun) channel_.reset();
+  return begun;
 }
 
 void CommandRun::session_ended(int exit_status) {
@@ -109,13 +117,15 @@ Result<void> CommandRun::run_command(const std::vector<std::string>& command) {
   if (!started) return started.error();
   command_ = std::move(*started);
   while (command_->running()) loop_.run_one();
-  while (loop_.poll_one()) {  // what the command did last
+  const Instant until = Loop::now() + kLastWords;
+  while (Loop::now() < until && loop_.poll_one()) {
   }
   kill_timer_.cancel();
   return {};
 }
 
 void CommandRun::finish() {
+  finishing_ = true;
   if (channel_) channel_->stop();
   end_what_is_left();
   while (channel_) loop_.run_one();
@@ -128,9 +138,13 @@ void CommandRun::watch_signals() {
   signals_.add({SIGUSR1});
 }
 
-// The command gets the signal, then a while to end. What a terminal sends it has got already.
+// The command gets the signal, then a while to end. What a terminal sends it has got already. After the
+// command it is the second stop, and only that: before the first it would cost what is still to be passed on.
 void CommandRun::signalled(int number) {
-  if (!command_runs()) return;
+  if (!command_runs()) {
+    if (finishing_ && channel_ && number != SIGUSR1) channel_->stop();
+    return;
+  }
   if (number == SIGUSR1) {
     if (channel_) (void)channel_->request(RecorderRequest::next_tape());
     return;

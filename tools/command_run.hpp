@@ -27,8 +27,8 @@ ChildProcess::Environment environment_of(const PortPlace& place);
 // and what the command left running. What it means is its owner's (TestRun, RecordRun).
 //
 // Drive it: start_session(), run_command(), finish(); after an error of one of them nothing more. SIGINT,
-// SIGTERM, SIGHUP and SIGQUIT go to the command, a second one kills it; SIGUSR1 begins the next tape. Loop
-// thread only.
+// SIGTERM, SIGHUP and SIGQUIT go to the command, a second one kills it, and one during finish() ends the
+// session at once; SIGUSR1 begins the next tape. Loop thread only.
 class CommandRun {
  public:
   struct Options {
@@ -89,6 +89,7 @@ class CommandRun {
   int session_status_ = 0;
   int signal_ = 0;
   bool ending_ = false;
+  bool finishing_ = false;
 };
 
 }  // namespace porttape

@@ -22,7 +22,7 @@ class RecordRun {
   // After run().
   [[nodiscard]] const CommandEnd& command_end() const { return run_.command_end(); }
   [[nodiscard]] bool opened() const { return run_.counters().opens > 0; }
-  // What was made, in order, each closed.
+  // What was made, each closed, in the order in which they ended.
   [[nodiscard]] const std::vector<TapePaths>& tapes() const { return tapes_; }
   // A tape could not be made, or not be written to its end: told in the log.
   [[nodiscard]] bool tape_failed() const { return run_.session_status() != 0; }

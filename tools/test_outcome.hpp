@@ -12,9 +12,10 @@ struct TestEnd {
   CommandEnd command = {};
   int interrupted_by = 0;  // a signal of the user's; 0: none
   std::string ended_because =
-      {};                // we ended the command: "ran longer than --timeout and was ended"; or empty
-  bool hung_up = false;  // its line, at a mismatch
-  bool opened = true;    // the port, at least once
+      {};                  // we ended the command: "ran longer than --timeout and was ended"; or empty
+  bool hung_up = false;    // its line, at a mismatch
+  bool opened = true;      // the port, at least once
+  int session_status = 0;  // of all connections, those without a report too
 };
 
 // The status that the program ends with.

@@ -107,6 +107,7 @@ void TestRun::end_command(std::string because) {
 Result<RunReport> TestRun::verdict() {
   end_.command = run_.command_end();
   end_.interrupted_by = run_.interrupted_by();
+  end_.session_status = run_.session_status();
   end_.opened = run_.counters().opens > 0;
   std::optional<RunReport> report = runs_.worst();
   end_.hung_up = report && is_hung_up(*report);

@@ -24,7 +24,7 @@ class DeviceGroup {
   // Whether the devices and the tapes are such as the connections can use: as Port::prepare(), but touches
   // nothing.
   virtual Result<void> prepare() = 0;
-  // The port for a connection: 1, 2, … as they come, `who` from. Errc::usage: there is none for it.
+  // The port for a connection: 1, 2, … as they come. Errc::usage: there is none for it.
   virtual Result<std::unique_ptr<Port>> port_for(unsigned connection) = 0;
   // Before the same is asked of the ports.
   virtual void request(const RecorderRequest&) {}

@@ -45,6 +45,8 @@ void Connections::connected(std::unique_ptr<Port> connection, const std::string&
     context_.log->error("{}: connection {} of {} is refused: {}", driver_->name(), number, who,
                         begun.error().message);
     if (came_ == number) {  // else it is one too many
+      ++before_.opens;
+      if (exit_status_of(begun.error().code) == exit_status::kDevice) ++before_.device_losses;
       take(exit_status_of(begun.error().code));
       later([this] { end_if_over(); });
     }

@@ -206,6 +206,15 @@ TEST_F(ConnectionsTest, ADeviceThatCannotBePreparedEndsItsConnection) {
   EXPECT_EQ(end_status, exit_status::kRuntime);
 }
 
+TEST_F(ConnectionsTest, ADeviceThatHasGoneIsAnOpenAndALoss) {
+  devices.peers.resize(1);
+  devices.peers[0].prepared = make_error(Errc::device_missing, "no such device");
+  start();
+  driver();
+  EXPECT_EQ(connections->counters().opens, 1U);
+  EXPECT_EQ(connections->counters().device_losses, 1U);
+}
+
 TEST_F(ConnectionsTest, AnExceptionEndsItsConnectionAlone) {
   devices.peers.resize(1);
   devices.peers[0].on_open = [this] { loop.post([] { throw std::runtime_error("broken"); }); };

@@ -181,6 +181,18 @@ TEST_F(RecordVerb, ADeviceThatIsNotThereWhenThePortIsOpenedIsSix) {
   EXPECT_THAT(ran.err, HasSubstr("porttape record: "));
 }
 
+TEST_F(RecordVerb, ADeviceThatHasGoneWhenAConnectionComesIsSix) {
+  const std::string path = dir / "device";
+  const SocketAddress address = *unix_address(path);
+  const UniqueFd bound(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  ASSERT_EQ(::bind(bound.get(), address.get(), address.size), 0);
+  const Ran ran = run({"record", "--device", "unix:" + path, "--driver", "tcp-listen:127.0.0.1:0",
+                       "--connections", "each", "--tape", tape, "--", "/bin/bash", "-c",
+                       "rm " + path + "; exec 3<>/dev/tcp/{host}/{tcp_port}; cat <&3; exit 0"});
+  EXPECT_EQ(ran.status, 6) << ran.err;
+  EXPECT_THAT(ran.err, HasSubstr("there is no tape; what went wrong is told above"));
+}
+
 TEST_F(RecordVerb, ACommandThatCannotBeRunIsTwoAndNoTape) {
   const auto with = [this](const std::string& program) {
     return run({"record", "--device", device.path(), "--tape", tape, "--", program, "{port}"});

@@ -68,6 +68,20 @@ TEST(TestOutcome, AnInterruptOutranksAll) {
             (Outcome{143, "interrupted by SIGTERM (15)", ""}));
 }
 
+TEST(TestOutcome, WhatWentWrongBesideTheRunsIsTheOutcome) {
+  const std::string text = "failed: not all connections had their run; what went wrong is told above";
+  EXPECT_EQ(outcome(Verdict::pass, {.session_status = 1}), (Outcome{1, text, ""}));
+  EXPECT_EQ(outcome(Verdict::data_mismatch, {.session_status = 2}), (Outcome{2, text, ""}));
+  EXPECT_EQ(outcome(Verdict::incomplete, {.command = {.status = 3}, .opened = false, .session_status = 1}),
+            (Outcome{1, text, "ended with status 3"}));
+  EXPECT_EQ(outcome(Verdict::pass, {.interrupted_by = SIGINT, .session_status = 1}).status, 130);
+}
+
+TEST(TestOutcome, AVerdictOrALostDeviceOfTheSessionsIsNotToldTwice) {
+  for (const int status : {3, 4, 5, 6})
+    EXPECT_EQ(outcome(Verdict::pass, {.session_status = status}), (Outcome{0, "", ""}));
+}
+
 TEST(TestOutcome, ADamagedTapeOutranksAPortThatWasNeverOpened) {
   RunReport report = with(Verdict::incomplete, {});
   report.trouble = "laser.logr: damaged";

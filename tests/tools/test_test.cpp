@@ -163,6 +163,17 @@ TEST_F(TestOfSessions, WhichOneIsChecked) {
   EXPECT_EQ(test(kGood, {"--session", "one"}).status, 2);
 }
 
+TEST_F(TestVerb, ATapeThatCannotBeReadWhenItsTurnComesIsNoPass) {
+  make_tape(dir, "t.c2", {{2000, "43\n"}}, {{1000, "more\n"}});
+  const Ran ran = run({"test", "--tape", tape, "--timeout", "20", "--driver", "tcp-listen:127.0.0.1:0",
+                       "--connections", "each", "--", "/bin/bash", "-c",
+                       "rm " + (dir / "t.c2.logr") + " " + (dir / "t.c2.logw") +
+                           "; exec 3<>/dev/tcp/{host}/{tcp_port}; echo ask >&3; read answer <&3; test "
+                           "\"$answer\" = 42"});
+  EXPECT_EQ(ran.status, 2) << ran.out << ran.err;
+  EXPECT_THAT(ran.out, HasSubstr("failed: not all connections had their run; what went wrong is told above"));
+}
+
 TEST_F(TestVerb, UsageErrorsAreTwo) {
   EXPECT_EQ(run({"test", "--tape", tape}).status, 2);
   EXPECT_EQ(run({"test", "--tape", tape, "--", "/no/such/program"}).status, 2);
