@@ -165,7 +165,7 @@ Result<std::map<std::string, ChannelSpec>> read_config_file(const std::string& p
   text.resize(static_cast<std::size_t>(file.gcount()));
   if (text.size() > kLargest || text.find('\0') != std::string::npos) {
     return make_error(Errc::usage,
-                      fmt::format("configuration {} is no INI file: it has {}", in_quotes(path),
+                      fmt::format("configuration {} is not text: it has {}", in_quotes(path),
                                   text.size() > kLargest ? "more than a megabyte" : "a NUL byte"));
   }
   std::istringstream in(text);

@@ -283,6 +283,7 @@ Result<ChannelPorts> channel_ports(const ChannelSpec& spec) {
     ChannelSpec found = spec;
     found.values["tape"] = paths ? paths->name() : new_tape(tape).name();
     read = read_channel(found);
+    if (!read.problems.empty()) return read.problems.front().error;
   }
   return ChannelPorts{std::move(*read.driver), std::move(*read.device), read.each_connection};
 }
