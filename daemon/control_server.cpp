@@ -141,7 +141,8 @@ Nanos ControlServer::accept() {
     return kAcceptAgain;
   }
   if (const auto user = peer_of(fd.get()); !user || !options_.admits(*user)) {
-    const std::string no = control_error("this daemon is another user's; ask as that user or as root") + '\n';
+    const std::string no =
+        control_usage_error("this daemon is another user's; ask as that user or as root") + '\n';
     (void)::send(fd.get(), no.data(), no.size(), MSG_NOSIGNAL);
     return kShortestRest;
   }
@@ -165,7 +166,7 @@ bool ControlServer::serve(Client& client) {
   const bool too_long = line ? line->size() > kMostLine : client.input.size() > kMostLine;
   if (too_long) {
     const std::string no =
-        control_error("a request has at most " + std::to_string(kMostLine) + " bytes") + '\n';
+        control_usage_error("a request has at most " + std::to_string(kMostLine) + " bytes") + '\n';
     client.outbox.write(as_bytes(no));
     client.gone = true;
   } else if (line) {

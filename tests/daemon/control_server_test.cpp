@@ -126,7 +126,8 @@ TEST_F(ControlServerTest, AnotherUserIsRefused) {
     return false;
   });
   const UniqueFd fd = connect();
-  EXPECT_THAT(read(fd, 2), HasSubstr("{\"ok\":false,\"error\":\"this daemon is another user's"));
+  EXPECT_THAT(read(fd, 2),
+              HasSubstr("{\"ok\":false,\"kind\":\"usage\",\"error\":\"this daemon is another user's"));
   EXPECT_EQ(asked, ::geteuid());
   EXPECT_EQ(target.calls, "");
 }
