@@ -105,11 +105,14 @@ void ControlServer::work() {
   const Instant began = Loop::now();
   if (std::exchange(broken_, false)) clients_.clear();
   Nanos shortest_rest = accept();
-  for (std::size_t left = clients_.size(); left > 0 && Loop::now() - began < kTurn; --left) {
+  std::size_t left = clients_.size();
+  for (; left > 0 && Loop::now() - began < kTurn; --left) {
     if (serve(*clients_.front())) shortest_rest = std::max(shortest_rest, kShortestRest);
     clients_.splice(clients_.end(), clients_, clients_.begin());
   }
   std::erase_if(clients_, [](const std::unique_ptr<Client>& client) { return client->over(); });
+  // Nothing else wakes it for those whose next request it has already.
+  if (left > 0) shortest_rest = std::max(shortest_rest, kShortestRest);
   if (shortest_rest == Nanos::zero()) return listen();
   const Instant now = Loop::now();
   rest(now + std::max((now - began) * kRest, shortest_rest));
