@@ -132,9 +132,17 @@ std::string control_error(std::string_view why) {
   return reply.str();
 }
 
+std::string control_usage_error(std::string_view why) {
+  JsonObject reply;
+  reply.add_raw("ok", "false").add("kind", "usage").add("error", why);
+  return reply.str();
+}
+
 std::string control_reply(ControlTarget& target, std::string_view line) {
   const Reply reply = reply_to(target, line);
-  return reply ? *reply : control_error(reply.error().message);
+  if (reply) return *reply;
+  return reply.error().code == Errc::usage ? control_usage_error(reply.error().message)
+                                           : control_error(reply.error().message);
 }
 
 }  // namespace porttape

@@ -20,7 +20,7 @@ class ControlTarget {
 
   // The keys of a reply to `status`, as a JSON object.
   [[nodiscard]] virtual std::string status() const = 0;
-  // Errc::usage: there is no such channel, or none of them could do it.
+  // Errc::usage: there is no such channel. Errc::io: none of them could do it.
   virtual Result<Outcome> mark(const std::string& channel, const std::string& text) = 0;
   virtual Result<Outcome> stop(const std::string& channel) = 0;
 
@@ -32,7 +32,8 @@ class ControlTarget {
 // JSON object.
 std::string control_reply(ControlTarget& target, std::string_view line);
 
-// A reply that says no.
+// A reply that says no: it could not be done, or the request is wrong.
 std::string control_error(std::string_view why);
+std::string control_usage_error(std::string_view why);
 
 }  // namespace porttape

@@ -105,11 +105,14 @@ void ControlServer::work() {
   const Instant began = Loop::now();
   if (std::exchange(broken_, false)) clients_.clear();
   Nanos shortest_rest = accept();
-  for (std::size_t left = clients_.size(); left > 0 && Loop::now() - began < kTurn; --left) {
+  std::size_t left = clients_.size();
+  for (; left > 0 && Loop::now() - began < kTurn; --left) {
     if (serve(*clients_.front())) shortest_rest = std::max(shortest_rest, kShortestRest);
     clients_.splice(clients_.end(), clients_, clients_.begin());
   }
   std::erase_if(clients_, [](const std::unique_ptr<Client>& client) { return client->over(); });
+  // Nothing else wakes it for those whose next request it has already.
+  if (left > 0) shortest_rest = std::max(shortest_rest, kShortestRest);
   if (shortest_rest == Nanos::zero()) return listen();
   const Instant now = Loop::now();
   rest(now + std::max((now - began) * kRest, shortest_rest));
@@ -141,7 +144,8 @@ Nanos ControlServer::accept() {
     return kAcceptAgain;
   }
   if (const auto user = peer_of(fd.get()); !user || !options_.admits(*user)) {
-    const std::string no = control_error("this daemon is another user's; ask as that user or as root") + '\n';
+    const std::string no =
+        control_usage_error("this daemon is another user's; ask as that user or as root") + '\n';
     (void)::send(fd.get(), no.data(), no.size(), MSG_NOSIGNAL);
     return kShortestRest;
   }
@@ -165,7 +169,7 @@ bool ControlServer::serve(Client& client) {
   const bool too_long = line ? line->size() > kMostLine : client.input.size() > kMostLine;
   if (too_long) {
     const std::string no =
-        control_error("a request has at most " + std::to_string(kMostLine) + " bytes") + '\n';
+        control_usage_error("a request has at most " + std::to_string(kMostLine) + " bytes") + '\n';
     client.outbox.write(as_bytes(no));
     client.gone = true;
   } else if (line) {

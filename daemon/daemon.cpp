@@ -69,8 +69,7 @@ Result<std::vector<std::string>> Daemon::running(const std::string& channel) con
   for (const auto& [name, running] : channels_) names.push_back(name);
   if (channel.empty()) return names;
   if (channels_.contains(channel)) return std::vector{channel};
-  if (ended_.contains(channel))
-    return make_error(Errc::usage, fmt::format("channel '{}' has ended", channel));
+  if (ended_.contains(channel)) return make_error(Errc::io, fmt::format("channel '{}' has ended", channel));
   return make_error(Errc::usage,
                     fmt::format("there is no channel '{}'; known: {}", channel, fmt::join(names, ", ")));
 }
@@ -91,7 +90,7 @@ Result<Daemon::Outcome> Daemon::mark(const std::string& channel, const std::stri
   if (!outcome.refused.empty()) why = outcome.refused.front().second;
   if (outcome.refused.size() > 1)
     why = "none of the channels takes a mark; " + outcome.refused.front().first + ": " + why;
-  return make_error(Errc::usage, why);
+  return make_error(Errc::io, why);
 }
 
 Result<Daemon::Outcome> Daemon::stop(const std::string& channel) {

@@ -4,10 +4,13 @@
 #include <array>
 #include <cerrno>
 #include <charconv>
+#include <fcntl.h>
+#include <filesystem>
 #include <fmt/format.h>
 #include <poll.h>
 #include <string_view>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/time.h>
 #include <unistd.h>
@@ -40,10 +43,30 @@ void set_limit(int fd, Nanos limit) {
   (void)::setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &time, sizeof time);
 }
 
+// A folder that is not root's may be one of a user who wants us to take something else for a daemon.
+bool is_of_its_daemon(int fd, const ControlSocket& socket) {
+  if (socket.owner == 0) return true;
+  ucred peer{};
+  socklen_t size = sizeof peer;
+  return ::getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 && peer.pid == socket.pid &&
+         (peer.uid == socket.owner || peer.uid == 0);
+}
+
+// In a folder of our user's alone, and in the one that was looked at.
+void remove_stale(const std::string& path) {
+  const std::filesystem::path socket(path);
+  const UniqueFd folder(::open(socket.parent_path().c_str(), O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+  struct stat status {};
+  if (!folder || ::fstat(folder.get(), &status) != 0 || status.st_uid != ::geteuid()) return;
+  (void)::unlinkat(folder.get(), socket.filename().c_str(), 0);
+}
+
 }  // namespace
 
-ControlClient::ControlClient(UniqueFd fd, pid_t pid)
-    : fd_(std::move(fd)), process_(static_cast<int>(::syscall(SYS_pidfd_open, pid, 0))), pid_(pid) {}
+ControlClient::ControlClient(UniqueFd fd, ControlSocket socket)
+    : fd_(std::move(fd)),
+      process_(static_cast<int>(::syscall(SYS_pidfd_open, socket.pid, 0))),
+      socket_(std::move(socket)) {}
 
 Result<std::optional<ControlClient>> ControlClient::connect(const ControlSocket& socket) {
   const auto address = socket_address(socket.path);
@@ -54,10 +77,13 @@ Result<std::optional<ControlClient>> ControlClient::connect(const ControlSocket&
     const int error = errno;
     if (error == ENOENT) return std::optional<ControlClient>();
     if (error != ECONNREFUSED || !is_stale_socket(socket.path)) return failed(socket.pid, error);
-    (void)::unlink(socket.path.c_str());
+    remove_stale(socket.path);
     return std::optional<ControlClient>();
   }
-  return std::optional(ControlClient(std::move(fd), socket.pid));
+  if (!is_of_its_daemon(fd.get(), socket))
+    return make_error(Errc::usage, fmt::format("{}: it is not process {} that serves it; it is not asked",
+                                               socket.path, socket.pid));
+  return std::optional(ControlClient(std::move(fd), socket));
 }
 
 Result<json::object> ControlClient::ask(const json::object& request) {
@@ -65,7 +91,7 @@ Result<json::object> ControlClient::ask(const json::object& request) {
   for (std::size_t sent = 0; sent < line.size();) {
     const ssize_t part = ::send(fd_.get(), line.data() + sent, line.size() - sent, MSG_NOSIGNAL);
     if (part < 0 && errno == EINTR) continue;
-    if (part < 0) return failed(pid_, errno);
+    if (part < 0) return failed(pid(), errno);
     sent += static_cast<std::size_t>(part);
   }
   const Result<std::string> answer = read_line();
@@ -74,11 +100,11 @@ Result<json::object> ControlClient::ask(const json::object& request) {
   const json::value value = json::parse(*answer, wrong);
   if (wrong || !value.is_object())
     return make_error(Errc::io,
-                      fmt::format("process {} answers something else than a daemon of porttape", pid_));
+                      fmt::format("process {} answers something else than a daemon of porttape", pid()));
   const json::object& reply = value.get_object();
   const json::value* ok = reply.if_contains("ok");
   if (ok != nullptr && ok->is_bool() && ok->get_bool()) return reply;
-  return make_error(Errc::usage, text_of(reply, "error"));
+  return make_error(text_of(reply, "kind") == "usage" ? Errc::usage : Errc::io, text_of(reply, "error"));
 }
 
 Result<std::string> ControlClient::read_line() {
@@ -90,23 +116,23 @@ Result<std::string> ControlClient::read_line() {
       return line;
     }
     const Nanos left = limit - std::chrono::steady_clock::now();
-    if (left <= Nanos::zero()) return failed(pid_, EAGAIN);
+    if (left <= Nanos::zero()) return failed(pid(), EAGAIN);
     set_limit(fd_.get(), left);
     std::array<char, 65536> buffer;
     const ssize_t size = ::recv(fd_.get(), buffer.data(), buffer.size(), 0);
     if (size < 0 && errno == EINTR) continue;
-    if (size < 0) return failed(pid_, errno);
-    if (size == 0) return make_error(Errc::io, fmt::format("process {} has ended", pid_));
+    if (size < 0) return failed(pid(), errno);
+    if (size == 0) return make_error(Errc::io, fmt::format("process {} has ended", pid()));
     input_.append(buffer.data(), static_cast<std::size_t>(size));
-    if (input_.size() > kMostReply) return failed(pid_, EMSGSIZE);
+    if (input_.size() > kMostReply) return failed(pid(), EMSGSIZE);
   }
 }
 
 bool ControlClient::wait_ended(Nanos limit) const {
   const Instant end = std::chrono::steady_clock::now() + limit;
   for (;;) {
-    // Without a process to watch: the connection goes with it.
-    pollfd watched{process_ ? process_.get() : fd_.get(), POLLIN, 0};
+    // Without a process to watch: the connection goes with it, after a late reply perhaps.
+    pollfd watched = process_ ? pollfd{process_.get(), POLLIN, 0} : pollfd{fd_.get(), POLLRDHUP, 0};
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
     const int ready = ::poll(&watched, 1, static_cast<int>(std::max<std::int64_t>(left.count(), 0)));
     if (ready > 0) return true;

@@ -19,24 +19,26 @@ class ControlClient {
  public:
   static constexpr std::chrono::seconds kLimit{2};
 
-  // Nothing where no daemon has the socket any more; it is removed then. Errc::usage: it is another user's.
-  // Errc::io.
+  // Nothing where no daemon has the socket any more; it is removed then, if its folder is our user's.
+  // Errc::usage: it is another user's, or not that of the process of its name. Errc::io.
   static Result<std::optional<ControlClient>> connect(const ControlSocket& socket);
 
-  [[nodiscard]] pid_t pid() const { return pid_; }
-  // The reply to a request, where it says `ok`; its error otherwise (Errc::io as that of a daemon that does
-  // not answer).
+  [[nodiscard]] pid_t pid() const { return socket_.pid; }
+  [[nodiscard]] const ControlSocket& socket() const { return socket_; }
+  // The reply to a request, where it says `ok`. Errc::usage: the request is wrong, or not for us to make.
+  // Errc::io: it could not be done, or the daemon does not answer; connect again then, since a late reply may
+  // come.
   Result<boost::json::object> ask(const boost::json::object& request);
   // Waits for the daemon's end. False: it is there still.
   [[nodiscard]] bool wait_ended(Nanos limit) const;
 
  private:
-  ControlClient(UniqueFd fd, pid_t pid);
+  ControlClient(UniqueFd fd, ControlSocket socket);
   Result<std::string> read_line();
 
   UniqueFd fd_;
   UniqueFd process_;
-  pid_t pid_;
+  ControlSocket socket_;
   std::string input_;
 };
 
@@ -47,7 +49,8 @@ struct RunningDaemon {
 };
 struct RunningDaemons {
   std::vector<RunningDaemon> daemons;
-  std::vector<Error> silent;  // others, that do not answer or not to us
+  // Others: Errc::usage, that are not ours to ask; else that do not answer.
+  std::vector<Error> silent;
 };
 // All of them, or the one of this process.
 RunningDaemons find_daemons(std::optional<pid_t> pid);

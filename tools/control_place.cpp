@@ -69,12 +69,29 @@ std::vector<std::string> folders_of(const ControlEnvironment& environment) {
   return folders;
 }
 
-// Anybody can make a folder in /tmp: the user's own counts, and root takes everybody's.
-bool is_trusted(const std::string& folder, const ControlEnvironment& environment) {
-  if (environment.user == 0 || fs::path(folder).parent_path() != environment.tmp) return true;
+std::optional<uid_t> uid_of(std::string_view text) {
+  uid_t uid = 0;
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, uid);
+  if (error != std::errc() || stop != end) return std::nullopt;
+  return uid;
+}
+
+// Anybody can make folders in /tmp, and a user in /run/user/UID: that of the user of its name counts there.
+bool is_trusted(const fs::path& folder, const ControlEnvironment& environment) {
+  constexpr std::string_view begin = "porttape-";
+  const fs::path parent = folder.parent_path();
+  std::optional<uid_t> owner;
+  if (parent == environment.tmp) {
+    const std::string name = folder.filename().string();
+    owner = name.starts_with(begin) ? uid_of(name.substr(begin.size())) : environment.user;
+  } else if (parent.parent_path() == in(environment.run, "user")) {
+    owner = uid_of(parent.filename().string());
+  } else {
+    return true;
+  }
   struct stat status {};
-  return ::lstat(folder.c_str(), &status) == 0 && S_ISDIR(status.st_mode) &&
-         status.st_uid == environment.user;
+  return owner && ::lstat(folder.c_str(), &status) == 0 && S_ISDIR(status.st_mode) && status.st_uid == *owner;
 }
 
 std::optional<pid_t> pid_of(const std::string& name) {
@@ -86,12 +103,15 @@ std::optional<pid_t> pid_of(const std::string& name) {
 }
 
 void add_sockets(const std::string& folder, std::vector<ControlSocket>& sockets) {
+  struct stat status {};
+  if (::stat(folder.c_str(), &status) != 0) return;
   std::error_code unreadable;
   for (fs::directory_iterator entry(folder, unreadable), end; !unreadable && entry != end;
        entry.increment(unreadable)) {
     const auto pid = pid_of(entry->path().filename().string());
     std::error_code gone;
-    if (pid && fs::is_socket(entry->symlink_status(gone))) sockets.push_back({entry->path().string(), *pid});
+    if (pid && fs::is_socket(entry->symlink_status(gone)))
+      sockets.push_back({entry->path().string(), *pid, status.st_uid});
   }
 }
 
@@ -118,8 +138,9 @@ std::string control_socket(std::string_view folder, pid_t pid) {
 
 std::vector<ControlSocket> control_sockets(const ControlEnvironment& environment) {
   std::vector<ControlSocket> sockets;
+  const bool given = control_folder(environment).given;
   for (const std::string& folder : folders_of(environment)) {
-    if (is_trusted(folder, environment)) add_sockets(folder, sockets);
+    if (given || is_trusted(folder, environment)) add_sockets(folder, sockets);
   }
   std::ranges::sort(sockets, {}, &ControlSocket::pid);
   return sockets;

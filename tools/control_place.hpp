@@ -32,10 +32,11 @@ ControlFolder control_folder(const ControlEnvironment& environment);
 std::string control_socket(std::string_view folder, pid_t pid);
 
 // Where a client finds daemons: in the folder above if that is given; else in those of its user and of the
-// system's units (each has a folder of its own), and, if it is root, in everybody's.
+// system's units (each has a folder of its own), and, if it is root, in everybody's that is what it says.
 struct ControlSocket {
   std::string path;
   pid_t pid = 0;
+  uid_t owner = 0;  // of its folder
 };
 std::vector<ControlSocket> control_sockets(const ControlEnvironment& environment);
 

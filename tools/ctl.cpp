@@ -66,6 +66,10 @@ Result<RunningDaemon> find_daemon(const Wanted& wanted) {
   if (!wanted.channel.empty() && !wanted.pid)
     std::erase_if(running.daemons,
                   [&](const RunningDaemon& each) { return !has_channel(each, wanted.channel); });
+  const auto silent = std::ranges::find(running.silent, Errc::io, &Error::code);
+  if (!wanted.pid && silent != running.silent.end())
+    return make_error(Errc::usage,
+                      silent->message + " It could be the one that is meant; say which is with -p PID");
   if (running.daemons.size() == 1) return std::move(running.daemons.front());
   if (running.daemons.empty()) {
     if (!running.silent.empty()) return make_error(Errc::io, running.silent.front().message);
@@ -88,7 +92,13 @@ bool wait_channel_ended(RunningDaemon& daemon, const std::string& channel) {
   const Instant limit = std::chrono::steady_clock::now() + kEndLimit;
   while (std::chrono::steady_clock::now() < limit) {
     const Result<json::object> reply = daemon.client.ask({{"verb", "status"}});
-    if (!reply) return daemon.client.wait_ended(kEndLimit);
+    if (!reply) {
+      // It has closed its socket and ends, or it is slow.
+      if (daemon.client.wait_ended(kLook)) return true;
+      Result<std::optional<ControlClient>> again = ControlClient::connect(daemon.client.socket());
+      if (again && *again) daemon.client = std::move(**again);
+      continue;
+    }
     const json::value* status = reply->if_contains("status");
     if (status == nullptr || !status->is_object() || !is_running(status->get_object(), channel)) return true;
     std::this_thread::sleep_for(kLook);
@@ -108,7 +118,7 @@ Result<void> run_command(const Wanted& wanted, const Command& command, std::ostr
   if (!wanted.channel.empty()) request["channel"] = wanted.channel;
   if (command.verb == "mark") request["text"] = command.text;
   const Result<json::object> reply = daemon->client.ask(request);
-  if (!reply) return make_error(Errc::io, reply.error().message);
+  if (!reply) return reply.error();
   for (const json::object& refused : objects_of(*reply, "refused")) {
     err << "porttape ctl: note: " << printable_line(text_of(refused, "channel")) << ": "
         << printable_line(text_of(refused, "error")) << '\n';

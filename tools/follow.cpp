@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <poll.h>
+#include <string_view>
 #include <sys/inotify.h>
 #include <system_error>
 #include <thread>
@@ -32,13 +33,19 @@ std::optional<TapeHeader> header_of(const fs::path& events) {
   return file ? file->header() : std::nullopt;
 }
 
-// "laser" of laser.log and laser.2.log.
+// Without what it ends with, if that is `begin` and a number: "laser" of laser.2 for ".".
+fs::path without_number(const fs::path& name, std::string_view begin) {
+  const std::string end = name.extension().string();
+  const bool numbered = end.starts_with(begin) && end.size() > begin.size() &&
+                        end.find_first_not_of("0123456789", begin.size()) == std::string::npos;
+  return numbered ? name.stem() : name;
+}
+
+// "laser" of laser.log, laser.2.log, and of several connections' laser.c2.log and laser.2.c2.log.
 std::string stem_of(const TapePaths& tape) {
   fs::path name = fs::path(tape.file_name());
   if (name.extension() == ".log") name = name.stem();
-  const std::string number = name.extension().string();
-  const bool numbered = number.size() > 1 && number.find_first_not_of("0123456789", 1) == std::string::npos;
-  return (numbered ? name.stem() : name).string();
+  return without_number(without_number(name, ".c"), ".").string();
 }
 
 std::optional<std::string> part_after(const TapePaths& tape, const std::string& id) {

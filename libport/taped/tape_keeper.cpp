@@ -220,8 +220,21 @@ Result<void> TapeKeeper::mark(Instant at, const std::string& text) {
     return make_error(Errc::usage,
                       "nothing is recorded now" + (missed_why_.empty() ? "" : ": " + missed_why_));
   }
+  // Where the queue has it, it can only be seen how the last thing went.
+  const bool queued = tape_->queued();
+  if (queued) {
+    if (Result<void> can = can_write(); !can) return can;
+  }
   note(at, event::Mark{text});
-  return {};
+  return queued ? Result<void>() : can_write();
+}
+
+// Whether the last thing could be written on the tape.
+Result<void> TapeKeeper::can_write() const {
+  const std::string failure = tape_->status().failure;
+  if (failure.empty()) return {};
+  return make_error(Errc::io,
+                    "tape " + options_.tape.name() + ": nothing can be written on it now: " + failure);
 }
 
 std::optional<RecordingStatus> TapeKeeper::recording() const {

@@ -59,6 +59,7 @@ class TapeKeeper final : public LineObserver {
   void begin();
   void rotate(Instant now);
   Result<void> mark(Instant at, const std::string& text);
+  [[nodiscard]] Result<void> can_write() const;
   void start();
   void take_part(const TapeGroup::Part& part);
   void end_current(Instant now);

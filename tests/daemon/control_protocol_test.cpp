@@ -26,9 +26,12 @@ TEST(ControlProtocol, EachVerbReachesItsTarget) {
 
 TEST(ControlProtocol, WhatCannotBeDoneIsSaidWithItsReason) {
   ToldTarget target;
-  target.error = "tape t.log has not begun";
+  target.error = make_error(Errc::io, "tape t.log has not begun");
   EXPECT_EQ(control_reply(target, R"({"verb":"mark","text":"a"})"),
             R"({"ok":false,"error":"tape t.log has not begun"})");
+  target.error = make_error(Errc::usage, "there is no channel 'x'");
+  EXPECT_EQ(control_reply(target, R"({"verb":"stop","channel":"x"})"),
+            R"({"ok":false,"kind":"usage","error":"there is no channel 'x'"})");
 }
 
 TEST(ControlProtocol, WrongRequestsDoNothingAndSayWhatIsKnown) {
@@ -49,6 +52,7 @@ TEST(ControlProtocol, WrongRequestsDoNothingAndSayWhatIsKnown) {
   for (const auto& [line, why] : wrong) {
     const auto reply = boost::json::parse(control_reply(target, line)).as_object();
     EXPECT_FALSE(reply.at("ok").as_bool()) << line;
+    EXPECT_EQ(reply.at("kind").as_string(), "usage") << line;
     EXPECT_THAT(std::string(reply.at("error").as_string().c_str()), HasSubstr(why)) << line;
   }
   EXPECT_EQ(target.calls, "");

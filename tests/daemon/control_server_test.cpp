@@ -2,17 +2,31 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "tests/daemon/told_target.hpp"
+#include "tests/support/next_call.hpp"
 #include "tests/support/quiet_log.hpp"
 #include "tests/support/temp_dir.hpp"
+
+namespace {
+// Is called, once, by the next accept4() of this program before it looks.
+std::function<void()> before_accept;
+}  // namespace
+
+extern "C" int accept4(int fd, sockaddr* address, socklen_t* size, int flags) {
+  if (before_accept) std::exchange(before_accept, nullptr)();
+  static const auto next = porttape::next_call<decltype(&accept4)>("accept4");
+  return next(fd, address, size, flags);
+}
 
 namespace porttape {
 namespace {
@@ -100,6 +114,23 @@ TEST_F(ControlServerTest, AnswersEachLineOfSeveralClients) {
   EXPECT_EQ(target.calls, "mark(,a) ");
 }
 
+TEST_F(ControlServerTest, ATurnThatIsOverAtOnceForgetsNoRequest) {
+  serve();
+  const UniqueFd fd = connect();
+  EXPECT_EQ(ask(fd, kStatus), kReply);
+  // The thread is put aside where the turn of the second request begins.
+  target.on_status = [] {
+    before_accept = [] {
+      const Instant until = Loop::now() + 2 * ControlServer::kTurn;
+      while (Loop::now() < until) {
+      }
+    };
+  };
+  send(fd, std::string(kStatus) + kStatus);
+  EXPECT_EQ(read(fd, 2), std::string(kReply) + kReply);
+  before_accept = nullptr;
+}
+
 TEST_F(ControlServerTest, AClientThatEndsItsSideGetsItsReply) {
   serve();
   const UniqueFd fd = connect();
@@ -126,7 +157,8 @@ TEST_F(ControlServerTest, AnotherUserIsRefused) {
     return false;
   });
   const UniqueFd fd = connect();
-  EXPECT_THAT(read(fd, 2), HasSubstr("{\"ok\":false,\"error\":\"this daemon is another user's"));
+  EXPECT_THAT(read(fd, 2),
+              HasSubstr("{\"ok\":false,\"kind\":\"usage\",\"error\":\"this daemon is another user's"));
   EXPECT_EQ(asked, ::geteuid());
   EXPECT_EQ(target.calls, "");
 }

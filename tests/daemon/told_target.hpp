@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "daemon/control_protocol.hpp"
@@ -16,18 +17,18 @@ class ToldTarget final : public ControlTarget {
   }
   Result<Outcome> mark(const std::string& channel, const std::string& text) override {
     calls += "mark(" + channel + "," + text + ") ";
-    if (!error.empty()) return make_error(Errc::usage, error);
+    if (error) return *error;
     return Outcome{{channel.empty() ? "all" : channel}, {}};
   }
   Result<Outcome> stop(const std::string& channel) override {
     calls += "stop(" + channel + ") ";
-    if (!error.empty()) return make_error(Errc::usage, error);
+    if (error) return *error;
     return Outcome{{channel.empty() ? "all" : channel}, {{"other", "no"}}};
   }
 
   std::string calls;
   std::string state = R"({"pid":7})";
-  std::string error;
+  std::optional<Error> error;
   std::function<void()> on_status;
 };
 

@@ -10,6 +10,7 @@
 #include "libport/base/unique_fd.hpp"
 #include "libport/tape/tape_writer.hpp"
 #include "tests/tools/run.hpp"
+#include "tools/follow.hpp"
 #include "tools/output.hpp"
 
 namespace porttape {
@@ -305,6 +306,30 @@ TEST_F(CatFollow, NamesTheTapeThatGoesOn) {
   thread.join();
   EXPECT_EQ(status, 0);
   EXPECT_THAT(err.str(), HasSubstr("note: it goes on as " + (dir / "t.2.log")));
+}
+
+TEST(CatFollowGroup, FindsTheNextPartOfEachConnection) {
+  const TempDir dir;
+  const auto make = [&](const char* name, const std::string& id, const std::string& before) {
+    TapeHeader header;
+    header.id = id;
+    if (!before.empty()) header.previous = PreviousTape{before, "before.log"};
+    auto part = TapeWriter::create(literal_tape(dir / name), header, {.sync = false});
+    ASSERT_TRUE(part);
+    ASSERT_TRUE(part->finish(tape_time_us(8000)));
+  };
+  make("t.log", "a1", "");
+  make("t.c2.log", "b1", "");
+  make("t.2.log", "a2", "a1");
+  make("t.2.c2.log", "b2", "b1");
+  make("t.3.c2.log", "b3", "b2");
+  const auto next = [&](const char* name, const char* id) {
+    return next_part(literal_tape(dir / name), id, Nanos::zero());
+  };
+  EXPECT_EQ(next("t.log", "a1"), dir / "t.2.log");
+  EXPECT_EQ(next("t.c2.log", "b1"), dir / "t.2.c2.log");
+  EXPECT_EQ(next("t.2.c2.log", "b2"), dir / "t.3.c2.log");
+  EXPECT_EQ(next("t.3.c2.log", "b3"), std::nullopt);
 }
 
 TEST_F(CatFollow, EndsWhenNobodyWritesTheTape) {

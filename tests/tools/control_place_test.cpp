@@ -68,5 +68,23 @@ TEST(ControlPlace, AFolderThatAnotherUserHasMadeInTmpIsNotBelieved) {
   EXPECT_THAT(pids(environment), ElementsAre());
 }
 
+TEST(ControlPlace, RootTakesAUsersFolderOnlyIfItIsThatUsers) {
+  const TempDir dir;
+  const ControlEnvironment environment{.user = 0, .run = dir / "run", .tmp = dir / "tmp"};
+  const std::string self = std::to_string(::geteuid());
+  const std::string other = std::to_string(::geteuid() + 1);
+  make_socket(dir / ("tmp/porttape-" + self + "/1.sock"));
+  make_socket(dir / ("tmp/porttape-" + other + "/2.sock"));
+  make_socket(dir / "tmp/porttape-x/3.sock");
+  make_socket(dir / ("run/user/" + self + "/porttape/4.sock"));
+  make_socket(dir / ("run/user/" + other + "/porttape/5.sock"));
+  EXPECT_THAT(pids(environment), ElementsAre(1, 4));
+  EXPECT_EQ(control_sockets(environment).front().owner, ::geteuid());
+  const std::filesystem::path own = dir / ("tmp/porttape-" + self);
+  std::filesystem::rename(own, dir / "elsewhere");
+  std::filesystem::create_directory_symlink(dir / "elsewhere", own);
+  EXPECT_THAT(pids(environment), ElementsAre(4));
+}
+
 }  // namespace
 }  // namespace porttape
