@@ -97,6 +97,27 @@ TEST_F(CommandRunOnAFlood, ALoopThatIsNeverIdleDoesNotKeepItFromItsEnd) {
   EXPECT_LT(Loop::now() - start, seconds(5));
 }
 
+// It would be the first stop, and that of finish() the second, which passes nothing on.
+TEST_F(CommandRunOnAFlood, ASignalBetweenTheCommandAndTheEndStopsNothing) {
+  constexpr std::size_t kMoreThanAnyQueue = 64U << 20;
+  const auto ports = channel_ports(
+      {ChannelMode::record,
+       {{"device", device.place()}, {"driver", "tcp-listen:127.0.0.1:0"}, {"tape", dir / "t"}}});
+  ASSERT_TRUE(ports) << ports.error().message;
+  CommandRun command({.name = "test"});
+  ASSERT_TRUE(command.start_session(*ports));
+  Socket driver = Socket::connect_to(command.channel()->driver().place().port);
+  ASSERT_TRUE(command.run_command({"/bin/true"}));
+  ::raise(SIGTERM);
+  while (driver.got.size() < kMoreThanAnyQueue && driver.ended.empty() && Loop::now() - start < seconds(20)) {
+    command.loop().poll_one();
+    driver.receive();
+  }
+  EXPECT_GE(driver.got.size(), kMoreThanAnyQueue);
+  driver.close();
+  command.finish();
+}
+
 // Without the signal it waits 5 s for a driver that does not read.
 TEST_F(CommandRunOnAFlood, ASignalAfterTheCommandEndsTheLineAtOnce) {
   const auto ports = channel_ports(
