@@ -1,5 +1,6 @@
 #include "tools/command_run.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <fmt/format.h>
@@ -21,6 +22,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
+constexpr Nanos kOpening = seconds(2);  // of a device that is still being opened at the command's end
 constexpr Nanos kLastWords = milliseconds(100);  // for what the command did last; a device may never pause
 constexpr Nanos kAfterTerm = seconds(5);         // a command that was asked to end is killed then
 constexpr Nanos kLeftTerm = seconds(2);          // what the command left running: between SIGTERM and SIGKILL
@@ -117,11 +119,27 @@ Result<void> CommandRun::run_command(const std::vector<std::string>& command) {
   if (!started) return started.error();
   command_ = std::move(*started);
   while (command_->running()) loop_.run_one();
+  kill_timer_.cancel();
+  handle_ready();
+  wait_for_device();
+  handle_ready();
+  return {};
+}
+
+// What came with the command's end; not for ever, on a line without a pause.
+void CommandRun::handle_ready() {
   const Instant until = Loop::now() + kLastWords;
   while (Loop::now() < until && loop_.poll_one()) {
   }
-  kill_timer_.cancel();
-  return {};
+}
+
+// What a quick command wrote before the device was open waits for that.
+void CommandRun::wait_for_device() {
+  const auto is_opening = [](Session* session) { return session->state() == "opening"; };
+  const Instant until = Loop::now() + kOpening;
+  Timer wakes(loop_, [] {});
+  wakes.set(until);
+  while (std::ranges::any_of(sessions(), is_opening) && Loop::now() < until && signal_ == 0) loop_.run_one();
 }
 
 void CommandRun::finish() {

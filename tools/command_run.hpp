@@ -72,6 +72,8 @@ class CommandRun {
 
  private:
   void watch_signals();
+  void handle_ready();
+  void wait_for_device();
   void signalled(int number);
   void session_ended(int exit_status);
   void end_what_is_left();
