@@ -131,6 +131,16 @@ struct Rank {
   auto operator<=>(const Rank&) const = default;
 };
 
+// The file is in the one layout, and in the other its first block would be unfinished.
+bool is_only(const Reading& one, const Reading& other) {
+  return one.end <= Reading::End::goes_on && one.blocks > 0 && other.blocks == 0;
+}
+
+Error different_layouts(const ByteSource& read, const ByteSource& write) {
+  return make_error(Errc::not_a_tape, read.name() + " and " + write.name() +
+                                          " are in different layouts: they are not the files of one tape");
+}
+
 Error not_a_tape(const ByteSource& source) {
   return make_error(Errc::not_a_tape,
                     source.name() + " is not a file of a tape: it does not begin with a block");
@@ -143,6 +153,10 @@ Result<Layout> detect_layout(ByteSource* read, ByteSource* write) {
   if (!r) return r.error();
   const auto w = sniff(write);
   if (!w) return w.error();
+  if ((is_only(r->native64, r->big_endian) && is_only(w->big_endian, w->native64)) ||
+      (is_only(r->big_endian, r->native64) && is_only(w->native64, w->big_endian))) {
+    return different_layouts(*read, *write);
+  }
   const Rank big_endian(r->big_endian, w->big_endian);
   const Rank native64(r->native64, w->native64);
   if (big_endian.is_tape || native64.is_tape) {
@@ -153,8 +167,7 @@ Result<Layout> detect_layout(ByteSource* read, ByteSource* write) {
   };
   if (!is_tape(*r, *w)) return not_a_tape(*read);
   if (!is_tape(*w, *r)) return not_a_tape(*write);
-  return make_error(Errc::not_a_tape, read->name() + " and " + write->name() +
-                                          " are in different layouts: they are not the files of one tape");
+  return different_layouts(*read, *write);
 }
 
 }  // namespace porttape

@@ -92,6 +92,10 @@ TEST(Layout, FilesOfDifferentLayoutsAreNoPair) {
   const std::vector<Block> blocks{{26, "VV"}, {30, "\n"}};
   EXPECT_THAT(detect(test::block_bytes(blocks), test::block_bytes(blocks, true)),
               HasSubstr("different layouts"));
+  // Its first header, read big-endian, has a length that a torn block may have.
+  const std::vector<Block> plausible{{0x010000, "VV"}, {0x010001, "\n"}};
+  EXPECT_THAT(detect(test::block_bytes(plausible, true), test::block_bytes(blocks)),
+              HasSubstr("different layouts"));
 }
 
 TEST(Layout, OtherFilesAreNotATape) {
