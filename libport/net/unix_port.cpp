@@ -81,8 +81,10 @@ Result<UniqueFd> UnixPort::make_listener() {
   // The file's permissions are the socket's less the umask: never wider than `mode`, from the start.
   if (!fd || ::fchmod(fd.get(), mode_) != 0 || ::bind(fd.get(), address->get(), address->size) != 0)
     return cannot_make(path_, errno);
+  // At once: who finds the file may connect.
+  const int error = ::listen(fd.get(), kBacklog) == 0 ? 0 : errno;
   if (Result<void> own = own_node(); !own) return own.error();
-  if (::listen(fd.get(), kBacklog) != 0) return cannot_make(path_, errno);
+  if (error != 0) return cannot_make(path_, error);
   context_.log->info("listening on {}", path_);
   return fd;
 }

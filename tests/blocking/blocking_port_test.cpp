@@ -287,14 +287,17 @@ TEST(BlockingPort, AnAlwaysOpenLineComesBack) {
     master.reset(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK));
     ::grantpt(master.get());
     ::unlockpt(master.get());
-    std::filesystem::remove(link);
     std::filesystem::create_symlink(::ptsname(master.get()), link);
+  };
+  const auto unplug = [&](UniqueFd& master) {
+    std::filesystem::remove(link);  // before its number is another pty's
+    master.reset();
   };
   UniqueFd master;
   plug(master);
   auto port = BlockingPort::create("type=serial,alwaysopen,timeout=0.05,device=" + link);
   ASSERT_TRUE(port.has_value() && (*port)->open().has_value());
-  master.reset();
+  unplug(master);
   EXPECT_EQ(read_some(**port), "closed");
   EXPECT_TRUE((*port)->is_open());
   EXPECT_EQ(read_some(**port), "timed out");

@@ -45,9 +45,8 @@ def record(daemon, name, answers):
     device.listen()
     command = [daemon, "record", "--device", "unix:device", "--driver", "unix-listen:driver", "--tape", name]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-    until("the driver's socket", lambda: os.path.exists("driver"))
     driver = socket.socket(socket.AF_UNIX)
-    driver.connect("driver")
+    until("the driver's socket", lambda: driver.connect_ex("driver") == 0)
     line, _ = device.accept()
     for number, answer in enumerate(answers):
         driver.sendall(b"question %d\n" % number)
