@@ -37,11 +37,11 @@ void check_values_of(const PortOptions& options) {
   }
 }
 
-// Not with a separator within a value, and not with a bracket that belongs to a host.
+// Not with a separator within a value, and not with a bracket or a slash that belongs to a host.
 bool can_be_spelled(const PortOptions& options) {
   for (const auto& [name, value] : options.values) {
     if (value.find_first_of(kSeparators) != std::string::npos) return false;
-    if (name.ends_with("ip") && value.find_first_of("[]") != std::string::npos) return false;
+    if (name.ends_with("ip") && value.find_first_of("[]/") != std::string::npos) return false;
   }
   return true;
 }
