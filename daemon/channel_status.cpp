@@ -8,6 +8,12 @@
 namespace porttape {
 namespace {
 
+std::string_view word_of(Session::State state) {
+  constexpr std::array<std::string_view, 7> words = {"waiting", "opening",  "open",  "interrupted",
+                                                     "broken",  "draining", "ending"};
+  return words.at(static_cast<std::size_t>(state));
+}
+
 std::string_view word_of(RecordingStatus::State state) {
   constexpr std::array<std::string_view, 4> words = {"waiting", "recording", "failing", "not-made"};
   return words.at(static_cast<std::size_t>(state));
@@ -18,17 +24,17 @@ std::string value_of(const ChannelSpec& spec, const std::string& option) {
   return given == spec.values.end() ? std::string() : given->second;
 }
 
-std::string list_of(const std::vector<LineStatus>& lines) {
-  std::string list;
+JsonList list_of(const std::vector<LineStatus>& lines) {
+  JsonList list;
   for (const LineStatus& line : lines) {
     JsonObject json;
-    json.add("state", line.state)
+    json.add("state", word_of(line.state))
         .add("driver", line.driver)
         .add_or_null("driver_node", line.driver_node.empty() ? std::nullopt : std::optional(line.driver_node))
         .add("device", line.device);
-    list += (list.empty() ? "" : ",") + json.str();
+    list.add(json);
   }
-  return "[" + list + "]";
+  return list;
 }
 
 JsonObject to_json(const RecordingStatus& recording) {
@@ -42,22 +48,22 @@ JsonObject to_json(const RecordingStatus& recording) {
   return json;
 }
 
-std::string tapes_of(const std::vector<LineStatus>& lines) {
-  std::string list;
+JsonList tapes_of(const std::vector<LineStatus>& lines) {
+  JsonList list;
   for (const LineStatus& line : lines) {
-    if (line.recording) list += (list.empty() ? "" : ",") + to_json(*line.recording).str();
+    if (line.recording) list.add(to_json(*line.recording));
   }
-  return "[" + list + "]";
+  return list;
 }
 
 // Of all lines the one that a person asks for: that of a channel with one line.
-std::string state_of(const ChannelStatus& status) {
+std::string_view state_of(const ChannelStatus& status) {
   if (status.ended) return "ended";
   if (status.lines.empty()) return "retrying";
   for (const LineStatus& line : status.lines) {
-    if (line.state != "waiting") return line.state;
+    if (line.state != Session::State::waiting) return word_of(line.state);
   }
-  return status.lines.front().state;
+  return word_of(Session::State::waiting);
 }
 
 }  // namespace
@@ -77,7 +83,7 @@ void LastTrouble::log(const spdlog::details::log_msg& message) {
 }
 
 LineStatus status_of(Session& session) {
-  LineStatus line{.state = std::string(session.state()),
+  LineStatus line{.state = session.state(),
                   .driver = session.driver().name(),
                   .driver_node = session.driver().peer_node(),
                   .device = session.device().name(),
@@ -104,8 +110,8 @@ JsonObject to_json(const std::string& name, const ChannelStatus& status) {
       .add("to_driver_bytes", sum.to_driver_bytes)
       .add("dropped_bytes", sum.dropped_bytes)
       .add("opens", sum.opens)
-      .add_raw("lines", list_of(status.lines))
-      .add_raw("tapes", tapes_of(status.lines));
+      .add("lines", list_of(status.lines))
+      .add("tapes", tapes_of(status.lines));
   if (status.retry_in) {
     json.add("retry_in_s", std::chrono::ceil<std::chrono::seconds>(*status.retry_in).count());
     json.add("why", status.why);

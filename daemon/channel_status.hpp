@@ -43,7 +43,7 @@ class LastTrouble final : public spdlog::sinks::sink {
 
 // One line of a channel: a driver's port and a device's.
 struct LineStatus {
-  std::string state;        // as Session::state()
+  Session::State state = Session::State::waiting;
   std::string driver;       // the port's name
   std::string driver_node;  // what the driver opens, where that is a device node
   std::string device;

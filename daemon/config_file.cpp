@@ -159,14 +159,14 @@ Result<std::map<std::string, ChannelSpec>> read_config_file(const std::string& p
                       fmt::format("configuration {}: {}; name an INI file, see porttaped run --help",
                                   in_quotes(path), errno_text(errno)));
   }
-  // What has no end, or is no text, is no configuration.
+  // It may have no end.
   std::string text(kLargest + 1, '\0');
   file.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<std::size_t>(file.gcount()));
-  if (text.size() > kLargest || text.find('\0') != std::string::npos) {
-    return make_error(Errc::usage,
-                      fmt::format("configuration {} is not text: it has {}", in_quotes(path),
-                                  text.size() > kLargest ? "more than a megabyte" : "a NUL byte"));
+  if (text.size() > kLargest) {
+    return make_error(
+        Errc::usage,
+        fmt::format("configuration {} has more than a megabyte; is it an INI file?", in_quotes(path)));
   }
   std::istringstream in(text);
   return read_config(in, path);

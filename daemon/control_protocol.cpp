@@ -30,24 +30,18 @@ std::string value_of(const Values& values, std::string_view key) {
   return given == values.end() ? std::string() : given->second;
 }
 
-std::string names_json(const std::vector<std::string>& names) {
-  std::string list;
-  for (const std::string& name : names) list += (list.empty() ? "" : ",") + json_quote(name);
-  return "[" + list + "]";
-}
-
 Reply reply_of(const Result<ControlTarget::Outcome>& outcome) {
   if (!outcome) return outcome.error();
-  std::string refused;
+  JsonList done;
+  for (const std::string& channel : outcome->done) done.add(channel);
+  JsonList refused;
   for (const auto& [channel, why] : outcome->refused) {
     JsonObject each;
     each.add("channel", channel).add("error", why);
-    refused += (refused.empty() ? "" : ",") + each.str();
+    refused.add(each);
   }
   JsonObject reply;
-  reply.add_raw("ok", "true")
-      .add_raw("channels", names_json(outcome->done))
-      .add_raw("refused", "[" + refused + "]");
+  reply.add_raw("ok", "true").add("channels", done).add("refused", refused);
   return reply.str();
 }
 

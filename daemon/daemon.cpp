@@ -101,22 +101,19 @@ Result<Daemon::Outcome> Daemon::stop(const std::string& channel) {
 }
 
 std::string Daemon::status() const {
-  std::string list;
-  const auto add = [&list](const std::string& name, const ChannelStatus& channel) {
-    list += (list.empty() ? "" : ",") + to_json(name, channel).str();
-  };
+  JsonList list;
   for (const auto& [name, channel] : channels_) {
     ChannelStatus now = channel.running->status();
     now.trouble = channel.trouble->told();
-    add(name, now);
+    list.add(to_json(name, now));
   }
-  for (const auto& [name, channel] : ended_) add(name, channel);
+  for (const auto& [name, channel] : ended_) list.add(to_json(name, channel));
   JsonObject json;
   json.add("pid", ::getpid())
       .add("verb", options_.verb)
       .add("tool", "porttape " + std::string(version()))
       .add("since", wall_text(since_))
-      .add_raw("channels", "[" + list + "]");
+      .add("channels", list);
   return json.str();
 }
 

@@ -94,7 +94,7 @@ ChannelStatus SupervisedChannel::status() const {
     status.counters += session_->counters();
     for (Session* const line : session_->sessions()) status.lines.push_back(status_of(*line));
     if (status.lines.empty())  // a port whose connections have a line each
-      status.lines.push_back({.state = "waiting",
+      status.lines.push_back({.state = Session::State::waiting,
                               .driver = session_->driver().name(),
                               .driver_node = {},
                               .device = status.device,

@@ -1,15 +1,12 @@
 #include "tools/command_line.hpp"
 
-#include <array>
 #include <fmt/format.h>
-#include <string_view>
 
 #include <boost/program_options/errors.hpp>
 #include <boost/program_options/positional_options.hpp>
 #include <boost/program_options/value_semantic.hpp>
 
 #include "libport/base/error.hpp"
-#include "libport/base/nearest.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/port/help_table.hpp"
 #include "tools/option_description.hpp"
@@ -17,7 +14,6 @@
 namespace porttape {
 
 namespace po = boost::program_options;
-using std::string_view_literals::operator""sv;
 
 CommandLine::CommandLine(const VerbHelp& help) : help_(help), options_("Options") {
   options_.add_options()("help,h", "this text");
@@ -39,7 +35,8 @@ CommandLine& CommandLine::takes_words() {
 }
 
 CommandLine& CommandLine::color() {
-  return value("color", "WHEN", "auto (the default: on a terminal, unless NO_COLOR is set), always, never");
+  const OptionSpec color = color_option();
+  return value("color", value_name(color).c_str(), help_of(color).c_str());
 }
 
 CommandLine& CommandLine::value(const char* name, const char* value_name, const char* help) {
@@ -62,12 +59,8 @@ std::optional<int> CommandLine::parse(Arguments args, std::ostream& out, std::os
     return exit_status::kPass;
   }
   if (const auto given = text("color")) {
-    const auto choice = parse_color(*given);
-    if (!choice)
-      return usage_error(
-          err,
-          fmt::format("option '--color': {} is not valid; accepted: auto, always, never{}", in_quotes(*given),
-                      did_you_mean(*given, std::array{"auto"sv, "always"sv, "never"sv})));
+    const Result<ColorChoice> choice = read_color(*given);
+    if (!choice) return usage_error(err, choice.error().message);
     color_ = *choice;
   }
   if (takes_ == Takes::tapes && words_.empty())

@@ -135,7 +135,7 @@ void CommandRun::handle_ready() {
 
 // What a quick command wrote before the device was open waits for that.
 void CommandRun::wait_for_device() {
-  const auto is_opening = [](Session* session) { return session->state() == "opening"; };
+  const auto is_opening = [](Session* session) { return session->state() == Session::State::opening; };
   const Instant until = Loop::now() + kOpening;
   Timer wakes(loop_, [] {});
   wakes.set(until);

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
@@ -18,6 +17,8 @@
 
 #include <boost/json/parse.hpp>
 #include <boost/json/serialize.hpp>
+
+#include "libport/base/whole_number.hpp"
 
 namespace porttape {
 namespace {
@@ -151,19 +152,14 @@ RunningDaemons find_daemons(std::optional<pid_t> pid) {
       found.silent.push_back(reply.error());
       continue;
     }
-    const json::value* status = reply->if_contains("status");
-    found.daemons.push_back({std::move(**client), status != nullptr && status->is_object()
-                                                      ? status->get_object()
-                                                      : json::object()});
+    found.daemons.push_back({std::move(**client), object_of(*reply, "status")});
   }
   return found;
 }
 
 std::optional<pid_t> parse_pid(const std::string& text) {
-  pid_t pid = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), pid);
-  if (error != std::errc() || end != text.data() + text.size() || pid <= 0) return std::nullopt;
-  return pid;
+  const auto pid = whole_number<pid_t>(text);
+  return pid && *pid > 0 ? pid : std::nullopt;
 }
 
 std::string text_of(const json::object& object, std::string_view key) {
@@ -176,6 +172,11 @@ std::int64_t number_of(const json::object& object, std::string_view key) {
   const json::value* value = object.if_contains({key.data(), key.size()});
   const std::int64_t* number = value == nullptr ? nullptr : value->if_int64();
   return number == nullptr ? 0 : *number;
+}
+
+json::object object_of(const json::object& object, std::string_view key) {
+  const json::value* value = object.if_contains({key.data(), key.size()});
+  return value != nullptr && value->is_object() ? value->get_object() : json::object();
 }
 
 std::vector<json::object> objects_of(const json::object& object, std::string_view key) {

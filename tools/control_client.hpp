@@ -62,6 +62,7 @@ std::optional<pid_t> parse_pid(const std::string& text);
 std::string text_of(const boost::json::object& object, std::string_view key);
 std::int64_t number_of(const boost::json::object& object, std::string_view key);
 // Its objects; others are left out.
+boost::json::object object_of(const boost::json::object& object, std::string_view key);
 std::vector<boost::json::object> objects_of(const boost::json::object& object, std::string_view key);
 
 }  // namespace porttape

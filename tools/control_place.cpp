@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -13,6 +12,7 @@
 #include <unistd.h>
 
 #include "libport/base/unique_fd.hpp"
+#include "libport/base/whole_number.hpp"
 
 namespace porttape {
 namespace {
@@ -69,14 +69,6 @@ std::vector<std::string> folders_of(const ControlEnvironment& environment) {
   return folders;
 }
 
-std::optional<uid_t> uid_of(std::string_view text) {
-  uid_t uid = 0;
-  const char* const end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, uid);
-  if (error != std::errc() || stop != end) return std::nullopt;
-  return uid;
-}
-
 // Anybody can make folders in /tmp, and a user in /run/user/UID: that of the user of its name counts there.
 bool is_trusted(const fs::path& folder, const ControlEnvironment& environment) {
   constexpr std::string_view begin = "porttape-";
@@ -84,9 +76,10 @@ bool is_trusted(const fs::path& folder, const ControlEnvironment& environment) {
   std::optional<uid_t> owner;
   if (parent == environment.tmp) {
     const std::string name = folder.filename().string();
-    owner = name.starts_with(begin) ? uid_of(name.substr(begin.size())) : environment.user;
+    owner = name.starts_with(begin) ? whole_number<uid_t>(std::string_view(name).substr(begin.size()))
+                                    : environment.user;
   } else if (parent.parent_path() == in(environment.run, "user")) {
-    owner = uid_of(parent.filename().string());
+    owner = whole_number<uid_t>(parent.filename().string());
   } else {
     return true;
   }
@@ -95,11 +88,9 @@ bool is_trusted(const fs::path& folder, const ControlEnvironment& environment) {
 }
 
 std::optional<pid_t> pid_of(const std::string& name) {
-  pid_t pid = 0;
-  const char* const end = name.data() + name.size();
-  const auto [stop, error] = std::from_chars(name.data(), end, pid);
-  if (error != std::errc() || pid <= 0 || std::string_view(stop, end) != kEnding) return std::nullopt;
-  return pid;
+  if (!name.ends_with(kEnding)) return std::nullopt;
+  const auto pid = whole_number<pid_t>(std::string_view(name).substr(0, name.size() - kEnding.size()));
+  return pid && *pid > 0 ? pid : std::nullopt;
 }
 
 void add_sockets(const std::string& folder, std::vector<ControlSocket>& sockets) {

@@ -99,8 +99,7 @@ bool wait_channel_ended(RunningDaemon& daemon, const std::string& channel) {
       if (again && *again) daemon.client = std::move(**again);
       continue;
     }
-    const json::value* status = reply->if_contains("status");
-    if (status == nullptr || !status->is_object() || !is_running(status->get_object(), channel)) return true;
+    if (!is_running(object_of(*reply, "status"), channel)) return true;
     std::this_thread::sleep_for(kLook);
   }
   return false;

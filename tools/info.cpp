@@ -79,21 +79,21 @@ std::string to_json(const std::optional<PreviousTape>& previous) {
   return json.str();
 }
 
-std::string to_json(const std::vector<GapSummary>& gaps) {
-  std::string list;
+JsonList to_json(const std::vector<GapSummary>& gaps) {
+  JsonList list;
   for (const GapSummary& gap : gaps) {
     JsonObject json;
     json.add("from_us", to_us(gap.from))
         .add("t_us", to_us(gap.at))
         .add("bytes", gap.bytes)
         .add("why", gap.why);
-    list += (list.empty() ? "" : ",") + json.str();
+    list.add(json);
   }
-  return "[" + list + "]";
+  return list;
 }
 
-std::string to_json(const std::vector<SessionSummary>& sessions) {
-  std::string list;
+JsonList to_json(const std::vector<SessionSummary>& sessions) {
+  JsonList list;
   for (const SessionSummary& session : sessions) {
     JsonObject json;
     json.add_or_null("open_us", us_of(session.opened))
@@ -101,25 +101,25 @@ std::string to_json(const std::vector<SessionSummary>& sessions) {
         .add("duration_us", session.duration.count())
         .add("read_bytes", session.read_bytes)
         .add("write_bytes", session.write_bytes);
-    list += (list.empty() ? "" : ",") + json.str();
+    list.add(json);
   }
-  return "[" + list + "]";
+  return list;
 }
 
-std::string to_json(const std::vector<MarkSummary>& marks) {
-  std::string list;
+JsonList to_json(const std::vector<MarkSummary>& marks) {
+  JsonList list;
   for (const MarkSummary& mark : marks) {
     JsonObject json;
     json.add("t_us", to_us(mark.at)).add("text", mark.text);
-    list += (list.empty() ? "" : ",") + json.str();
+    list.add(json);
   }
-  return "[" + list + "]";
+  return list;
 }
 
-std::string to_json(const std::vector<std::string>& texts) {
-  std::string list;
-  for (const std::string& text : texts) list += (list.empty() ? "" : ",") + json_quote(text);
-  return "[" + list + "]";
+JsonList to_json(const std::vector<std::string>& texts) {
+  JsonList list;
+  for (const std::string& text : texts) list.add(text);
+  return list;
 }
 
 std::string to_json(const EventsSummary& events) {
@@ -143,8 +143,8 @@ std::string to_json(const EventsSummary& events) {
       .add_or_null("transport", header.transport ? std::optional(text_of(*header.transport)) : std::nullopt)
       .add_or_null("stamped", header.stamped ? std::optional(text_of(*header.stamped)) : std::nullopt)
       .add_raw("previous", to_json(header.previous))
-      .add_raw("gaps", to_json(events.gaps))
-      .add_raw("marks", to_json(events.marks))
+      .add("gaps", to_json(events.gaps))
+      .add("marks", to_json(events.marks))
       .add_raw("ended", events.ended ? "true" : "false");
   return json.str();
 }
@@ -170,12 +170,12 @@ void print_json(const TapeSummary& tape, const Judgement& judgement, std::ostrea
       .add("answered", tape.answered)
       .add_raw("latency_us", to_json(tape.latency))
       .add("session_count", tape.session_count)
-      .add_raw("sessions", to_json(tape.sessions))
+      .add("sessions", to_json(tape.sessions))
       .add_raw("events", to_json(tape.events))
       .add_raw("sound", judgement.sound() ? "true" : "false")
       .add("verdict", to_string(judgement.verdict))
-      .add_raw("damages", to_json(judgement.damages))
-      .add_raw("notes", to_json(judgement.notes))
+      .add("damages", to_json(judgement.damages))
+      .add("notes", to_json(judgement.notes))
       .add_raw("being_written", tape.being_written ? "true" : "false");
   out << json.str() << '\n';
 }

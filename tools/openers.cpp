@@ -1,23 +1,18 @@
 #include "tools/openers.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <filesystem>
 #include <fstream>
 #include <optional>
 #include <system_error>
 #include <unistd.h>
 
+#include "libport/base/whole_number.hpp"
+
 namespace porttape {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::optional<pid_t> pid_of(const std::string& name) {
-  pid_t pid = 0;
-  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), pid);
-  return error == std::errc() && end == name.data() + name.size() ? std::optional(pid) : std::nullopt;
-}
 
 // Those of `paths` that the process has open.
 std::set<std::string> open_of(const fs::path& process, const std::set<std::string>& paths) {
@@ -40,7 +35,7 @@ std::map<std::string, std::vector<Opener>> openers_of(const std::set<std::string
   std::error_code hidden;
   for (fs::directory_iterator process(proc, hidden), end; !hidden && process != end;
        process.increment(hidden)) {
-    const auto pid = pid_of(process->path().filename().string());
+    const auto pid = whole_number<pid_t>(process->path().filename().string());
     if (!pid || *pid == ::getpid()) continue;
     for (const std::string& path : open_of(process->path(), paths)) {
       std::string name;

@@ -2,13 +2,12 @@
 
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <cstdlib>
-#include <cstring>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
 #include "libport/base/error.hpp"
+#include "libport/base/whole_number.hpp"
 
 namespace porttape {
 namespace {
@@ -42,11 +41,17 @@ FdStreambuf::int_type FdStreambuf::overflow(int_type c) {
   return traits_type::not_eof(c);
 }
 
-std::optional<ColorChoice> parse_color(std::string_view text) {
-  if (text == "auto") return ColorChoice::automatic;
-  if (text == "always") return ColorChoice::always;
-  if (text == "never") return ColorChoice::never;
-  return std::nullopt;
+OptionSpec color_option() {
+  return {
+      "color", OptionSpec::Kind::choice,   "auto", "auto: colours on a terminal, unless NO_COLOR is set", 0,
+      0,       {"auto", "always", "never"}};
+}
+
+Result<ColorChoice> read_color(std::string_view value) {
+  const Result<std::string> choice = check_value(color_option(), value);
+  if (!choice) return choice.error();
+  if (*choice == "always") return ColorChoice::always;
+  return *choice == "never" ? ColorChoice::never : ColorChoice::automatic;
 }
 
 std::string_view color_begin(Color color, bool wanted) {
@@ -78,10 +83,7 @@ int descriptor_of(const std::ostream& out) {
 
 std::optional<std::size_t> columns_of(const std::ostream& out) {
   if (const char* const given = std::getenv("COLUMNS"); given != nullptr) {
-    std::size_t columns = 0;
-    const char* const end = given + std::strlen(given);
-    const auto [stop, error] = std::from_chars(given, end, columns);
-    if (error == std::errc() && stop == end && columns > 0) return columns;
+    if (const auto columns = whole_number<std::size_t>(given); columns && *columns > 0) return columns;
   }
   const int fd = descriptor_of(out);
   winsize size{};

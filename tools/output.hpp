@@ -7,6 +7,8 @@
 #include <streambuf>
 #include <string_view>
 
+#include "libport/base/result.hpp"
+#include "libport/port/port_type.hpp"
 #include "libport/tape/judgement.hpp"
 
 namespace porttape {
@@ -35,8 +37,9 @@ class FdStreambuf final : public std::streambuf {
 
 // Which colours a user wants (--color): by default those of a terminal, unless NO_COLOR is set.
 enum class ColorChoice { automatic, always, never };
-// None: it is not auto, always or never.
-std::optional<ColorChoice> parse_color(std::string_view text);
+// The option --color, and what its value says. Errc::usage.
+OptionSpec color_option();
+Result<ColorChoice> read_color(std::string_view value);
 bool wants_color(const std::ostream& out, ColorChoice choice = ColorChoice::automatic);
 
 // What each colour stands for, in all verbs.

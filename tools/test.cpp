@@ -36,23 +36,13 @@ std::vector<OptionSpec> test_options() {
                    .help = "after how long the command is ended; 0: never, not even one that sleeps for ever",
                    .max = 1e9,
                    .unit = "s"});
-  specs.push_back({"color",
-                   OptionSpec::Kind::choice,
-                   "auto",
-                   "of the verdict; auto: on a terminal, unless NO_COLOR is set",
-                   0,
-                   0,
-                   {"auto", "always", "never"}});
+  specs.push_back(color_option());
   return specs;
 }
 
-Result<ColorChoice> take_color(CommandVerbLine& line, const std::vector<OptionSpec>& specs) {
+Result<ColorChoice> take_color(CommandVerbLine& line) {
   const auto given = line.values.extract("color");
-  if (!given) return ColorChoice::automatic;
-  const auto spec = std::ranges::find(specs, "color", &OptionSpec::name);
-  const Result<std::string> checked = check_value(*spec, given.mapped());
-  if (!checked) return checked.error();
-  return *parse_color(*checked);
+  return given ? read_color(given.mapped()) : ColorChoice::automatic;
 }
 
 Result<TestRequest> read_request(CommandVerbLine line, const std::vector<OptionSpec>& specs) {
@@ -104,7 +94,7 @@ int run_test(Arguments args, std::ostream& out, std::ostream& err) {
                          .options = test_options(),
                          .example = "--tape laser -- ./laser_driver --device {port}"};
   return run_command_verb(verb, args, out, err, [&](CommandVerbLine line) -> Result<int> {
-    const Result<ColorChoice> color = take_color(line, verb.options);
+    const Result<ColorChoice> color = take_color(line);
     if (!color) return color.error();
     const Result<TestRequest> request = read_request(std::move(line), verb.options);
     if (!request) return request.error();

@@ -12,6 +12,8 @@
 
 namespace porttape {
 
+class JsonList;
+
 // Puts a JSON object together, members in the order they are added. Numbers have one form, whatever the
 // locale.
 class JsonObject {
@@ -28,6 +30,7 @@ class JsonObject {
     return add_raw(key, std::isfinite(number) ? std::string_view(text.data(), end) : "0");
   }
   JsonObject& add(std::string_view key, const JsonObject& object) { return add_raw(key, object.str()); }
+  inline JsonObject& add(std::string_view key, const JsonList& list);
   // `json` is JSON already.
   JsonObject& add_raw(std::string_view key, std::string_view json) {
     text_ += text_.empty() ? '{' : ',';
@@ -46,5 +49,24 @@ class JsonObject {
  private:
   std::string text_;
 };
+
+// The same for a list.
+class JsonList {
+ public:
+  JsonList& add(std::string_view text) { return add_raw(json_quote(text)); }
+  JsonList& add(const JsonObject& object) { return add_raw(object.str()); }
+  JsonList& add_raw(std::string_view json) {
+    text_ += text_.empty() ? '[' : ',';
+    text_ += json;
+    return *this;
+  }
+
+  [[nodiscard]] std::string str() const { return text_.empty() ? "[]" : text_ + ']'; }
+
+ private:
+  std::string text_;
+};
+
+JsonObject& JsonObject::add(std::string_view key, const JsonList& list) { return add_raw(key, list.str()); }
 
 }  // namespace porttape

@@ -272,19 +272,18 @@ ReadChannel read_channel(const ChannelSpec& spec) {
 }
 
 Result<ChannelPorts> channel_ports(const ChannelSpec& spec) {
-  ReadChannel read = read_channel(spec);
+  ChannelSpec named = spec;
+  const auto tape = named.values.find("tape");
+  const bool replays = spec.mode == ChannelMode::replay && tape != named.values.end();
+  const Result<TapePaths> found = replays ? find_tape(tape->second) : Result<TapePaths>(TapePaths());
+  // Of a group the first tape may be missing.
+  const bool group =
+      replays && !found && is_each(spec.values) && !tapes_of_group(new_tape(tape->second)).empty();
+  if (replays && found) tape->second = found->name();
+  if (group) tape->second = new_tape(tape->second).name();
+  ReadChannel read = read_channel(named);
   if (!read.problems.empty()) return read.problems.front().error;
-  if (spec.mode == ChannelMode::replay) {
-    const std::string& tape = spec.values.at("tape");
-    const Result<TapePaths> paths = find_tape(tape);
-    // Of a group the first may be missing.
-    const bool group = read.each_connection && !tapes_of_group(new_tape(tape)).empty();
-    if (!paths && !group) return paths.error();
-    ChannelSpec found = spec;
-    found.values["tape"] = paths ? paths->name() : new_tape(tape).name();
-    read = read_channel(found);
-    if (!read.problems.empty()) return read.problems.front().error;
-  }
+  if (!found && !group) return found.error();
   return ChannelPorts{std::move(*read.driver), std::move(*read.device), read.each_connection};
 }
 

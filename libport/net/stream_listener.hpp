@@ -26,8 +26,8 @@ namespace porttape {
 // The end of a connection and the next one may come in either order: a newcomer is refused 20 ms after it
 // came, if the one before it is there still. At most kMostWaiting wait.
 //
-// In a program that waits in its calls (PortContext::pulled) nobody is refused: newcomers stay with the kernel
-// until the one inside has gone.
+// In a program that waits in its calls (PortContext::pulled) nobody is refused: newcomers stay with the
+// kernel until the one inside has gone.
 //
 // Owns the socket. Drive it: accept(true), left() when the one inside has gone. Loop thread only.
 class StreamListener {
@@ -91,7 +91,7 @@ class StreamListener {
   Timer accept_timer_;  // the next accept after a failure
   Timer tell_timer_;
   bool accepts_ = false;
-  bool taken_ = false;  // somebody was let in, and has not left
+  bool taken_ = false;                                    // somebody was let in, and has not left
   int told_error_ = 0;                                    // of accept(), until one succeeds
   std::uint64_t not_told_ = 0;                            // refused since the last line about that
   std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop

@@ -9,6 +9,7 @@
 
 #include "libport/base/nearest.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/base/whole_number.hpp"
 #include "libport/port/help_table.hpp"
 #include "libport/port/spelling.hpp"
 
@@ -72,14 +73,12 @@ double PortOptions::number(const std::string& option) const {
 
 Result<unsigned> PortOptions::mode(const std::string& option) const {
   const std::string value = text(option);
-  unsigned mode = 0;
-  const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), mode, 8);
-  const bool octal = error == std::errc{} && end == value.data() + value.size();
-  if (!octal || value.size() > 4 || mode > 0777) {
+  const auto mode = whole_number<unsigned>(value, 8);
+  if (!mode || value.size() > 4 || *mode > 0777) {
     return usage(fmt::format("option '{}': {} is not valid; accepted: octal permissions like 0660", option,
                              in_quotes(value)));
   }
-  return mode;
+  return *mode;
 }
 
 Result<PortOptions> parse_options(const PortTypes& types, std::string_view spec) {

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "libport/base/error.hpp"
+#include "libport/base/json_object.hpp"
 
 namespace porttape {
 namespace {
@@ -40,11 +41,12 @@ void RunList::add_run(const RunReport& run) {
 }
 
 std::string RunList::json() const {
-  std::string list;
-  for (const std::string& run : listed_) list += (list.empty() ? "" : ",") + run;
+  JsonList list;
+  for (const std::string& run : listed_) list.add_raw(run);
   const std::string_view verdict = worst() ? to_string(worst()->verdict) : to_string(Verdict::incomplete);
-  return "{\"count\":" + std::to_string(count_) + ",\"looks\":" + std::to_string(looks_) + ",\"worst\":\"" +
-         std::string(verdict) + "\",\"list\":[" + list + "]}";
+  JsonObject runs;
+  runs.add("count", count_).add("looks", looks_).add("worst", verdict).add("list", list);
+  return runs.str();
 }
 
 std::string RunList::text() const {

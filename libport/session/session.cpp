@@ -136,23 +136,10 @@ void Session::device_up() {
   read_driver();
 }
 
-std::string_view Session::state() const {
-  if (!end_.running()) return "ending";
-  switch (device_state_) {
-    case DeviceState::closed:
-      return "waiting";
-    case DeviceState::opening:
-      return "opening";
-    case DeviceState::up:
-      return "open";
-    case DeviceState::interrupted:
-      return "interrupted";
-    case DeviceState::down:
-      return "broken";
-    case DeviceState::draining:
-      return "draining";
-  }
-  return "";
+Session::State Session::state() const {
+  constexpr std::array of_device = {State::waiting,     State::opening, State::open,
+                                    State::interrupted, State::broken,  State::draining};
+  return end_.running() ? of_device.at(static_cast<std::size_t>(device_state_)) : State::ending;
 }
 
 // Whether what was written to it may still go out.

@@ -69,10 +69,10 @@ class Session final : public Channel {
     return recorder->request(what);
   }
 
-  // How it stands, as a word for people and programs: waiting (for a driver), opening (the device, for a
-  // driver that is there), open, interrupted, broken (the device's line has ended, the driver has yet to
-  // close), draining, ending.
-  [[nodiscard]] std::string_view state() const;
+  // How it stands, for who asks from outside: `opening` the device for a driver that is there, `broken` where
+  // the device's line has ended and the driver has yet to close.
+  enum class State { waiting, opening, open, interrupted, broken, draining, ending };
+  [[nodiscard]] State state() const;
 
   [[nodiscard]] Counters counters() const override { return counters_; }
   [[nodiscard]] std::vector<Session*> sessions() override { return {this}; }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <optional>
 #include <set>
 #include <string>
@@ -11,6 +10,7 @@
 
 #include "libport/base/nearest.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/base/whole_number.hpp"
 
 namespace porttape {
 namespace {
@@ -39,10 +39,8 @@ std::optional<unsigned> number_between(std::string_view name, std::string_view p
   if (!base.starts_with(prefix) || !base.ends_with(suffix) || base.size() <= prefix.size() + suffix.size())
     return std::nullopt;
   const std::string_view digits = base.substr(prefix.size(), base.size() - prefix.size() - suffix.size());
-  unsigned number = 0;
-  const auto [rest, error] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
-  const bool is_number = error == std::errc() && rest == digits.data() + digits.size() && digits[0] != '0';
-  return is_number && number >= 2 ? std::optional(number) : std::nullopt;
+  const auto number = whole_number<unsigned>(digits);
+  return number && *number >= 2 && digits[0] != '0' ? number : std::nullopt;
 }
 
 template <class Test>

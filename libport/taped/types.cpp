@@ -1,11 +1,11 @@
 #include "libport/taped/types.hpp"
 
 #include <array>
-#include <charconv>
 #include <memory>
 #include <string>
 #include <utility>
 
+#include "libport/base/whole_number.hpp"
 #include "libport/taped/replay_port.hpp"
 #include "libport/taped/report_file.hpp"
 #include "libport/taped/tap_port.hpp"
@@ -69,11 +69,8 @@ Result<TapePaths> tape_of(const PortOptions& written) {
 
 // The number of a session; 0: all.
 Result<std::uint64_t> session_of(const std::string& written) {
-  std::uint64_t session = 0;
-  if (written == "all") return session;
-  const char* const end = written.data() + written.size();
-  const auto [stop, error] = std::from_chars(written.data(), end, session);
-  if (error == std::errc() && stop == end && session > 0) return session;
+  if (written == "all") return std::uint64_t{0};
+  if (const auto session = whole_number<std::uint64_t>(written); session && *session > 0) return *session;
   return make_error(Errc::usage, "option 'session' is '" + written +
                                      "'; accepted: all, or the number of one session of the tape, from 1 on");
 }

@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <grp.h>
@@ -15,6 +14,7 @@
 #include <unistd.h>
 
 #include "libport/base/printable.hpp"
+#include "libport/base/whole_number.hpp"
 #include "libport/tty/tty.hpp"
 
 namespace porttape {
@@ -24,22 +24,16 @@ Error pty_error(std::string_view what) {
   return make_error(Errc::io, fmt::format("pty: {}: {}", what, errno_text(errno)));
 }
 
-template <class Id>
-bool parse_id(const std::string& text, Id& id) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
-  return error == std::errc{} && end == text.data() + text.size();
-}
-
 Result<uid_t> user_id(const std::string& name) {
-  uid_t id = static_cast<uid_t>(-1);
-  if (name.empty() || parse_id(name, id)) return id;
+  if (name.empty()) return static_cast<uid_t>(-1);
+  if (const auto id = whole_number<uid_t>(name)) return *id;
   if (const passwd* entry = ::getpwnam(name.c_str())) return entry->pw_uid;
   return make_error(Errc::usage, fmt::format("option 'owner': there is no user {}", in_quotes(name)));
 }
 
 Result<gid_t> group_id(const std::string& name) {
-  gid_t id = static_cast<gid_t>(-1);
-  if (name.empty() || parse_id(name, id)) return id;
+  if (name.empty()) return static_cast<gid_t>(-1);
+  if (const auto id = whole_number<gid_t>(name)) return *id;
   if (const group* entry = ::getgrnam(name.c_str())) return entry->gr_gid;
   return make_error(Errc::usage, fmt::format("option 'group': there is no group {}", in_quotes(name)));
 }

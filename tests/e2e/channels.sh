@@ -36,15 +36,6 @@ driver = tcp-listen:127.0.0.1:$taken
 device = unix:$work/device.socket,wait
 driver = pty:$work/file
 END
-talk() { # LINK WORDS
-  "$PYTHON" -c 'import sys
-sys.path.insert(0, sys.argv[1])
-from line import Line
-line = Line(sys.argv[2])
-line.write(sys.argv[3].encode() + b"\n")
-got = line.read_until(b"\n", 10)
-sys.exit(got != sys.argv[3].encode() + b"\n")' "$devices" "$1" "$2" || die "no answer on $1: $(cat log)"
-}
 start "$PORTTAPED" run channels.conf 2>log
 daemon=$started
 wait_for "$work/good" log

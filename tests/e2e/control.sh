@@ -13,15 +13,6 @@ fails() { # STATUS WORDS ARGUMENT…
   [[ $status == "$1" ]] || die "porttape ${*:3} gives $status: $(cat out err)"
   grep -qF -- "$2" err || die "porttape ${*:3} does not say '$2': $(cat err)"
 }
-talk() { # LINK WORDS
-  "$PYTHON" -c 'import sys
-sys.path.insert(0, sys.argv[1])
-from line import Line
-line = Line(sys.argv[2])
-line.write(sys.argv[3].encode() + b"\n")
-got = line.read_until(b"\n", 10)
-sys.exit(got != sys.argv[3].encode() + b"\n")' "$devices" "$1" "$2" || die "no answer on $1: $(cat log)"
-}
 
 fails 1 "no porttaped" status
 fails 1 "no porttaped" ctl stop

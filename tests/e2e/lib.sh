@@ -153,3 +153,14 @@ quiet() {
   stop "${busy[@]}"
   busy=()
 }
+
+# talk LINK WORDS: writes them on a line to a device that echoes, and reads them back; `log` is shown where they do not come.
+talk() {
+  "$PYTHON" -c 'import sys
+sys.path.insert(0, sys.argv[1])
+from line import Line
+line = Line(sys.argv[2])
+line.write(sys.argv[3].encode() + b"\n")
+got = line.read_until(b"\n", 10)
+sys.exit(got != sys.argv[3].encode() + b"\n")' "$devices" "$1" "$2" || die "no answer on $1: $(cat log)"
+}

@@ -575,19 +575,19 @@ TEST_F(SessionTest, ATraceShowsTheFirstBytesOfEachBlockBothWays) {
 
 TEST_F(SessionTest, SaysHowItStands) {
   start();
-  EXPECT_EQ(session->state(), "waiting");
+  EXPECT_EQ(session->state(), Session::State::waiting);
   device.up_at_once = false;
   driver.up();
-  EXPECT_EQ(session->state(), "opening");
+  EXPECT_EQ(session->state(), Session::State::opening);
   device.up();
-  EXPECT_EQ(session->state(), "open");
+  EXPECT_EQ(session->state(), Session::State::open);
   device.interrupt();
-  EXPECT_EQ(session->state(), "interrupted");
+  EXPECT_EQ(session->state(), Session::State::interrupted);
   device.resume();
   device.down(Reason::lost);
-  EXPECT_EQ(session->state(), "broken");
+  EXPECT_EQ(session->state(), Session::State::broken);
   driver.down(Reason::closed);
-  EXPECT_EQ(session->state(), "waiting");
+  EXPECT_EQ(session->state(), Session::State::waiting);
 }
 
 }  // namespace

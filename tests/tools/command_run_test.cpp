@@ -68,6 +68,14 @@ class CommandRunOnAFlood : public testing::Test {
   std::string full = dir / "full";
   Flood device{full};
   const Instant start = Loop::now();
+  CommandRun command{{.name = "test"}};
+
+  void begin(const std::string& driver) {
+    const auto ports = channel_ports(
+        {ChannelMode::record, {{"device", device.place()}, {"driver", driver}, {"tape", dir / "t"}}});
+    ASSERT_TRUE(ports) << ports.error().message;
+    ASSERT_TRUE(command.start_session(*ports));
+  }
 };
 
 TEST_F(CommandRunOnAFlood, AReaderThatTheCommandLeavesBehindDoesNotKeepItFromItsEnd) {
@@ -82,12 +90,7 @@ TEST_F(CommandRunOnAFlood, AReaderThatTheCommandLeavesBehindDoesNotKeepItFromIts
 
 // As where one of many lines always has something.
 TEST_F(CommandRunOnAFlood, ALoopThatIsNeverIdleDoesNotKeepItFromItsEnd) {
-  const auto ports =
-      channel_ports({ChannelMode::record,
-                     {{"device", device.place()}, {"driver", "pty:" + (dir / "line")}, {"tape", dir / "t"}}});
-  ASSERT_TRUE(ports) << ports.error().message;
-  CommandRun command({.name = "test"});
-  ASSERT_TRUE(command.start_session(*ports));
+  begin("pty:" + (dir / "line"));
   const std::function<void()> again = [&] {
     if (Loop::now() - start < seconds(10)) command.loop().post(again);
   };
@@ -100,12 +103,7 @@ TEST_F(CommandRunOnAFlood, ALoopThatIsNeverIdleDoesNotKeepItFromItsEnd) {
 // It would be the first stop, and that of finish() the second, which passes nothing on.
 TEST_F(CommandRunOnAFlood, ASignalBetweenTheCommandAndTheEndStopsNothing) {
   constexpr std::size_t kMoreThanAnyQueue = 64U << 20;
-  const auto ports = channel_ports(
-      {ChannelMode::record,
-       {{"device", device.place()}, {"driver", "tcp-listen:127.0.0.1:0"}, {"tape", dir / "t"}}});
-  ASSERT_TRUE(ports) << ports.error().message;
-  CommandRun command({.name = "test"});
-  ASSERT_TRUE(command.start_session(*ports));
+  begin("tcp-listen:127.0.0.1:0");
   Socket driver = Socket::connect_to(command.channel()->driver().place().port);
   ASSERT_TRUE(command.run_command({"/bin/true"}));
   ::raise(SIGTERM);
@@ -120,12 +118,7 @@ TEST_F(CommandRunOnAFlood, ASignalBetweenTheCommandAndTheEndStopsNothing) {
 
 // Without the signal it waits 5 s for a driver that does not read.
 TEST_F(CommandRunOnAFlood, ASignalAfterTheCommandEndsTheLineAtOnce) {
-  const auto ports = channel_ports(
-      {ChannelMode::record,
-       {{"device", device.place()}, {"driver", "tcp-listen:127.0.0.1:0"}, {"tape", dir / "t"}}});
-  ASSERT_TRUE(ports) << ports.error().message;
-  CommandRun command({.name = "test"});
-  ASSERT_TRUE(command.start_session(*ports));
+  begin("tcp-listen:127.0.0.1:0");
   const Socket driver = Socket::connect_to(command.channel()->driver().place().port);
   ASSERT_TRUE(command.run_command({"/bin/sh", "-c", "until test -e " + full + "; do sleep 0.02; done"}));
   const Instant end = Loop::now();
