@@ -24,6 +24,20 @@ std::string value_of(const ChannelSpec& spec, const std::string& option) {
   return given == spec.values.end() ? std::string() : given->second;
 }
 
+std::optional<double> seconds_of(const std::optional<Micros>& time) {
+  return time ? std::optional(static_cast<double>(time->count()) / 1e6) : std::nullopt;
+}
+
+JsonObject to_json(const PlaybackStatus& playback) {
+  return JsonObject()
+      .add_raw("paused", playback.paused ? "true" : "false")
+      .add_or_null("position_s", seconds_of(playback.position))
+      .add_or_null("length_s", seconds_of(playback.length))
+      .add("rate", playback.rate)
+      .add("loop", playback.loop)
+      .add_or_null("loops", playback.loops);
+}
+
 JsonList list_of(const std::vector<LineStatus>& lines) {
   JsonList list;
   for (const LineStatus& line : lines) {
@@ -32,6 +46,7 @@ JsonList list_of(const std::vector<LineStatus>& lines) {
         .add("driver", line.driver)
         .add_or_null("driver_node", line.driver_node.empty() ? std::nullopt : std::optional(line.driver_node))
         .add("device", line.device);
+    if (line.playback) json.add("playback", to_json(*line.playback));
     list.add(json);
   }
   return list;
@@ -89,6 +104,7 @@ LineStatus status_of(Session& session) {
                   .device = session.device().name(),
                   .recording = {}};
   if (const Recorder* const recorder = session.device().recorder()) line.recording = recorder->recording();
+  if (Playback* const tape = session.device().playback_control()) line.playback = tape->playback();
   return line;
 }
 

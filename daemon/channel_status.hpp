@@ -48,6 +48,7 @@ struct LineStatus {
   std::string driver_node;  // what the driver opens, where that is a device node
   std::string device;
   std::optional<RecordingStatus> recording;
+  std::optional<PlaybackStatus> playback = {};
 };
 LineStatus status_of(Session& session);
 

@@ -13,6 +13,9 @@
 
 #include "libport/base/json_object.hpp"
 #include "libport/base/json_text.hpp"
+#include "libport/base/printable.hpp"
+#include "libport/base/whole_number.hpp"
+#include "libport/port/port_type.hpp"
 #include "libport/tape/event.hpp"
 
 namespace porttape {
@@ -22,8 +25,6 @@ namespace json = boost::json;
 
 using Values = std::map<std::string, std::string, std::less<>>;
 using Reply = Result<std::string>;
-
-Error usage(std::string message) { return make_error(Errc::usage, std::move(message)); }
 
 std::string value_of(const Values& values, std::string_view key) {
   const auto given = values.find(key);
@@ -53,10 +54,65 @@ Reply status(ControlTarget& target, const Values&) {
 
 Reply mark(ControlTarget& target, const Values& values) {
   const std::string text = value_of(values, "text");
-  if (text.empty()) return usage("mark: the text is missing");
+  if (text.empty()) return usage_error("mark: the text is missing");
   if (text.size() > kMaxEventText)
-    return usage(fmt::format("mark: the text has {} bytes; at most {} fit", text.size(), kMaxEventText));
+    return usage_error(
+        fmt::format("mark: the text has {} bytes; at most {} fit", text.size(), kMaxEventText));
   return reply_of(target.mark(value_of(values, "channel"), text));
+}
+
+Reply play(ControlTarget& target, const Values& values, const PlaybackRequest& what) {
+  return reply_of(target.play(value_of(values, "channel"), what));
+}
+
+Reply pause(ControlTarget& target, const Values& values) {
+  return play(target, values, {.kind = PlaybackRequest::Kind::pause});
+}
+
+Reply resume(ControlTarget& target, const Values& values) {
+  return play(target, values, {.kind = PlaybackRequest::Kind::resume});
+}
+
+Reply step(ControlTarget& target, const Values& values) {
+  PlaybackRequest request{.kind = PlaybackRequest::Kind::step};
+  if (const std::string given = value_of(values, "count"); !given.empty()) {
+    const auto count = whole_number<std::uint64_t>(given);
+    if (!count || *count < 1 || *count > 1'000'000)
+      return usage_error(
+          fmt::format("step: the number of exchanges is {}; accepted: 1 to 1000000", in_quotes(given)));
+    request.exchanges = *count;
+  }
+  return play(target, values, request);
+}
+
+// A number of a request, within both.
+Result<double> number(const Values& values, std::string_view verb, std::string_view key,
+                      const OptionSpec& spec) {
+  const std::string given = value_of(values, key);
+  if (given.empty())
+    return usage_error(
+        fmt::format("{}: the {} is missing; accepted: {}", verb, spec.name, accepted_by(spec)));
+  const Result<std::string> value = check_value(spec, given);
+  if (!value)
+    return usage_error(
+        fmt::format("{}: the {} is {}; accepted: {}", verb, spec.name, in_quotes(given), accepted_by(spec)));
+  return std::stod(*value);
+}
+
+Reply seek(ControlTarget& target, const Values& values) {
+  const OptionSpec time{.name = "time", .kind = OptionSpec::Kind::number, .max = 1e9, .unit = "s"};
+  const Result<double> to = number(values, "seek", "to", time);
+  if (!to) return to.error();
+  return play(
+      target, values,
+      {.kind = PlaybackRequest::Kind::seek, .to = Micros(static_cast<std::int64_t>(*to * 1e6 + 0.5))});
+}
+
+Reply rate(ControlTarget& target, const Values& values) {
+  const OptionSpec spec{.name = "rate", .kind = OptionSpec::Kind::number, .min = 1e-6, .max = 1e6};
+  const Result<double> rate = number(values, "rate", "rate", spec);
+  if (!rate) return rate.error();
+  return play(target, values, {.kind = PlaybackRequest::Kind::rate, .rate = *rate});
 }
 
 Reply stop(ControlTarget& target, const Values& values) {
@@ -71,11 +127,14 @@ struct Verb {
 };
 
 constexpr std::array<std::string_view, 2> kMarkKeys = {"channel", "text"};
-constexpr std::array<std::string_view, 1> kStopKeys = {"channel"};
+constexpr std::array<std::string_view, 1> kStopKeys = {"channel"};  // of pause and resume, too
+constexpr std::array<std::string_view, 2> kStepKeys = {"channel", "count"};
+constexpr std::array<std::string_view, 2> kSeekKeys = {"channel", "to"};
+constexpr std::array<std::string_view, 2> kRateKeys = {"channel", "rate"};
 constexpr std::array kVerbs = {
-    Verb{"status", {}, status},
-    Verb{"mark", kMarkKeys, mark},
-    Verb{"stop", kStopKeys, stop},
+    Verb{"status", {}, status},        Verb{"mark", kMarkKeys, mark}, Verb{"pause", kStopKeys, pause},
+    Verb{"resume", kStopKeys, resume}, Verb{"step", kStepKeys, step}, Verb{"seek", kSeekKeys, seek},
+    Verb{"rate", kRateKeys, rate},     Verb{"stop", kStopKeys, stop},
 };
 
 template <class Names>
@@ -87,12 +146,13 @@ Result<Values> values_of(std::string_view line) {
   json::error_code failed;
   const json::value value = json::parse({line.data(), line.size()}, failed);
   const json::object* object = failed ? nullptr : value.if_object();
-  if (object == nullptr) return usage("a request is a line with a JSON object, as {\"verb\":\"status\"}");
+  if (object == nullptr)
+    return usage_error("a request is a line with a JSON object, as {\"verb\":\"status\"}");
   Values values;
   for (const auto& [key, member] : *object) {
     const json::string* text = member.if_string();
     const std::string name(key.data(), key.size());
-    if (text == nullptr) return usage(fmt::format("'{}' must be a text", name));
+    if (text == nullptr) return usage_error(fmt::format("'{}' must be a text", name));
     values[name] = std::string(text->data(), text->size());
   }
   return values;
@@ -106,14 +166,14 @@ Reply reply_to(ControlTarget& target, std::string_view line) {
   if (verb == kVerbs.end()) {
     std::array<std::string_view, kVerbs.size()> names;
     std::ranges::transform(kVerbs, names.begin(), &Verb::name);
-    return usage(name.empty() ? fmt::format("'verb' is missing; known: {}", joined(names))
-                              : fmt::format("unknown verb '{}'; known: {}", name, joined(names)));
+    return usage_error(name.empty() ? fmt::format("'verb' is missing; known: {}", joined(names))
+                                    : fmt::format("unknown verb '{}'; known: {}", name, joined(names)));
   }
   for (const auto& [key, value] : *values) {
     if (key == "verb" || std::ranges::find(verb->keys, key) != verb->keys.end()) continue;
-    return usage(verb->keys.empty()
-                     ? fmt::format("{} has no '{}'", name, key)
-                     : fmt::format("{} has no '{}'; it has: {}", name, key, joined(verb->keys)));
+    return usage_error(verb->keys.empty()
+                           ? fmt::format("{} has no '{}'", name, key)
+                           : fmt::format("{} has no '{}'; it has: {}", name, key, joined(verb->keys)));
   }
   return verb->run(target, *values);
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "libport/base/result.hpp"
+#include "libport/port/port.hpp"
 
 namespace porttape {
 
@@ -22,6 +23,7 @@ class ControlTarget {
   [[nodiscard]] virtual std::string status() const = 0;
   // Errc::usage: there is no such channel. Errc::io: none of them could do it.
   virtual Result<Outcome> mark(const std::string& channel, const std::string& text) = 0;
+  virtual Result<Outcome> play(const std::string& channel, const PlaybackRequest& what) = 0;
   virtual Result<Outcome> stop(const std::string& channel) = 0;
 
  protected:

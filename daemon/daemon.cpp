@@ -75,11 +75,21 @@ Result<std::vector<std::string>> Daemon::running(const std::string& channel) con
 }
 
 Result<Daemon::Outcome> Daemon::mark(const std::string& channel, const std::string& text) {
+  return ask(channel, RecorderRequest::mark(text), "none of the channels takes a mark");
+}
+
+Result<Daemon::Outcome> Daemon::play(const std::string& channel, const PlaybackRequest& what) {
+  return ask(channel, what, "none of the channels does that");
+}
+
+// `none`: says that, where several channels were asked.
+template <class Request>
+Result<Daemon::Outcome> Daemon::ask(const std::string& channel, const Request& what, std::string_view none) {
   const auto names = running(channel);
   if (!names) return names.error();
   Outcome outcome;
   for (const std::string& name : *names) {
-    if (const Result<void> made = channels_.at(name).running->request(RecorderRequest::mark(text)); made) {
+    if (const Result<void> made = channels_.at(name).running->request(what); made) {
       outcome.done.push_back(name);
     } else {
       outcome.refused.emplace_back(name, made.error().message);
@@ -88,8 +98,7 @@ Result<Daemon::Outcome> Daemon::mark(const std::string& channel, const std::stri
   if (!outcome.done.empty()) return outcome;
   std::string why = "no channel is there any more";
   if (!outcome.refused.empty()) why = outcome.refused.front().second;
-  if (outcome.refused.size() > 1)
-    why = "none of the channels takes a mark; " + outcome.refused.front().first + ": " + why;
+  if (outcome.refused.size() > 1) why = fmt::format("{}; {}: {}", none, outcome.refused.front().first, why);
   return make_error(Errc::io, why);
 }
 

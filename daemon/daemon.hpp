@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <spdlog/logger.h>
@@ -46,6 +47,7 @@ class Daemon final : public ControlTarget {
   // For the control socket.
   [[nodiscard]] std::string status() const override;
   Result<Outcome> mark(const std::string& channel, const std::string& text) override;
+  Result<Outcome> play(const std::string& channel, const PlaybackRequest& what) override;
   Result<Outcome> stop(const std::string& channel) override;
 
  private:
@@ -54,6 +56,8 @@ class Daemon final : public ControlTarget {
     std::shared_ptr<LastTrouble> trouble;
   };
 
+  template <class Request>
+  Result<Outcome> ask(const std::string& channel, const Request& what, std::string_view none);
   void signalled(int number);
   void stop();
   [[nodiscard]] Result<std::vector<std::string>> running(const std::string& channel) const;

@@ -58,14 +58,14 @@ constexpr std::string_view kRunHelp =
     "replays (3, 4, 5), 1 for a tape that is incomplete.\n\n"
     "Example: porttaped run robot.conf --check-config\n\n";
 
-struct Verb {
+struct ModeVerb {
   std::string_view name;
   ChannelMode mode;
   std::string_view help;
   std::string_view example;
 };
 
-constexpr Verb kVerbs[] = {
+constexpr ModeVerb kModeVerbs[] = {
     {"record", ChannelMode::record, "Passes bytes between a driver and a device and keeps a tape of them.",
      "porttaped record --device /dev/ttyUSB0,baud=115200 \\\n"
      "           --driver pty:/tmp/laser --tape laser"},
@@ -77,9 +77,7 @@ constexpr Verb kVerbs[] = {
      "           --driver pty:/tmp/laser"},
 };
 constexpr std::string_view kRun = "run";
-static_assert(std::size(kVerbs) + 1 == kDaemonVerbs.size());
-
-Error usage(std::string message) { return make_error(Errc::usage, std::move(message)); }
+static_assert(std::size(kModeVerbs) + 1 == kDaemonVerbs.size());
 
 using Kind = OptionSpec::Kind;
 
@@ -124,7 +122,8 @@ Result<Invocation> help_ports() {
 }
 
 // The line with the option that a bare word is the value of, and with what is missing besides.
-std::string with_option(const Verb& verb, std::span<const std::string> arguments, const StrayWord& stray) {
+std::string with_option(const ModeVerb& verb, std::span<const std::string> arguments,
+                        const StrayWord& stray) {
   std::vector<std::string> line(arguments.begin(), arguments.end());
   const auto is_given = [&](const std::string& option) {
     return std::ranges::any_of(line, [&](const std::string& word) {
@@ -149,22 +148,23 @@ std::string with_option(const Verb& verb, std::span<const std::string> arguments
 }
 
 // Reads the options of a verb, and gives what is wrong with them.
-Result<po::variables_map> read_verb(const Verb& verb, std::span<const std::string> arguments,
+Result<po::variables_map> read_verb(const ModeVerb& verb, std::span<const std::string> arguments,
                                     const po::options_description& options) {
   const std::string command = fmt::format("porttaped {}", verb.name);
   try {
     return read_options(arguments, options);
   } catch (const UnknownOption& unknown) {
     const auto owner = owner_of_option(unknown.option(), verb.mode);
-    return usage(owner ? *owner : with_help(unknown.what(), command));
+    return usage_error(owner ? *owner : with_help(unknown.what(), command));
   } catch (const StrayWord& stray) {
     const std::string line = with_option(verb, arguments, stray);
-    if (line.empty()) return usage(with_help(stray.what(), command));
-    return usage(fmt::format("{} stands alone; did you mean {}?", in_quotes(stray.word()), in_quotes(line)));
+    if (line.empty()) return usage_error(with_help(stray.what(), command));
+    return usage_error(
+        fmt::format("{} stands alone; did you mean {}?", in_quotes(stray.word()), in_quotes(line)));
   }
 }
 
-Result<Invocation> parse_verb(const Verb& verb, std::span<const std::string> arguments) {
+Result<Invocation> parse_verb(const ModeVerb& verb, std::span<const std::string> arguments) {
   const std::vector<OptionSpec> specs = channel_options(verb.mode);
   const po::options_description own = describe(specs, fmt::format("Options of {}", verb.name));
   const po::options_description common = describe(common_options(), "Common options");
@@ -221,12 +221,12 @@ Result<Invocation> parse_run(std::span<const std::string> arguments) {
   }
   if (Result<void> taken = take_common(values, line); !taken) return taken.error();
   if (!values.contains("config"))
-    return usage("the configuration file is missing; type porttaped run CONFIG");
+    return usage_error("the configuration file is missing; type porttaped run CONFIG");
   return run_channels(std::move(line), values["config"].as<std::string>(), values.contains("check-config"));
 }
 
 Result<Invocation> parse(std::span<const std::string> arguments) {
-  if (arguments.empty()) return usage(no_verb("porttaped", arguments));
+  if (arguments.empty()) return usage_error(no_verb("porttaped", arguments));
   if (arguments.front() == "help" && arguments.size() > 1)
     return parse_invocation(std::array<std::string, 2>{arguments[1], "--help"});
   const std::string& verb = arguments.front();
@@ -241,10 +241,10 @@ Result<Invocation> parse(std::span<const std::string> arguments) {
     return line;
   }
   if (verb == kRun) return parse_run(arguments.subspan(1));
-  for (const Verb& known : kVerbs) {
+  for (const ModeVerb& known : kModeVerbs) {
     if (known.name == verb) return parse_verb(known, arguments.subspan(1));
   }
-  return usage(no_verb("porttaped", arguments));
+  return usage_error(no_verb("porttaped", arguments));
 }
 
 }  // namespace
@@ -253,9 +253,9 @@ Result<Invocation> parse_invocation(std::span<const std::string> arguments) {
   try {
     return parse(arguments);
   } catch (const StrayWord& stray) {
-    return usage(fmt::format("run takes one CONFIG; {} is one too many", in_quotes(stray.word())));
+    return usage_error(fmt::format("run takes one CONFIG; {} is one too many", in_quotes(stray.word())));
   } catch (const po::error& error) {
-    return usage(with_help(error.what(), "porttaped " + arguments.front()));
+    return usage_error(with_help(error.what(), "porttaped " + arguments.front()));
   }
 }
 

@@ -1,12 +1,16 @@
 #include "daemon/supervised_channel.hpp"
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <exception>
 #include <fmt/format.h>
+#include <sys/eventfd.h>
 #include <utility>
 
 #include <spdlog/spdlog.h>
+
+#include "libport/base/unique_fd.hpp"
 
 namespace porttape {
 namespace {
@@ -15,6 +19,16 @@ using std::chrono::seconds;
 
 constexpr Nanos kFirstDelay = seconds(1);
 constexpr Nanos kLongestDelay = seconds(30);
+
+// A line without a descriptor left for its device's connection would be up for nothing.
+Result<void> descriptor_left() {
+  const UniqueFd probe(::eventfd(0, EFD_CLOEXEC));
+  if (probe) return {};
+  return make_error(
+      Errc::io,
+      fmt::format("no descriptor is left for a connection: {}; raise the limit (ulimit -n, LimitNOFILE=)",
+                  errno_text(errno)));
+}
 
 // Statuses of a session that has done what it was to do: verdicts are results.
 bool is_trouble(int status) {
@@ -60,6 +74,7 @@ Result<void> SupervisedChannel::start_session() {
           make_channel(context_, *ports, [this](int exit_status) { session_ended(exit_status); });
       if (made) session_ = std::move(*made);
       result = made ? session_->start() : Result<void>(made.error());
+      if (result) result = descriptor_left();
     } catch (const std::exception& error) {  // no thread, no descriptor, …
       result = make_error(Errc::io, error.what());
     }
@@ -78,7 +93,8 @@ void SupervisedChannel::stop() {
   }
 }
 
-Result<void> SupervisedChannel::request(const RecorderRequest& what) {
+template <class Request>
+Result<void> SupervisedChannel::ask(const Request& what) {
   if (session_) {
     Result<void> done = make_error(Errc::io, "the channel is in trouble");
     context_.loop->within(fence_, [&] { done = session_->request(what); });
@@ -86,6 +102,9 @@ Result<void> SupervisedChannel::request(const RecorderRequest& what) {
   }
   return make_error(Errc::usage, "the channel is in trouble: " + trouble_);
 }
+
+template Result<void> SupervisedChannel::ask(const RecorderRequest& what);
+template Result<void> SupervisedChannel::ask(const PlaybackRequest& what);
 
 ChannelStatus SupervisedChannel::status() const {
   ChannelStatus status = described(spec_);

@@ -35,10 +35,14 @@ class SupervisedChannel {
   Result<void> start();
   void stop();  // as Session::stop()
   // Errc::usage: nothing is recorded, or it cannot be done now.
-  Result<void> request(const RecorderRequest& what);
+  Result<void> request(const RecorderRequest& what) { return ask(what); }
+  // Errc::usage: no tape is played, or it cannot be done now.
+  Result<void> request(const PlaybackRequest& what) { return ask(what); }
   [[nodiscard]] ChannelStatus status() const;
 
  private:
+  template <class Request>
+  Result<void> ask(const Request& what);
   Result<void> start_session();
   void drop_session();
   void session_ended(int exit_status);

@@ -17,7 +17,7 @@
 namespace porttape {
 namespace {
 
-constexpr VerbHelp kHelp{
+constexpr VerbHelp kCatHelp{
     "cat", "TAPE [--full] [--follow] [--json] [--from S] [--to S] [--dir r|w] [--blocks]",
     "Prints a tape in order, a line a burst: time in seconds, direction (r: the driver reads,\n"
     "w: it writes), length, the bytes as text and in hex. A burst is blocks of one direction\n"
@@ -230,7 +230,7 @@ std::optional<std::string> take_options(const CommandLine& line, CatOptions& opt
 }  // namespace
 
 int run_cat(Arguments args, std::ostream& out, std::ostream& err) {
-  CommandLine line(kHelp);
+  CommandLine line(kCatHelp);
   line.flag("json", "JSON Lines, data whole (tools/OUTPUT.md)")
       .value("from", "S", "from this second on")
       .value("to", "S", "up to this second, which is not included")

@@ -37,14 +37,15 @@ std::size_t fitting(std::string_view text, std::size_t columns) {
 }
 
 // What a line of the events file says besides time and kind: `"text":"here"`; the whole line where it is not
-// of the usual form.
-std::string_view details(const Record& record) {
+// of the usual form. Of settings, which people read more often: in words.
+std::string details(const Record& record) {
+  if (const auto* settings = std::get_if<event::Settings>(record.event)) return settings_text(*settings);
   const std::string usual =
       "{\"t_us\":" + std::to_string(to_us(record.at)) + ",\"event\":" + json_quote(name_of(*record.event));
   std::string_view line = record.event_line;
-  if (!line.starts_with(usual) || !line.ends_with('}')) return line;
+  if (!line.starts_with(usual) || !line.ends_with('}')) return std::string(line);
   line = line.substr(usual.size(), line.size() - usual.size() - 1);
-  return line.starts_with(',') ? line.substr(1) : line;
+  return std::string(line.starts_with(',') ? line.substr(1) : line);
 }
 
 }  // namespace

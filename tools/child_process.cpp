@@ -39,7 +39,8 @@ std::vector<std::string> environment_with(const ChildProcess::Environment& chang
 }
 
 // The signals that this program ignores are the default again for the command.
-int spawn(const std::vector<std::string>& command, const ChildProcess::Environment& changed, pid_t& pid) {
+int spawn(const std::vector<std::string>& command, const ChildProcess::Environment& changed,
+          ChildProcess::Output output, pid_t& pid) {
   const std::vector<char*> arguments = pointers(command);
   const std::vector<std::string> environment = environment_with(changed);
   posix_spawnattr_t attributes;
@@ -49,8 +50,13 @@ int spawn(const std::vector<std::string>& command, const ChildProcess::Environme
   for (const int number : {SIGPIPE, SIGXFSZ}) ::sigaddset(&defaults, number);
   ::posix_spawnattr_setsigdefault(&attributes, &defaults);
   ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGDEF);
-  const int error = ::posix_spawnp(&pid, arguments.front(), nullptr, &attributes, arguments.data(),
+  posix_spawn_file_actions_t actions;
+  ::posix_spawn_file_actions_init(&actions);
+  if (output == ChildProcess::Output::all_to_stderr)
+    ::posix_spawn_file_actions_adddup2(&actions, STDERR_FILENO, STDOUT_FILENO);
+  const int error = ::posix_spawnp(&pid, arguments.front(), &actions, &attributes, arguments.data(),
                                    pointers(environment).data());
+  ::posix_spawn_file_actions_destroy(&actions);
   ::posix_spawnattr_destroy(&attributes);
   return error;
 }
@@ -73,10 +79,10 @@ std::string advice(const std::string& program, int error) {
 }  // namespace
 
 Result<std::unique_ptr<ChildProcess>> ChildProcess::start(Loop& loop, const std::vector<std::string>& command,
-                                                          const Environment& changed,
+                                                          const Environment& changed, Output output,
                                                           std::function<void()> on_exit) {
   pid_t pid = 0;
-  if (const int error = spawn(command, changed, pid); error != 0) {
+  if (const int error = spawn(command, changed, output, pid); error != 0) {
     return make_error(Errc::usage, fmt::format("command {} cannot be run: {}{}", in_quotes(command.front()),
                                                errno_text(error), advice(command.front(), error)));
   }

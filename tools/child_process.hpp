@@ -21,10 +21,12 @@ class ChildProcess {
  public:
   using Environment = std::map<std::string, std::optional<std::string>>;  // none: not there
 
+  enum class Output { ours, all_to_stderr };
+
   // Starts it, with `changed` of our environment; `on_exit` comes once, from the loop.
   // Errc::usage when there is no such command.
   static Result<std::unique_ptr<ChildProcess>> start(Loop& loop, const std::vector<std::string>& command,
-                                                     const Environment& changed,
+                                                     const Environment& changed, Output output,
                                                      std::function<void()> on_exit);
   ~ChildProcess();
   ChildProcess(const ChildProcess&) = delete;

@@ -130,6 +130,10 @@ Result<void> CommandFamily::adopt() {
   return {};
 }
 
+void CommandFamily::spare(pid_t child) {
+  if (const auto process = state_of(child)) before_[child] = process->started;
+}
+
 bool CommandFamily::is_ours(const ProcessState& process,
                             const std::map<pid_t, ProcessState>& everybody) const {
   const ProcessState* at = &process;

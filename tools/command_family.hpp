@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <map>
 #include <string>
@@ -38,6 +39,9 @@ class CommandFamily {
   // From now on orphans fall to this process, until destroyed. Before the first command.
   Result<void> adopt();
 
+  // A child of ours that is none of them, nor is what descends from it while it lives.
+  void spare(pid_t child);
+
   // Those that exist now, also those that have ended and that nobody has reaped. Reads all of /proc.
   [[nodiscard]] std::vector<ProcessState> members() const;
 
@@ -55,6 +59,9 @@ class CommandFamily {
     std::vector<ProcessState> left;  // still there: another user's, or held by the kernel
   };
   Ended end(Nanos term_limit, Nanos kill_limit);
+  // For what a command, or a worker that died, leaves running.
+  static constexpr Nanos kTermLimit = std::chrono::seconds(2);
+  static constexpr Nanos kKillLimit = std::chrono::seconds(1);
 
  private:
   [[nodiscard]] bool is_ours(const ProcessState& process,

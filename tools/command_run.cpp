@@ -10,23 +10,20 @@
 #include <system_error>
 #include <utility>
 
-#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
-#include "libport/port/printable_message.hpp"
 #include "libport/tape/disks.hpp"
+#include "tools/tool_log.hpp"
 
 namespace porttape {
 namespace {
 
 using std::chrono::milliseconds;
-using std::chrono::seconds;
 
-constexpr Nanos kOpening = seconds(2);  // of a device that is still being opened at the command's end
+constexpr Nanos kOpening =
+    std::chrono::seconds(2);  // of a device that is still being opened at the command's end
 constexpr Nanos kLastWords = milliseconds(100);  // for what the command did last; a device may never pause
-constexpr Nanos kAfterTerm = seconds(5);         // a command that was asked to end is killed then
-constexpr Nanos kLeftTerm = seconds(2);          // what the command left running: between SIGTERM and SIGKILL
-constexpr Nanos kLeftKill = seconds(1);
+constexpr Nanos kAfterTerm = std::chrono::seconds(5);  // a command that was asked to end is killed then
 
 void replace_all(std::string& text, std::string_view what, const std::string& by) {
   for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; at += by.size()) {
@@ -47,20 +44,6 @@ std::string names_of(const std::vector<ProcessState>& processes) {
   for (const ProcessState& process : processes)
     names.push_back(fmt::format("{} (pid {})", process.name, process.pid));
   return fmt::format("{}", fmt::join(names, ", "));
-}
-
-bool is_ignored(int signal_number) {
-  struct sigaction action {};
-  return ::sigaction(signal_number, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
-}
-
-std::shared_ptr<spdlog::logger> make_log(std::string_view name, spdlog::level::level_enum level) {
-  auto log = std::make_shared<spdlog::logger>("porttape", std::make_shared<spdlog::sinks::stderr_sink_mt>());
-  log->set_level(level);
-  auto formatter = std::make_unique<spdlog::pattern_formatter>();
-  formatter->add_flag<PrintableMessage>('v').set_pattern(fmt::format("{}: %v", name));
-  log->set_formatter(std::move(formatter));
-  return log;
 }
 
 }  // namespace
@@ -85,7 +68,7 @@ ChildProcess::Environment environment_of(const PortPlace& place) {
 CommandRun::CommandRun(Options options)
     : options_(std::move(options)),
       context_{.loop = &loop_,
-               .log = make_log(options_.name, options_.log_level),
+               .log = make_tool_log(options_.name, options_.log_level),
                .disks = std::make_shared<Disks>(),
                .announces = false},
       kill_timer_(loop_, [this] { kill_command(); }),
@@ -114,8 +97,9 @@ void CommandRun::session_ended(int exit_status) {
 Result<void> CommandRun::run_command(const std::vector<std::string>& command) {
   const PortPlace place = absolute(channel_->driver().place());
   watch_signals();
-  Result<std::unique_ptr<ChildProcess>> started =
-      ChildProcess::start(loop_, with_place(command, place), environment_of(place), [] {});
+  Result<std::unique_ptr<ChildProcess>> started = ChildProcess::start(
+      loop_, with_place(command, place), environment_of(place),
+      options_.output_to_stderr ? ChildProcess::Output::all_to_stderr : ChildProcess::Output::ours, [] {});
   if (!started) return started.error();
   command_ = std::move(*started);
   while (command_->running()) loop_.run_one();
@@ -184,7 +168,7 @@ void CommandRun::kill_command() {
 }
 
 void CommandRun::end_what_is_left() {
-  const CommandFamily::Ended family = family_.end(kLeftTerm, kLeftKill);
+  const CommandFamily::Ended family = family_.end(CommandFamily::kTermLimit, CommandFamily::kKillLimit);
   if (!family.ended.empty())
     notes_.push_back(fmt::format("the command left running, now ended: {}", names_of(family.ended)));
   if (!family.left.empty())

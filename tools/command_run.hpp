@@ -35,6 +35,7 @@ class CommandRun {
     std::string_view name;  // before each line of the log, which goes to stderr
     spdlog::level::level_enum log_level = spdlog::level::err;
     bool waits_after_signal = false;  // for the command, however long; else it is killed after 5 s
+    bool output_to_stderr = false;    // the command's stdout, too
     std::function<void(int exit_status)> on_session_end = {};  // while the command runs, or later
   };
 

@@ -1,13 +1,9 @@
 #include "tools/command_verb.hpp"
 
 #include <algorithm>
-#include <cerrno>
-#include <filesystem>
 #include <fmt/format.h>
 #include <fmt/ostream.h>
 #include <signal.h>
-#include <stdlib.h>
-#include <unistd.h>
 #include <utility>
 
 #include <boost/program_options/errors.hpp>
@@ -15,6 +11,7 @@
 #include "libport/base/printable.hpp"
 #include "libport/catalog/port_guess.hpp"
 #include "tools/option_description.hpp"
+#include "tools/private_folder.hpp"
 #include "tools/verb_advice.hpp"
 
 namespace porttape {
@@ -26,27 +23,6 @@ constexpr std::string_view kPlaceHelp =
     "{port} in COMMAND is what it is to open: the path of a tty, or HOST:PORT of a\n"
     "socket ({host} and {tcp_port} are its parts). The environment has the same:\n"
     "PORTTAPE_PORT, and for a socket PORTTAPE_HOST and PORTTAPE_TCP_PORT.\n";
-
-// A folder of our own for the driver's port.
-class PrivateFolder {
- public:
-  Result<std::string> make() {
-    std::string path = (std::filesystem::temp_directory_path() / "porttape-XXXXXX").string();
-    if (::mkdtemp(path.data()) == nullptr)
-      return make_error(Errc::io, fmt::format("folder {}: {}", in_quotes(path), errno_text(errno)));
-    path_ = path;
-    return path;
-  }
-  PrivateFolder() = default;
-  PrivateFolder(const PrivateFolder&) = delete;
-  PrivateFolder& operator=(const PrivateFolder&) = delete;
-  ~PrivateFolder() {
-    if (!path_.empty()) (void)::rmdir(path_.c_str());
-  }
-
- private:
-  std::string path_;
-};
 
 std::vector<OptionSpec> options_of(const CommandVerb& verb) {
   std::vector<OptionSpec> specs = verb.options;
@@ -64,14 +40,15 @@ void print_help(const CommandVerb& verb, const po::options_description& options,
 
 Result<int> do_work(const CommandVerb& verb, CommandVerbLine line,
                     const std::function<Result<int>(CommandVerbLine)>& work) {
-  if (line.command.empty())
+  const bool alone = line.values.contains(std::string(verb.alone));
+  if (line.command.empty() && !alone)
     return make_error(Errc::usage,
                       fmt::format("the command is missing; type porttape {} {}", verb.name, verb.usage));
   // A reader that goes away, and a limit on the size of files, are errors of a write.
   ::signal(SIGPIPE, SIG_IGN);
   ::signal(SIGXFSZ, SIG_IGN);
   PrivateFolder folder;
-  if (!line.values.contains("driver")) {
+  if (!alone && !line.values.contains("driver")) {
     const Result<std::string> path = folder.make();
     if (!path) return path.error();
     line.values["driver"] = "pty:" + *path + "/port";
@@ -132,7 +109,7 @@ int run_command_verb(const CommandVerb& verb, Arguments args, std::ostream& out,
     status = make_error(Errc::usage, with_help(error.what(), fmt::format("porttape {}", verb.name)));
   }
   if (status) return *status;
-  fmt::print(err, "porttape {}: {}\n", verb.name, printable_line(status.error().message));
+  fmt::print(err, "porttape {}: {}\n", verb.name, printable_lines(status.error().message));
   return exit_status_of(status.error().code);
 }
 

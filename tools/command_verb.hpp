@@ -20,6 +20,7 @@ struct CommandVerb {
   std::string_view about;           // before the list of options
   std::vector<OptionSpec> options;  // besides --help and --driver, which has a default here
   std::string_view example;         // behind "porttape NAME"
+  std::string_view alone = {};      // the option with which there is neither a command nor a port
 };
 
 // What was typed; the values by option, unchecked.

@@ -19,20 +19,31 @@ namespace {
 
 namespace json = boost::json;
 
-constexpr VerbHelp kHelp{
-    "ctl", "[-c CHANNEL] [-p PID] mark TEXT | stop",
+constexpr VerbHelp kCtlHelp{
+    "ctl", "[-c CHANNEL] [-p PID] mark TEXT | pause | resume | step [N] | seek SEC | rate X | stop",
     "Steers a daemon that runs: the one of that process or with that channel, or the only one.\n"
     "  mark TEXT  notes the text on the tapes that are being recorded, in its place among the\n"
     "             bytes; `porttape cat` and `info` show it\n"
     "  stop       ends it as SIGTERM does, or that channel alone, and waits for the end; given\n"
     "             again meanwhile, it ends at once\n"
+    "A tape that is replayed:\n"
+    "  pause      its clock stands: nothing is delivered, nothing counts as late; what the\n"
+    "             driver writes is compared all the same\n"
+    "  resume     its clock goes on\n"
+    "  step [N]   while it is paused: the next answer, or N of them, at once, each up to the\n"
+    "             driver's next write; of a device that speaks unasked, a second of the tape\n"
+    "  seek SEC   goes on at that time of the tape; the writes between are neither expected nor\n"
+    "             missing\n"
+    "  rate X     from now on time runs X times as fast\n"
+    "The report of a run says what was done to it; `porttape status` says where it is.\n"
     "Exit status: 0, 1 it could not be done, 2 wrong usage, or it is not clear which is meant.\n",
     "  porttape ctl mark arm is moving\n"
+    "  porttape ctl seek 12.5\n"
     "  porttape ctl -c laser stop\n"};
 
 // A daemon ends within some 15 s, whatever its lines and disks do.
 constexpr std::chrono::seconds kEndLimit{30};
-constexpr std::chrono::milliseconds kLook{50};
+constexpr std::chrono::milliseconds kStopLook{50};
 
 bool has_channel(const RunningDaemon& daemon, const std::string& name) {
   const std::vector<json::object> channels = objects_of(daemon.status, "channels");
@@ -94,28 +105,52 @@ bool wait_channel_ended(RunningDaemon& daemon, const std::string& channel) {
     const Result<json::object> reply = daemon.client.ask({{"verb", "status"}});
     if (!reply) {
       // It has closed its socket and ends, or it is slow.
-      if (daemon.client.wait_ended(kLook)) return true;
+      if (daemon.client.wait_ended(kStopLook)) return true;
       Result<std::optional<ControlClient>> again = ControlClient::connect(daemon.client.socket());
       if (again && *again) daemon.client = std::move(**again);
       continue;
     }
     if (!is_running(object_of(*reply, "status"), channel)) return true;
-    std::this_thread::sleep_for(kLook);
+    std::this_thread::sleep_for(kStopLook);
   }
   return false;
 }
 
 struct Command {
   std::string verb;
-  std::string text;
+  std::string text;  // behind it
 };
+
+// A verb, and what may stand behind it.
+struct Word {
+  std::string_view verb;
+  std::string_view key = {};  // of the request; empty: nothing
+  std::string_view what = {};
+  bool needed = false;
+  std::string_view example = {};
+};
+
+constexpr std::array kWords = {
+    Word{"mark", "text", "text", true, "mark arm is moving"},
+    Word{"pause"},
+    Word{"resume"},
+    Word{"step", "count", "number of exchanges", false, "step 3"},
+    Word{"seek", "to", "time", true, "seek 12.5"},
+    Word{"rate", "rate", "rate", true, "rate 0.5"},
+    Word{"stop"},
+};
+
+const Word* word_of(std::string_view verb) {
+  const auto* word = std::ranges::find(kWords, verb, &Word::verb);
+  return word == kWords.end() ? nullptr : word;
+}
 
 Result<void> run_command(const Wanted& wanted, const Command& command, std::ostream& err) {
   Result<RunningDaemon> daemon = find_daemon(wanted);
   if (!daemon) return daemon.error();
   json::object request{{"verb", command.verb}};
   if (!wanted.channel.empty()) request["channel"] = wanted.channel;
-  if (command.verb == "mark") request["text"] = command.text;
+  if (!command.text.empty()) request[word_of(command.verb)->key] = command.text;
   const Result<json::object> reply = daemon->client.ask(request);
   if (!reply) return reply.error();
   for (const json::object& refused : objects_of(*reply, "refused")) {
@@ -133,25 +168,28 @@ Result<void> run_command(const Wanted& wanted, const Command& command, std::ostr
 
 // What is wrong, or nothing.
 std::optional<std::string> take_words(const std::vector<std::string>& words, Command& command) {
-  if (words.empty()) return "no verb given; known: mark, stop";
+  std::vector<std::string_view> known;
+  for (const Word& word : kWords) known.push_back(word.verb);
+  const std::string all = fmt::format("{}", fmt::join(known, ", "));
+  if (words.empty()) return "no verb given; known: " + all;
   command.verb = words.front();
-  constexpr std::array<std::string_view, 2> known = {"mark", "stop"};
-  if (std::ranges::find(known, command.verb) == known.end()) {
+  const Word* const word = word_of(command.verb);
+  if (word == nullptr) {
     const std::string near = did_you_mean(command.verb, known);
-    return "unknown verb " + in_quotes(command.verb) + (near.empty() ? "; accepted: mark, stop" : near);
+    return "unknown verb " + in_quotes(command.verb) + (near.empty() ? "; accepted: " + all : near);
   }
   for (std::size_t n = 1; n < words.size(); ++n) command.text += (n > 1 ? " " : "") + words[n];
-  if (command.verb == "mark" && command.text.empty())
-    return "mark: the text is missing, as in: ctl mark arm is moving";
-  if (command.verb == "stop" && words.size() > 1)
-    return "stop takes no more words; a channel is named with -c";
+  if (word->needed && command.text.empty())
+    return fmt::format("{}: the {} is missing, as in: ctl {}", word->verb, word->what, word->example);
+  if (word->key.empty() && words.size() > 1)
+    return fmt::format("{} takes no more words; a channel is named with -c", word->verb);
   return std::nullopt;
 }
 
 }  // namespace
 
 int run_ctl(Arguments args, std::ostream& out, std::ostream& err) {
-  CommandLine line(kHelp);
+  CommandLine line(kCtlHelp);
   line.takes_words().value("channel,c", "CHANNEL", "that channel alone").value("pid,p", "PID", "that daemon");
   if (const auto done = line.parse(args, out, err)) return *done;
   Command command;

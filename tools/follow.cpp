@@ -13,7 +13,6 @@
 #include <unistd.h>
 #include <utility>
 
-#include "libport/tape/byte_source.hpp"
 #include "libport/tape/event_file.hpp"
 
 namespace porttape {
@@ -25,13 +24,6 @@ namespace fs = std::filesystem;
 constexpr std::chrono::milliseconds kLook{100};
 // How often the next part of a tape is looked for.
 constexpr std::chrono::milliseconds kPartLook{50};
-
-std::optional<TapeHeader> header_of(const fs::path& events) {
-  Result<std::unique_ptr<FileSource>> source = FileSource::open(events);
-  if (!source) return std::nullopt;
-  const Result<EventFile> file = EventFile::create(std::move(*source));
-  return file ? file->header() : std::nullopt;
-}
 
 // Without what it ends with, if that is `begin` and a number: "laser" of laser.2 for ".".
 fs::path without_number(const fs::path& name, std::string_view begin) {
@@ -56,7 +48,7 @@ std::optional<std::string> part_after(const TapePaths& tape, const std::string& 
        entry.increment(unreadable)) {
     const std::string name = entry->path().filename().string();
     if (!name.starts_with(begin) || !name.ends_with('e')) continue;
-    const auto header = header_of(entry->path());
+    const auto header = header_of({.read = {}, .write = {}, .events = entry->path()});
     if (header && header->previous && header->previous->id == id)
       return (tape.events.parent_path() / name.substr(0, name.size() - 1)).string();
   }
@@ -99,4 +91,5 @@ std::optional<std::string> next_part(const TapePaths& tape, const std::string& i
     std::this_thread::sleep_for(kPartLook);
   }
 }
+
 }  // namespace porttape

@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <iomanip>
+#include <span>
+#include <utility>
 
 #include "libport/base/json_object.hpp"
 #include "libport/base/json_text.hpp"
@@ -13,7 +15,7 @@
 namespace porttape {
 namespace {
 
-constexpr VerbHelp kHelp{
+constexpr VerbHelp kInfoHelp{
     "info", "TAPE... [--json]",
     "Says what tapes hold: times, blocks, bytes and rates of both directions, exchanges and how\n"
     "long the device took to answer, sessions, events, gaps, damage. Rates are over the whole\n"
@@ -54,10 +56,10 @@ std::string to_json(const FileSummary& file, Micros duration) {
   return json.str();
 }
 
-std::string_view text_of(Transport transport) {
+std::string_view word_of(Transport transport) {
   return transport == Transport::datagram ? "datagram" : "stream";
 }
-std::string_view text_of(Stamped stamped) { return stamped == Stamped::arrival ? "arrival" : "read"; }
+std::string_view word_of(Stamped stamped) { return stamped == Stamped::arrival ? "arrival" : "read"; }
 
 std::optional<std::string_view> text_or_none(std::string_view text) {
   return text.empty() ? std::nullopt : std::optional(text);
@@ -116,16 +118,33 @@ JsonList to_json(const std::vector<MarkSummary>& marks) {
   return list;
 }
 
+// As they are on the tape.
+template <class Summary>
+JsonList lines_of(const std::vector<Summary>& events) {
+  JsonList list;
+  for (const auto& [at, what] : events) {
+    std::string line = encode(at, what);
+    line.pop_back();
+    list.add_raw(line);
+  }
+  return list;
+}
+
 JsonList to_json(const std::vector<std::string>& texts) {
   JsonList list;
   for (const std::string& text : texts) list.add(text);
   return list;
 }
 
+template <class Counts>
+JsonObject counts_of(const Counts& counts) {
+  JsonObject json;
+  for (const auto& [kind, count] : counts) json.add(kind, count);
+  return json;
+}
+
 std::string to_json(const EventsSummary& events) {
   if (!events.exists) return "null";
-  JsonObject kinds;
-  for (const auto& [kind, count] : events.kinds) kinds.add(kind, count);
   const TapeHeader header = events.header.value_or(TapeHeader{});
   JsonObject json;
   json.add("file", events.path)
@@ -134,17 +153,20 @@ std::string to_json(const EventsSummary& events) {
       .add("driver", header.driver)
       .add("host", header.host)
       .add("tool", header.tool)
-      .add_raw("kinds", kinds.str())
+      .add_raw("kinds", counts_of(events.kinds).str())
       .add("gap_bytes", events.gap_bytes)
       .add_raw("torn", events.torn_tail ? "true" : "false")
       .add_or_null("damage", message_of(events.damage))
       .add_or_null("id", text_or_none(header.id))
       .add_raw("zero", to_json(header.zero))
-      .add_or_null("transport", header.transport ? std::optional(text_of(*header.transport)) : std::nullopt)
-      .add_or_null("stamped", header.stamped ? std::optional(text_of(*header.stamped)) : std::nullopt)
+      .add_or_null("transport", header.transport ? std::optional(word_of(*header.transport)) : std::nullopt)
+      .add_or_null("stamped", header.stamped ? std::optional(word_of(*header.stamped)) : std::nullopt)
       .add_raw("previous", to_json(header.previous))
       .add("gaps", to_json(events.gaps))
       .add("marks", to_json(events.marks))
+      .add("settings", lines_of(events.settings))
+      .add("faults", lines_of(events.faults))
+      .add_raw("fault_kinds", counts_of(events.fault_kinds).str())
       .add_raw("ended", events.ended ? "true" : "false");
   return json.str();
 }
@@ -213,7 +235,7 @@ void print_header(const TapeHeader& header, std::ostream& out) {
   }
   label(out, "device") << safe(header.device) << '\n';
   label(out, "driver") << safe(header.driver) << '\n';
-  if (header.transport) label(out, "transport") << text_of(*header.transport) << '\n';
+  if (header.transport) label(out, "transport") << word_of(*header.transport) << '\n';
   if (header.stamped) {
     label(out, "stamped") << (*header.stamped == Stamped::arrival ? "when bytes arrived"
                                                                   : "when bytes were read")
@@ -222,6 +244,31 @@ void print_header(const TapeHeader& header, std::ostream& out) {
   if (header.previous) {
     label(out, "previous") << safe(header.previous->name) << ' ' << safe(header.previous->id) << '\n';
   }
+}
+
+constexpr std::size_t kSettingsShown = 20;
+
+// The history in short.
+// What was done to the line on purpose, and by which plan.
+void print_faults(const EventsSummary& events, std::ostream& out) {
+  if (events.faults.empty()) return;
+  std::string made;
+  for (const auto& [kind, count] : events.fault_kinds)
+    made += (made.empty() ? "" : ", ") + std::to_string(count) + ' ' + safe(kind);
+  label(out, "faults") << (made.empty() ? "none made" : made) << '\n';
+  const LineFault& first = events.faults.front().what.fault;
+  if (first.kind == LineFault::kPlan)
+    label(out, "") << "by " << safe(first.spec) << "; seed " << first.seed.value_or(0) << '\n';
+}
+
+void print_settings(const EventsSummary& events, std::ostream& out) {
+  std::string_view name = "settings";
+  for (const auto& [at, what] :
+       std::span(events.settings).first(std::min(events.settings.size(), kSettingsShown))) {
+    label(out, std::exchange(name, "")) << seconds_number(to_us(at)) << " s  " << settings_text(what) << '\n';
+  }
+  if (const std::uint64_t all = events.count<event::Settings>(); all > kSettingsShown)
+    label(out, name) << "… and " << all - kSettingsShown << " more\n";
 }
 
 void print_events(const EventsSummary& events, std::ostream& out) {
@@ -237,6 +284,8 @@ void print_events(const EventsSummary& events, std::ostream& out) {
   if (events.count<event::Gap>() > 0) {
     label(out, "gaps") << events.count<event::Gap>() << ", " << events.gap_bytes << " bytes missing\n";
   }
+  print_faults(events, out);
+  print_settings(events, out);
   for (const MarkSummary& mark : events.marks)
     label(out, "mark") << seconds_number(to_us(mark.at)) << " s  " << safe(mark.text) << '\n';
   if (events.count<event::Mark>() > events.marks.size())
@@ -298,7 +347,7 @@ int info_of(const std::string& argument, bool json, bool colors, std::ostream& o
 }  // namespace
 
 int run_info(Arguments args, std::ostream& out, std::ostream& err) {
-  CommandLine line(kHelp);
+  CommandLine line(kInfoHelp);
   line.flag("json", "one JSON object a tape and line (tools/OUTPUT.md)").color();
   if (const auto done = line.parse(args, out, err)) return *done;
   int worst = exit_status::kPass;

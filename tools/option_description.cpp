@@ -18,8 +18,8 @@ namespace {
 
 namespace po = boost::program_options;
 
-constexpr std::array<std::pair<std::string_view, std::string_view>, 2> kLetters = {
-    {{"help", "h"}, {"background", "b"}}};
+constexpr std::array<std::pair<std::string_view, std::string_view>, 4> kLetters = {
+    {{"help", "h"}, {"background", "b"}, {"jobs", "j"}, {"output", "o"}}};
 
 std::string with_letter(std::string_view name) {
   const auto* const letter = std::ranges::find(kLetters, name, [](const auto& row) { return row.first; });

@@ -17,7 +17,8 @@
 namespace porttape {
 
 // The options as Program_options has them; values stay text, to be checked where they are used. `help` is
-// also -h, `background` also -b.
+// also -h, `background` also -b, `jobs` also -j,
+// `output` also -o.
 boost::program_options::options_description describe(const std::vector<OptionSpec>& specs,
                                                      const std::string& title);
 

@@ -11,8 +11,10 @@
 #include "libport/catalog/channel.hpp"
 #include "libport/tape/tape_summary.hpp"
 #include "libport/taped/types.hpp"
+#include "tools/cassette_verbs.hpp"
 #include "tools/command_verb.hpp"
 #include "tools/option_description.hpp"
+#include "tools/record_mode.hpp"
 #include "tools/record_run.hpp"
 #include "tools/text.hpp"
 #include "tools/verbs.hpp"
@@ -20,7 +22,7 @@
 namespace porttape {
 namespace {
 
-constexpr std::string_view kAbout =
+constexpr std::string_view kRecordAbout =
     "Runs COMMAND on a port that leads to the device, keeps a tape of what both say,\n"
     "and tells at the end what is on it. The tape is closed whole when COMMAND ends,\n"
     "also by Ctrl-C, which goes to COMMAND (a second one kills it). SIGUSR1 begins\n"
@@ -64,7 +66,7 @@ void tell_unopened(const std::vector<std::string>& command, const std::string& d
   }
 }
 
-std::string text_of(const TapeSummary& tape) {
+std::string recorded_text(const TapeSummary& tape) {
   return fmt::format("{}: {} in {}; {} in {} from the command, {} in {} from the device", tape.name,
                      counted(tape.exchanges, "exchange"), span_text(tape.duration().count()),
                      counted(tape.write.bytes, "byte"), counted(tape.write.blocks, "block"),
@@ -91,7 +93,7 @@ Told tell_tape(const TapePaths& paths, std::ostream& err) {
     tell(err, tape.error().message);
     return {};
   }
-  tell(err, text_of(*tape));
+  tell(err, recorded_text(*tape));
   const bool bytes = tape->write.bytes + tape->read.bytes > 0;
   if (!bytes) tell(err, "no byte is on it: nothing passed between the command and the device");
   tell_gaps(*tape, err);
@@ -128,7 +130,7 @@ int status_of(const RecordRun& record, bool whole) {
   return whole ? exit_status::kPass : exit_status::kRuntime;
 }
 
-Result<int> record(const CommandVerbLine& line, std::ostream& err) {
+Result<int> record_on(const CommandVerbLine& line, std::ostream& err) {
   const Result<ChannelPorts> ports = channel_ports({ChannelMode::record, line.values});
   if (!ports) return ports.error();
   RecordRun record(*ports, line.command);
@@ -152,14 +154,27 @@ Result<int> record(const CommandVerbLine& line, std::ostream& err) {
 
 }  // namespace
 
+Result<int> record_command(const CommandVerbLine& line, std::ostream& err) { return record_on(line, err); }
+
 int run_record(Arguments args, std::ostream& out, std::ostream& err) {
+  std::vector<OptionSpec> options = channel_options(ChannelMode::record);
+  OptionSpec mode = record_mode_option();
+  mode.default_value = {};
+  options.push_back(std::move(mode));
   const CommandVerb verb{.name = "record",
                          .usage = "--device PORT --tape NAME [options] -- COMMAND…",
-                         .about = kAbout,
-                         .options = channel_options(ChannelMode::record),
+                         .about = kRecordAbout,
+                         .options = std::move(options),
                          .example = "--device /dev/ttyUSB0 --tape laser -- ./laser_driver {port}"};
-  return run_command_verb(verb, args, out, err,
-                          [&](const CommandVerbLine& line) { return record(line, err); });
+  return run_command_verb(verb, args, out, err, [&](CommandVerbLine line) -> Result<int> {
+    if (!line.values.contains("record-mode")) return record_command(line, err);
+    const Result<Cassette> cassette = choose_cassette(line.values);
+    if (!cassette) return cassette.error();
+    if (!cassette->note.empty()) tell(err, cassette->note);
+    line.values =
+        cassette->records ? values_to_record(std::move(line.values)) : values_to_play(std::move(line.values));
+    return cassette->records ? record_command(line, err) : play_command(std::move(line), out, err);
+  });
 }
 
 }  // namespace porttape

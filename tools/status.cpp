@@ -26,7 +26,7 @@ namespace json = boost::json;
 
 using Openers = std::map<std::string, std::vector<Opener>>;
 
-constexpr VerbHelp kHelp{
+constexpr VerbHelp kStatusHelp{
     "status", "[-p PID] [--json]",
     "Says what the daemons do that run: since when, on which ports, who has them open, bytes,\n"
     "tapes, the last trouble. One's own daemons are seen, and by root everybody's. Exit status:\n"
@@ -126,6 +126,26 @@ std::string tape_text(const json::object& tape) {
   return text;
 }
 
+// "paused at 3.2 of 12.3 s, 2 times as fast, loop 3 of 10".
+std::string playback_text(const json::object& playback) {
+  const auto seconds = [&](std::string_view key) {
+    const json::value* const value = playback.if_contains(key);
+    return value != nullptr && value->is_number() ? std::optional(value->to_number<double>()) : std::nullopt;
+  };
+  const auto* const paused = playback.if_contains("paused");
+  const bool stands = paused != nullptr && paused->is_bool() && paused->as_bool();
+  const auto position = seconds("position_s");
+  std::string text = stands ? "paused" : position ? "plays" : "begins with the driver's open";
+  if (position) text += fmt::format(" at {:.3f} s", *position);
+  if (const auto length = seconds("length_s"); length && position)
+    text += fmt::format(" of {:.3f} s", *length);
+  if (const double rate = seconds("rate").value_or(1); rate != 1) text += fmt::format(", rate {}", rate);
+  const auto loops = seconds("loops");
+  if (const double loop = seconds("loop").value_or(0); loop > 0 && loops != 1)
+    text += fmt::format(", loop {}{}", loop, loops ? fmt::format(" of {}", *loops) : "");
+  return text;
+}
+
 void print_lines(const json::object& channel, const Openers& openers, std::ostream& out) {
   const std::vector<json::object> lines = objects_of(channel, "lines");
   if (lines.empty()) {
@@ -145,6 +165,7 @@ void print_lines(const json::object& channel, const Openers& openers, std::ostre
     if (lines.size() > 1) text += ": " + state_text(channel, text_of(line, "state"));
     print_field(out, "driver", text);
     print_field(out, "device", text_of(line, "device"));
+    if (line.contains("playback")) print_field(out, "playback", playback_text(object_of(line, "playback")));
   }
 }
 
@@ -212,7 +233,7 @@ Openers openers_of(const RunningDaemons& running) {
 }  // namespace
 
 int run_status(Arguments args, std::ostream& out, std::ostream& err) {
-  CommandLine line(kHelp);
+  CommandLine line(kStatusHelp);
   line.takes_nothing()
       .flag("json", "one JSON object a daemon and line (tools/OUTPUT.md)")
       .value("pid,p", "PID", "that daemon alone")

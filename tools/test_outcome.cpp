@@ -8,7 +8,7 @@ namespace porttape {
 namespace {
 
 // Of a command that did not end well; else empty.
-std::string text_of(const TestEnd& end) {
+std::string end_text(const TestEnd& end) {
   if (!end.ended_because.empty()) return end.ended_because;
   return end.command.exit_code() == 0 ? std::string() : end.command.text();
 }
@@ -34,7 +34,7 @@ std::string outcome_text(const RunReport& report, const TestEnd& end) {
   if (failed_beside(report, end))
     return "failed: not all connections had their run; what went wrong is told above";
   if (!end.opened && !report.trouble) return "incomplete: the command never opened its port";
-  const std::string command = text_of(end);
+  const std::string command = end_text(end);
   if (report.verdict != Verdict::pass || report.trouble || command.empty()) return {};
   return "failed: the driver did all as recorded, but the command " + command;
 }
@@ -43,8 +43,8 @@ std::string command_end_text(const RunReport& report, const TestEnd& end) {
   const bool told_of_command =
       end.opened && !failed_beside(report, end) && !outcome_text(report, end).empty();
   const bool said = end.interrupted_by != 0 || told_of_command;
-  if (said || text_of(end).empty()) return {};
-  return text_of(end) + (end.hung_up ? "; its line was hung up there (--on-mismatch warn goes on)" : "");
+  if (said || end_text(end).empty()) return {};
+  return end_text(end) + (end.hung_up ? "; its line was hung up there (--on-mismatch warn goes on)" : "");
 }
 
 }  // namespace porttape

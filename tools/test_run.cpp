@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "libport/catalog/device_group.hpp"
+#include "libport/replay/diagnosis.hpp"
+#include "libport/taped/types.hpp"
 
 namespace porttape {
 namespace {
@@ -18,7 +20,7 @@ constexpr Nanos kAfterHangUp = seconds(10);  // a command that goes on after a m
 
 TestRun::TestRun(TestRequest request)
     : request_(std::move(request)),
-      run_({.name = "porttape test"}),
+      run_({.name = "porttape test", .output_to_stderr = request_.output_to_stderr}),
       late_timer_(run_.loop(), [this] { end_late_command(); }),
       idle_timer_(run_.loop(), [this] { look_whether_idle(); }) {}
 
@@ -40,9 +42,16 @@ Result<void> TestRun::start_session() {
   ChannelPorts ports = request_.ports;
   ReplayPort::Options options = request_.replay();
   options.report_file.clear();  // written once the command's exit status is known
+  options.junit_file.clear();
   options.brief = true;
+  options.looks_on = request_.looks_on;
   options.on_report = [this](const RunReport& report) { take(report); };
   ports.device.set(std::move(options));
+  if (request_.record_to) {
+    Result<PortSpec> recorded = recorded_replay(ports.device, *request_.record_to);
+    if (!recorded) return recorded.error();
+    ports.device = std::move(*recorded);
+  }
   return run_.start_session(ports);
 }
 
@@ -128,7 +137,16 @@ Result<RunReport> TestRun::verdict() {
   }
   if (!report->connection) report->tape = request_.replay().tape.name();
   report->command_exit = end_.command.exit_code();
+  explain(*report);
   return *report;
+}
+
+// What is known of the command may be the reason, or part of it.
+void TestRun::explain(RunReport& report) const {
+  report.hung = !end_.ended_because.empty() && !end_.hung_up;
+  report.repeat_line = request_.repeat_line;
+  report.step_line = request_.step_line;
+  diagnose(report);
 }
 
 }  // namespace porttape

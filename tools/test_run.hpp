@@ -4,26 +4,15 @@
 #include <string>
 #include <vector>
 
-#include "libport/catalog/channel.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/replay/report.hpp"
 #include "libport/replay/run_list.hpp"
-#include "libport/taped/replay_port.hpp"
 #include "tools/command_run.hpp"
 #include "tools/idle_watch.hpp"
 #include "tools/test_outcome.hpp"
+#include "tools/test_request.hpp"
 
 namespace porttape {
-
-// What `porttape test` is to do.
-struct TestRequest {
-  ChannelPorts ports;
-  std::optional<Nanos> timeout;
-  bool never_ends = false;  // --timeout 0: the command ends by itself alone
-  std::vector<std::string> command;
-
-  [[nodiscard]] const ReplayPort::Options& replay() const { return *ports.device.get<ReplayPort::Options>(); }
-};
 
 // One run of a command against a tape, with the verdict. Call run() once.
 class TestRun {
@@ -33,6 +22,8 @@ class TestRun {
   TestRun& operator=(const TestRun&) = delete;
 
   Result<RunReport> run();
+  // From a callback of its ports: ends the command now.
+  void kill() { run_.kill_command(); }
 
   // After run(): how the command ended, and what the user should know beyond the verdict, a line each.
   [[nodiscard]] const TestEnd& end() const { return end_; }
@@ -49,6 +40,7 @@ class TestRun {
   void end_late_command();
   void end_command(std::string because);
   Result<RunReport> verdict();
+  void explain(RunReport& report) const;
 
   TestRequest request_;
   CommandRun run_;

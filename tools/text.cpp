@@ -3,6 +3,8 @@
 #include <array>
 #include <cstdio>
 
+#include "libport/base/line_settings_text.hpp"
+
 namespace porttape {
 namespace {
 
@@ -34,8 +36,10 @@ std::string rate_text(std::uint64_t bytes, std::int64_t us) {
   return with_unit(rate / 1e6, "MB/s");
 }
 
-std::string counted(std::uint64_t count, std::string_view noun) {
-  return std::to_string(count) + ' ' + std::string(noun) + (count == 1 ? "" : "s");
+std::string settings_text(const event::Settings& settings) {
+  const bool sampled = settings.order == SettingsOrder::sampled;
+  const std::string_view who = !settings.by ? "line" : *settings.by == Side::driver ? "driver" : "device";
+  return std::string(who) + ": " + to_text(settings.line) + (sampled ? " (sampled)" : "");
 }
 
 }  // namespace porttape

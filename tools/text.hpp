@@ -4,6 +4,9 @@
 #include <string>
 #include <string_view>
 
+#include "libport/replay/report_words.hpp"
+#include "libport/tape/event.hpp"
+
 namespace porttape {
 
 // "12.000345": microseconds as seconds, exact.
@@ -15,7 +18,7 @@ std::string span_text(std::int64_t us);
 // "3.5 kB/s"; "-" where no time passed.
 std::string rate_text(std::uint64_t bytes, std::int64_t us);
 
-// "1 byte", "2 bytes".
-std::string counted(std::uint64_t count, std::string_view noun);
+// "driver: 115200 baud, 1 stop bit, RTS/CTS (sampled)".
+std::string settings_text(const event::Settings& settings);
 
 }  // namespace porttape

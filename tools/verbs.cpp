@@ -20,14 +20,20 @@ constexpr std::array kVerbs{
     Verb{"cat", "both directions of a tape in order, one line a burst", run_cat},
     Verb{"record", "runs a command on a device, keeps a tape of what they say", run_record},
     Verb{"test", "runs a command against a tape in the device's place, gives the verdict", run_test},
+    Verb{"drive", "plays a tape's driver to a device and checks what it answers, gives the verdict",
+         run_drive},
+    Verb{"bless", "makes the tape of a driver that was changed on purpose, shows the difference", run_bless},
+    Verb{"soak", "looks for the seed whose faults break a command against a tape", run_soak},
+    Verb{"shrink", "the fewest exchanges and faults of a tape under which a command still fails", run_shrink},
     Verb{"verify", "whether tapes are sound", run_verify},
+    Verb{"rules", "what of a driver's writes may vary: rules files against tapes", run_rules},
     Verb{"status", "what the daemons do that run: ports, drivers, bytes, tapes, trouble", run_status},
     Verb{"ctl", "steers a daemon that runs: a mark on its tape, its end", run_ctl},
 };
 
 static_assert(same_names(kVerbs, kToolVerbs), "a verb is missing in verb_advice.hpp");
 
-void print_help(std::ostream& out) {
+void print_verbs(std::ostream& out) {
   out << "Usage: porttape VERB [ARGUMENTS]\n"
          "       porttape --help | --help-ports | --version\n\n"
          "Looks at tapes: recordings of what a driver and a device said on a serial line\n"
@@ -55,7 +61,7 @@ int run_porttape(Arguments args, std::ostream& out, std::ostream& err) {
   }
   const std::string& name = args.front();
   if (name == "--help" || name == "-h" || name == "help") {
-    print_help(out);
+    print_verbs(out);
     return exit_status::kPass;
   }
   if (name == "--help-ports") {

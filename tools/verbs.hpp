@@ -11,10 +11,15 @@ namespace porttape {
 
 using Arguments = std::span<const std::string>;
 
+int run_bless(Arguments args, std::ostream& out, std::ostream& err);
 int run_cat(Arguments args, std::ostream& out, std::ostream& err);
 int run_ctl(Arguments args, std::ostream& out, std::ostream& err);
+int run_drive(Arguments args, std::ostream& out, std::ostream& err);
 int run_info(Arguments args, std::ostream& out, std::ostream& err);
 int run_record(Arguments args, std::ostream& out, std::ostream& err);
+int run_rules(Arguments args, std::ostream& out, std::ostream& err);
+int run_shrink(Arguments args, std::ostream& out, std::ostream& err);
+int run_soak(Arguments args, std::ostream& out, std::ostream& err);
 int run_status(Arguments args, std::ostream& out, std::ostream& err);
 int run_test(Arguments args, std::ostream& out, std::ostream& err);
 int run_verify(Arguments args, std::ostream& out, std::ostream& err);

@@ -10,7 +10,7 @@
 namespace porttape {
 namespace {
 
-constexpr VerbHelp kHelp{
+constexpr VerbHelp kVerifyHelp{
     "verify", "TAPE...",
     "Reads tapes from end to end and says of each whether it is sound: whole, ended, without a\n"
     "gap, and its files those that were recorded (by the digests in its end). A tape of which\n"
@@ -52,7 +52,7 @@ int verify_tape(const std::string& argument, bool colors, std::ostream& out, std
 }  // namespace
 
 int run_verify(Arguments args, std::ostream& out, std::ostream& err) {
-  CommandLine line(kHelp);
+  CommandLine line(kVerifyHelp);
   line.color();
   if (const auto done = line.parse(args, out, err)) return *done;
   int worst = exit_status::kPass;

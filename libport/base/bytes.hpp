@@ -21,6 +21,10 @@ inline std::string_view as_text(ByteView bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
+inline void append(Bytes& bytes, ByteView more) { bytes.insert(bytes.end(), more.begin(), more.end()); }
+
+inline bool is_line_end(Byte byte) { return byte == '\n' || byte == '\r'; }
+
 // "0a1b": two lower-case digits a byte, no separator.
 std::string to_hex(ByteView bytes);
 

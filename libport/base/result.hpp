@@ -39,5 +39,6 @@ class [[nodiscard]] Result : public boost::system::result<T, Error> {
 };
 
 inline Error make_error(Errc code, std::string message) { return Error{code, std::move(message)}; }
+inline Error usage_error(std::string message) { return make_error(Errc::usage, std::move(message)); }
 
 }  // namespace porttape

@@ -36,7 +36,7 @@ Result<PortSpec> typed(Result<PortOptions> written) {
   return PortSpec::read(std::move(*written));
 }
 
-Error usage(const char* what) { return make_error(Errc::usage, what); }
+Error usage_error(const char* what) { return make_error(Errc::usage, what); }
 
 // What is left of a call's timeout.
 class Remaining {
@@ -212,14 +212,14 @@ void BlockingPort::reopen() {
 }
 
 Result<void> BlockingPort::check_read() const {
-  if (!open_ && input_.empty()) return usage("the port is not open");
-  if (!can_read_) return usage("the port may not be read from");
+  if (!open_ && input_.empty()) return usage_error("the port is not open");
+  if (!can_read_) return usage_error("the port may not be read from");
   return {};
 }
 
 Result<void> BlockingPort::check_write() const {
-  if (!open_) return usage("the port is not open");
-  if (!can_write_) return usage("the port may not be written to");
+  if (!open_) return usage_error("the port is not open");
+  if (!can_write_) return usage_error("the port may not be written to");
   return {};
 }
 
@@ -437,7 +437,7 @@ Result<Transfer> BlockingPort::write_full(ByteView data) {
 }
 
 Result<void> BlockingPort::flush() {
-  if (!open_) return usage("the port is not open");
+  if (!open_) return usage_error("the port is not open");
   wait_.poll();
   if (!port_) return {};
   if (WaitingCalls* const calls = port_->waiting(); calls != nullptr && !calls->discard()) return {};
@@ -447,7 +447,7 @@ Result<void> BlockingPort::flush() {
 }
 
 Result<Transfer> BlockingPort::drain() {
-  if (!open_) return usage("the port is not open");
+  if (!open_) return usage_error("the port is not open");
   // The kernel does not tell when its queue is empty.
   const auto empty = [this] { return down_ || (!port_->congested() && unsent() == 0); };
   if (wait_.until_seen(empty, timeout_) != LoopWait::End::ready) return Transfer{0, Transfer::End::timed_out};
@@ -455,13 +455,23 @@ Result<Transfer> BlockingPort::drain() {
   return Transfer{0, Transfer::End::closed};
 }
 
+bool BlockingPort::plays_tape() const { return spec_.get<ReplayPort::Options>() != nullptr; }
+
+// What is asked for stands on the tape before what becomes of it.
+Result<void> BlockingPort::set_line(unsigned baud) {
+  const std::optional<LineSettings> now = port_->settings();
+  if (!now && !plays_tape()) return make_error(Errc::usage, port_->name() + " has no baud rate");
+  const SeenSettings known = now ? SeenSettings::of(*now) : SeenSettings{};
+  const SeenSettings wanted = SeenSettings{.baud = baud}.over(known);
+  if (open_) port_->peer_set(wanted, SettingsOrder::exact);
+  return now ? port_->apply(wanted.over(*now)) : Result<void>();
+}
+
 Result<void> BlockingPort::set_baud(unsigned baud) {
   if (port_) {
-    std::optional<LineSettings> settings = port_->settings();
-    if (!settings) return make_error(Errc::usage, port_->name() + " has no baud rate");
-    settings->baud = baud;
-    if (Result<void> set = port_->apply(*settings); !set) return set;
+    if (Result<void> set = set_line(baud); !set) return set;
   }
+  if (plays_tape()) return {};
   // For the ports that later opens make.
   PortOptions written = spec_.written();
   written.values["baud"] = std::to_string(baud);

@@ -119,6 +119,9 @@ class BlockingPort final : private PortListener {
   [[nodiscard]] bool can_read() const { return can_read_; }
   [[nodiscard]] bool can_write() const { return can_write_; }
   [[nodiscard]] bool always_open() const { return always_open_; }
+  // At once where the port is open; its tape, if it has one, tells so. A logreader takes it where its tape
+  // does not tell that the device did not, and holds it against the tape (`check-settings`). Errc::usage
+  // where the line has no such thing.
   Result<void> set_baud(unsigned baud);
 
   // Ends tape and report for good and gives the port's exit status (0: all went well, the tape is whole). The
@@ -139,7 +142,10 @@ class BlockingPort final : private PortListener {
   void on_finished(int exit_status) override;
   void on_complete(int exit_status) override { complete_ = exit_status; }
   Answers on_ended() override;
+  [[nodiscard]] std::optional<std::size_t> unread() const override { return input_.size(); }
 
+  [[nodiscard]] bool plays_tape() const;
+  Result<void> set_line(unsigned baud);
   Result<void> make();
   void release();
   int complete();

@@ -12,8 +12,10 @@
 #include "libport/catalog/device_group.hpp"
 #include "libport/catalog/port_guess.hpp"
 #include "libport/catalog/port_types.hpp"
+#include "libport/faults/types.hpp"
 #include "libport/port/spelling.hpp"
 #include "libport/tape/tape_name.hpp"
+#include "libport/taped/replay_port.hpp"
 #include "libport/taped/types.hpp"
 
 namespace porttape {
@@ -55,23 +57,34 @@ std::vector<OptionSpec> record_options() {
   return options;
 }
 
-// A logreader's options that are options of the verb `replay` too.
-std::vector<OptionSpec> replay_options() {
+// A logreader's options that are options of the verb `replay` or `drive` too.
+std::vector<OptionSpec> replay_options(ReplayUse use) {
   const std::vector<OptionSpec> common = with_common({});
   std::vector<OptionSpec> options;
   for (OptionSpec option : port_types().find("logreader")->options) {
     const bool is_common = std::ranges::find(common, option.name, &OptionSpec::name) != common.end();
     if (is_common || option.name == "file" || option.name == "ignoretimes") continue;
-    option.default_value = replay_default(ReplayUse::verb, option.name, option.default_value);
+    if (use == ReplayUse::drive) {
+      if (is_of_device(option.name)) continue;
+      std::erase_if(option.choices, [&](std::string_view each) { return is_of_device(option.name, each); });
+    }
+    option.default_value = replay_default(use, option.name, option.default_value);
+    option.help = replay_help(use, option.name, option.help);
     options.push_back(std::move(option));
   }
   return options;
 }
 
-Error usage(std::string message) { return make_error(Errc::usage, std::move(message)); }
+// Both sides of a `drive`: the tape is in the driver's place, and --device is live.
+std::vector<OptionSpec> drive_options() {
+  std::vector<OptionSpec> options = replay_options(ReplayUse::drive);
+  options.insert(options.begin(), {kTape, kDevice});
+  options.push_back(kWaitDevice);
+  return options;
+}
 
 Error in_option(std::string_view option, const Error& error) {
-  return usage(fmt::format("option '{}': {}", option, error.message));
+  return usage_error(fmt::format("option '{}': {}", option, error.message));
 }
 
 bool is_each(const OptionValues& values) {
@@ -82,7 +95,7 @@ bool is_each(const OptionValues& values) {
 constexpr std::array kModes = {ChannelMode::record, ChannelMode::replay, ChannelMode::bridge};
 
 Error unknown(std::string_view option, ChannelMode mode, std::vector<OptionSpec> known) {
-  if (const auto owner = owner_of_option(option, mode)) return usage(*owner);
+  if (const auto owner = owner_of_option(option, mode)) return usage_error(*owner);
   const std::string of = fmt::format(" of {}", to_string(mode));
   Error error = unknown_option(option, known, of);
   if (error.message.ends_with('?')) return error;
@@ -102,9 +115,9 @@ bool is_port(const std::string& tape) {
 // The value in its canonical form.
 Result<std::string> checked_value(const OptionSpec& option, const std::string& value) {
   if (option.kind == Kind::text && value.empty())
-    return usage(fmt::format("option '{}' is empty; accepted: {}", option.name, accepted_by(option)));
+    return usage_error(fmt::format("option '{}' is empty; accepted: {}", option.name, accepted_by(option)));
   if (option.name == kTape.name && is_port(value))
-    return usage(
+    return usage_error(
         fmt::format("option 'tape': {} is a port; accepted: a NAME for files, e.g. laser", in_quotes(value)));
   return check_value(option, value);
 }
@@ -127,32 +140,55 @@ OptionValues checked_values(const ChannelSpec& spec, std::vector<OptionProblem>&
     const std::string name(option.name);
     const bool required = name == kDriver.name || name == kDevice.name || name == kTape.name;
     if (required && !spec.values.contains(name))
-      problems.push_back(
-          {"", usage(fmt::format("option '{}' is missing: {}, {}", name, value_name(option), option.help))});
+      problems.push_back({"", usage_error(fmt::format("option '{}' is missing: {}, {}", name,
+                                                      value_name(option), option.help))});
   }
   return checked;
 }
 
 // Of `logreader`, as it is read after set_replay_defaults().
-Result<PortSpec> replay_device(OptionValues values, const PortSpec& driver) {
+Result<PortSpec> replayed(ReplayUse use, OptionValues values) {
   auto tape = values.extract("tape");
-  values.erase("driver");
-  values.erase("connections");
+  for (const OptionSpec& other : {kDriver, kDevice, kConnections, kWaitDevice})
+    values.erase(std::string(other.name));
+  set_replay_defaults(use, values);
+  values["file"] = std::move(tape.mapped());
+  Result<PortOptions> port = check_options(PortOptions{port_types().find("logreader"), std::move(values)});
+  if (!port) return port.error();
+  return PortSpec::read(std::move(*port));
+}
+
+Result<PortSpec> replay_device(OptionValues values, const PortSpec& driver) {
   // Datagrams have no close that could end the one run.
   if (driver.type().keeps_datagrams && values.contains("once")) values.try_emplace("at-end", "exit");
-  set_replay_defaults(ReplayUse::verb, values);
-  values["file"] = std::move(tape.mapped());
-  Result<PortOptions> device = check_options(PortOptions{port_types().find("logreader"), std::move(values)});
-  if (!device) return device.error();
-  return PortSpec::read(std::move(*device));
+  return replayed(ReplayUse::verb, std::move(values));
+}
+
+Result<PortSpec> replay_driver(const OptionValues& values) {
+  Result<PortSpec> driver = replayed(ReplayUse::drive, values);
+  if (!driver) return driver;
+  ReplayPort::Options options = *driver->get<ReplayPort::Options>();
+  options.config.writer = Writer::device;
+  options.waits_for_line = values.contains("wait-device");
+  driver->set(std::move(options));
+  return driver;
+}
+
+// Where a user has said how the device's line is to be, it is not as the recorded driver found it.
+void keep_line(PortSpec& driver, const PortSpec& device) {
+  const std::vector<OptionSpec> settings = line_setting_options();
+  ReplayPort::Options options = *driver.get<ReplayPort::Options>();
+  options.keeps_line = std::ranges::any_of(
+      settings, [&](const OptionSpec& each) { return device.written().has(std::string(each.name)); });
+  driver.set(std::move(options));
 }
 
 // The port with a tape of it.
 Result<PortOptions> recorded(const OptionValues& values, PortOptions device) {
   const PortType& type = *device.type;
   if (type.recorded_as.empty()) {
-    return usage(fmt::format("a port of type {} cannot be recorded{}", type.name,
-                             type.records.empty() ? "" : "; give it to bridge"));
+    return usage_error(fmt::format("a port of type {} cannot be recorded{}", type.name,
+                                   type.records.empty() ? "" : "; give it to bridge"));
   }
   device.type = port_types().find(type.recorded_as);
   device.values["file"] = new_tape(values.at("tape")).name();
@@ -165,7 +201,7 @@ Result<PortOptions> recorded(const OptionValues& values, PortOptions device) {
 
 Error not_a_port(std::string_view option, const std::string& text, LineEnd end, const Error& error) {
   const std::optional<std::string> guess = guess_port(text, end);
-  return in_option(option, guess ? usage(fmt::format("{} {}", in_quotes(text), *guess)) : error);
+  return in_option(option, guess ? usage_error(fmt::format("{} {}", in_quotes(text), *guess)) : error);
 }
 
 Result<PortSpec> driver_port(const std::string& text) {
@@ -174,16 +210,32 @@ Result<PortSpec> driver_port(const std::string& text) {
   return driver;
 }
 
+// With the faults that the verb's options ask for.
+Result<PortOptions> with_faults_of(const OptionValues& values, PortOptions device) {
+  bool asked = false;
+  for (const OptionSpec& option : fault_options()) {
+    const std::string name(option.name);
+    const auto given = values.find(name);
+    if (given == values.end()) continue;
+    if (device.has(name))
+      return usage_error(fmt::format("it has '{0}', and so has the channel; accepted: {0} once", name));
+    device.values.emplace(name, given->second);
+    asked = true;
+  }
+  return asked ? check_options(std::move(device)) : Result<PortOptions>(std::move(device));
+}
+
 Result<PortSpec> live_device(const OptionValues& values, ChannelMode mode) {
   const std::string& text = values.at("device");
   if (const auto meant = with_speed(text))
-    return in_option("device", usage(fmt::format("{} has a speed behind it; did you mean {}?",
-                                                 in_quotes(text), in_quotes(*meant))));
+    return in_option("device", usage_error(fmt::format("{} has a speed behind it; did you mean {}?",
+                                                       in_quotes(text), in_quotes(*meant))));
   Result<PortOptions> device = parse_options(port_types(), text);
   if (!device) return not_a_port("device", text, LineEnd::device, device.error());
   if (values.contains("wait-device") && device->type->find("wait") != nullptr)
     device->values["wait"] = values.at("wait-device");
-  if (mode == ChannelMode::record) device = recorded(values, std::move(*device));
+  device = with_faults_of(values, std::move(*device));
+  if (device && mode == ChannelMode::record) device = recorded(values, std::move(*device));
   if (!device) return in_option("device", device.error());
   Result<PortSpec> read = PortSpec::read(std::move(*device));
   if (!read) return in_option("device", read.error());
@@ -206,6 +258,8 @@ std::string_view to_string(ChannelMode mode) {
       return "record";
     case ChannelMode::replay:
       return "replay";
+    case ChannelMode::drive:
+      return "drive";
     case ChannelMode::bridge:
       break;
   }
@@ -241,15 +295,20 @@ std::vector<OptionSpec> channel_options(ChannelMode mode) {
       options.insert(options.begin(), {kDevice, kDriver, kTape});
       options.push_back(kConnections);
       options.push_back(kWaitDevice);
+      std::ranges::copy(fault_options(), std::back_inserter(options));
       return options;
     case ChannelMode::replay:
-      options = replay_options();
+      options = replay_options(ReplayUse::verb);
       options.insert(options.begin(), {kTape, kDriver, kConnections});
       return options;
+    case ChannelMode::drive:
+      return drive_options();
     case ChannelMode::bridge:
       break;
   }
-  return {kDevice, kDriver, kConnections, kWaitDevice};
+  options = {kDevice, kDriver, kConnections, kWaitDevice};
+  std::ranges::copy(fault_options(), std::back_inserter(options));
+  return options;
 }
 
 ReadChannel read_channel(const ChannelSpec& spec) {
@@ -263,6 +322,10 @@ ReadChannel read_channel(const ChannelSpec& spec) {
     read.device = take(replay_device(values, *read.driver), "", read.problems);
   if (!replays && values.contains("device") && (values.contains("tape") || spec.mode == ChannelMode::bridge))
     read.device = take(live_device(values, spec.mode), "device", read.problems);
+  if (spec.mode == ChannelMode::drive && values.contains("tape")) {
+    read.driver = take(replay_driver(values), "", read.problems);
+    if (read.driver && read.device) keep_line(*read.driver, *read.device);
+  }
   read.each_connection = is_each(values);
   if (read.driver && read.device && values.contains("connections")) {
     Result<void> good = check_connections(*read.driver, *read.device, read.each_connection);
@@ -274,7 +337,8 @@ ReadChannel read_channel(const ChannelSpec& spec) {
 Result<ChannelPorts> channel_ports(const ChannelSpec& spec) {
   ChannelSpec named = spec;
   const auto tape = named.values.find("tape");
-  const bool replays = spec.mode == ChannelMode::replay && tape != named.values.end();
+  const bool plays = spec.mode == ChannelMode::replay || spec.mode == ChannelMode::drive;
+  const bool replays = plays && tape != named.values.end();
   const Result<TapePaths> found = replays ? find_tape(tape->second) : Result<TapePaths>(TapePaths());
   // Of a group the first tape may be missing.
   const bool group =

@@ -10,8 +10,9 @@
 
 namespace porttape {
 
-// What a channel does; also the verb of the daemon that makes one.
-enum class ChannelMode { record, replay, bridge };
+// What a channel does; also the verb that makes one: of the daemon, and `drive`, a tape in the driver's
+// place, of the tool.
+enum class ChannelMode { record, replay, bridge, drive };
 std::string_view to_string(ChannelMode mode);
 
 // Whose an option is that `mode` has not, as a message: another mode's, or a port's. Nothing where nobody has

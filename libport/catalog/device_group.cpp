@@ -190,8 +190,6 @@ class TapedDevices final : public DeviceGroup, private Nobody {
   std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
 };
 
-Error usage(std::string message) { return make_error(Errc::usage, std::move(message)); }
-
 }  // namespace
 
 std::vector<TapePaths> tapes_of_group(const TapePaths& first) {
@@ -211,7 +209,7 @@ std::unique_ptr<DeviceGroup> make_device_group(const PortContext& context, const
 Result<void> check_connections(const PortSpec& driver, const PortSpec& device, bool each) {
   const bool listens = driver.written().flag("listen") && !driver.type().keeps_datagrams;
   if (!listens) {
-    return usage(
+    return usage_error(
         fmt::format("option 'connections' is for a driver's port that listens for connections "
                     "(tcp-listen:, unix-listen:); {} does not",
                     driver.name()));
@@ -221,13 +219,13 @@ Result<void> check_connections(const PortSpec& driver, const PortSpec& device, b
   const RecordingOptions* const recording = device.get<RecordingOptions>();
   const PortSpec& live = recording != nullptr ? recording->inner : device;
   if (live.type().exclusive) {
-    return usage(
+    return usage_error(
         fmt::format("option 'connections': 'each' gives every connection a device's port of its own, "
                     "and {} can be open once; take one",
                     live.name()));
   }
   for (const auto& [kind, where] : live.type().claims(live)) {
-    return usage(
+    return usage_error(
         fmt::format("option 'connections': 'each' gives every connection a device's port of its own, "
                     "and only one can have the {} {}; take one, or another port",
                     kind, where));

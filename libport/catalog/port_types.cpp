@@ -3,6 +3,7 @@
 #include <utility>
 #include <vector>
 
+#include "libport/faults/types.hpp"
 #include "libport/net/types.hpp"
 #include "libport/taped/types.hpp"
 #include "libport/tty/types.hpp"
@@ -11,10 +12,11 @@ namespace porttape {
 namespace {
 
 // A wrapper for all ports goes around each before those that record are made, so that it stands between the
-// tape and the device.
+// tape and the device. What a driver writes to a tape is to be what it wrote, where nothing else is said.
 std::vector<PortType> all_types() {
-  std::vector<PortType> types = {serial_type(), pty_type(), logreader_type(),
-                                 tcp_type(),    udp_type(), unix_type()};
+  std::vector<PortType> types = {
+      with_faults(serial_type()), with_faults(pty_type()), with_faults(logreader_type(), LineDir::r),
+      with_faults(tcp_type()),    with_faults(udp_type()), with_faults(unix_type())};
   for (std::size_t n = 0, plain = types.size(); n < plain; ++n) {
     if (!types[n].recorded_as.empty()) types.push_back(recording_type(types[n]));
   }

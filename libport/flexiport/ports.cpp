@@ -48,10 +48,30 @@ Options documented(Options options) {
   return options;
 }
 
+// A serial port is one with a tape of it, or a tape in its place, where its options say so.
+std::string serial_type(const Options& options) {
+  const auto type = options.find("type");
+  const bool with_tape =
+      type != options.end() && (type->second == "seriallog" || type->second == "logreader");
+  return with_tape ? type->second : "serial";
+}
+
+Options serial_options(Options options) {
+  const std::string type = serial_type(options);
+  return type == "seriallog"   ? replacing(std::move(options))
+         : type == "logreader" ? documented(std::move(options))
+                               : options;
+}
+
+constexpr unsigned kDefaultBaud = 9600;
+
 }  // namespace
 
-SerialPort::SerialPort(std::map<std::string, std::string> options) : BackedPort("serial", "serial", options) {
-  options["type"] = "serial";
+SerialPort::SerialPort(std::map<std::string, std::string> options)
+    : BackedPort("serial", serial_type(options), serial_options(options)), _baud(kDefaultBaud) {
+  const std::string type = serial_type(options);
+  if (type == "logreader") return;  // whose tape is read when it is opened
+  options["type"] = type;
   const porttape::Result<porttape::PortOptions> known = porttape::check_options(std::move(options));
   if (!known) raise(known.error());
   _baud = static_cast<unsigned>(known->integer("baud"));

@@ -1,5 +1,6 @@
 #include "libport/loop/fd_watch.hpp"
 
+#include <algorithm>
 #include <array>
 #include <poll.h>
 #include <utility>
@@ -22,13 +23,14 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
     bool waiting = false;
   };
 
-  State(Loop& owner, int fd, Callback on_readable, Callback on_writable)
+  State(Loop& owner, int fd, Callback on_readable, Callback on_writable, Callback on_hang_up)
       : loop(&owner),
         fence(owner.fence()),
         descriptor(owner.io()),
         number(fd),
         sides{Side{Descriptor::wait_read, std::move(on_readable)},
-              Side{Descriptor::wait_write, std::move(on_writable)}} {
+              Side{Descriptor::wait_write, std::move(on_writable)},
+              Side{Descriptor::wait_error, std::move(on_hang_up)}} {
     boost::system::error_code refused;
     descriptor.assign(fd, refused);
     if (refused) look_timer = std::make_unique<Timer>(owner, [this] { look(); });
@@ -62,12 +64,14 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
     const auto self = shared_from_this();
     pollfd now{number, POLLIN | POLLOUT, 0};
     const bool there = ::poll(&now, 1, 0) > 0;
-    const std::array<int, 2> events = {POLLIN | POLLHUP | POLLERR, POLLOUT | POLLHUP | POLLERR};
+    const std::array<int, 3> events = {POLLIN | POLLHUP | POLLERR, POLLOUT | POLLHUP | POLLERR,
+                                       POLLHUP | POLLERR};
     for (std::size_t index = 0; index < sides.size(); ++index) {
       if (there && (now.revents & events[index]) != 0 && sides[index].wanted && !gone)
         sides[index].callback();
     }
-    if (!gone && (sides[0].wanted || sides[1].wanted)) look_timer->set_after(kLook);
+    const bool wanted = std::ranges::any_of(sides, &Side::wanted);
+    if (!gone && wanted) look_timer->set_after(kLook);
   }
 
   void stop() {
@@ -84,12 +88,13 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
   Descriptor descriptor;
   int number;
   std::unique_ptr<Timer> look_timer;
-  std::array<Side, 2> sides;
+  std::array<Side, 3> sides;
   bool gone = false;
 };
 
-FdWatch::FdWatch(Loop& loop, int fd, Callback on_readable, Callback on_writable)
-    : state_(std::make_shared<State>(loop, fd, std::move(on_readable), std::move(on_writable))) {}
+FdWatch::FdWatch(Loop& loop, int fd, Callback on_readable, Callback on_writable, Callback on_hang_up)
+    : state_(std::make_shared<State>(loop, fd, std::move(on_readable), std::move(on_writable),
+                                     std::move(on_hang_up))) {}
 
 FdWatch::~FdWatch() { stop(); }
 
@@ -100,5 +105,6 @@ void FdWatch::stop() {
 
 void FdWatch::watch_readable(bool on) { state_->watch(0, on); }
 void FdWatch::watch_writable(bool on) { state_->watch(1, on); }
+void FdWatch::watch_hang_up(bool on) { state_->watch(2, on); }
 
 }  // namespace porttape

@@ -19,13 +19,15 @@ class FdWatch {
   using Callback = std::function<void()>;
   static constexpr Nanos kLook = std::chrono::milliseconds(10);
 
-  FdWatch(Loop& loop, int fd, Callback on_readable, Callback on_writable = {});
+  FdWatch(Loop& loop, int fd, Callback on_readable, Callback on_writable = {}, Callback on_hang_up = {});
   ~FdWatch();
   FdWatch(const FdWatch&) = delete;
   FdWatch& operator=(const FdWatch&) = delete;
 
   void watch_readable(bool on);
   void watch_writable(bool on);
+  // For one that is not read: a hang-up or an error also makes it readable.
+  void watch_hang_up(bool on);
 
   // Ends the watch for good: the descriptor may be closed afterwards.
   void stop();

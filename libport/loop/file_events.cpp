@@ -17,7 +17,9 @@ namespace {
 
 constexpr std::uint32_t kFileMask = IN_OPEN | IN_CLOSE;
 // IN_ATTRIB: udev gives a new node its permissions after making it.
-constexpr std::uint32_t kFolderMask = IN_CREATE | IN_MOVED_TO | IN_ATTRIB;
+constexpr std::uint32_t kFolderMask = IN_CREATE | IN_MOVED_TO | IN_DELETE | IN_MOVED_FROM | IN_ATTRIB;
+// The kernel watches no more: the folder is gone, or its file system.
+constexpr std::uint32_t kFolderGone = IN_IGNORED | IN_UNMOUNT;
 
 }  // namespace
 
@@ -25,8 +27,9 @@ struct FileEvents::Entry {
   FileEvents* owner;  // null once it is gone
   std::string path;
   std::uint32_t mask;
-  int number = -1;  // the kernel's; -1: refused
-  int parent = -1;  // that of its folder, which keeps it exact
+  std::string name = {};  // of a folder's: what is watched there
+  int number = -1;        // the kernel's; -1: refused
+  int parent = -1;        // that of its folder, which keeps it exact
   std::vector<Event> events = {};
   std::function<void()> callback = {};
   std::shared_ptr<Fence> fence = {};  // of the one who watches
@@ -45,6 +48,7 @@ FileEvents::Watch::~Watch() {
 
 void FileEvents::Watch::on_event(std::function<void()> callback) { entry_->callback = std::move(callback); }
 bool FileEvents::Watch::exact() const { return entry_->parent >= 0; }
+bool FileEvents::Watch::is_watching() const { return entry_->number >= 0; }
 
 std::vector<FileEvents::Event> FileEvents::Watch::take() {
   entry_->owner->gather();
@@ -72,8 +76,9 @@ std::unique_ptr<FileEvents::Watch> FileEvents::watch_file(const std::string& pat
   return std::make_unique<Watch>(std::move(entry));
 }
 
-std::unique_ptr<FileEvents::Watch> FileEvents::watch_folder(const std::string& path) {
-  auto entry = std::make_shared<Entry>(Entry{.owner = this, .path = path, .mask = kFolderMask});
+std::unique_ptr<FileEvents::Watch> FileEvents::watch_folder(const std::string& path,
+                                                            const std::string& name) {
+  auto entry = std::make_shared<Entry>(Entry{.owner = this, .path = path, .mask = kFolderMask, .name = name});
   add(entry);
   return std::make_unique<Watch>(std::move(entry));
 }
@@ -164,7 +169,8 @@ void FileEvents::gather() {
     for (std::size_t at = 0; at < static_cast<std::size_t>(size);) {
       inotify_event event{};
       std::memcpy(&event, buffer.data() + at, sizeof event);
-      distribute(event.wd, event.mask);
+      const char* const name = buffer.data() + at + sizeof event;  // padded with zeros
+      distribute(event.wd, event.mask, {name, ::strnlen(name, event.len)});
       at += sizeof event + event.len;
     }
     // One that is not nearly full has left nothing behind.
@@ -172,17 +178,20 @@ void FileEvents::gather() {
   }
 }
 
-void FileEvents::distribute(int wd, std::uint32_t mask) {
+void FileEvents::distribute(int wd, std::uint32_t mask, std::string_view name) {
   if ((mask & IN_Q_OVERFLOW) != 0) {
     lose();
     return;
   }
   const auto [begin, end] = by_number_.equal_range(wd);
   for (auto known = begin; known != end; ++known) {
-    const std::uint32_t wanted = mask & known->second->mask;
+    const Entry& entry = *known->second;
+    const std::uint32_t wanted = mask & entry.mask;
     if ((wanted & IN_OPEN) != 0) pend(known->second, Event::opened);
     if ((wanted & IN_CLOSE) != 0) pend(known->second, Event::closed);
-    if ((wanted & kFolderMask) != 0) pend(known->second, Event::changed);
+    if (entry.mask != kFolderMask) continue;
+    const bool named = (wanted & kFolderMask) != 0 && (name.empty() || name == entry.name);
+    if (named || (mask & kFolderGone) != 0) pend(known->second, Event::changed);
   }
 }
 
@@ -215,7 +224,11 @@ void FileEvents::on_poll() {
   for (const std::shared_ptr<Entry>& entry : entries_) {
     if (entry->number >= 0) continue;
     if (begins) watch(entry);
-    if (entry->mask != kFileMask) continue;
+    if (entry->mask == kFolderMask) {
+      if (begins) pend(entry, Event::unknown);  // what came before
+      unwatched = unwatched || early;
+      continue;
+    }
     unwatched = unwatched || entry->number < 0;
     pend(entry, Event::unknown);
   }

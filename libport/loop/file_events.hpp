@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "libport/base/unique_fd.hpp"
@@ -13,8 +14,8 @@
 
 namespace porttape {
 
-// Tells when programs open and close files and when folders change, for all ports of a loop by one inotify
-// descriptor, which is there while anything is watched.
+// Tells when programs open and close files and when names in folders change, for all ports of a loop by one
+// inotify descriptor, which is there while anything is watched.
 //
 // The kernel merges an event with the one before it when they are equal, which would hide that a file was
 // opened twice. So the folder of a file whose opens count is watched too: each open and close is then two
@@ -47,6 +48,8 @@ class FileEvents {
     std::vector<Event> take();
     // Whether each open and close is told.
     [[nodiscard]] bool exact() const;
+    // False: the file is not there, or inotify is refused.
+    [[nodiscard]] bool is_watching() const;
     // Runs `visit`, which opens and closes the file itself; that is not told.
     void unnoticed(const std::function<void()>& visit);
 
@@ -61,8 +64,9 @@ class FileEvents {
 
   // Tells `opened` and `closed` of one file.
   std::unique_ptr<Watch> watch_file(const std::string& path);
-  // Tells `changed` when a name appears in a folder or one's permissions change. Silent where refused.
-  std::unique_ptr<Watch> watch_folder(const std::string& path);
+  // Tells `changed` when that name appears in a folder, leaves it or gets other permissions, and when the
+  // folder itself goes. Silent where refused.
+  std::unique_ptr<Watch> watch_folder(const std::string& path, const std::string& name);
 
   // For a loop that may end soon: no inotify before so much time has passed, since the kernel takes some 15
   // ms to take it back. Until then the watches of files are told `unknown` every kQuickPoll. Call before the
@@ -84,7 +88,7 @@ class FileEvents {
   void watch(const std::shared_ptr<Entry>& entry);
   void refused(const std::string& path, int error_number);
   void gather();
-  void distribute(int wd, std::uint32_t mask);
+  void distribute(int wd, std::uint32_t mask, std::string_view name);
   void pend(const std::shared_ptr<Entry>& entry, Event event);
   void wake();
   void wake_soon();

@@ -16,6 +16,7 @@
 
 #include "libport/loop/file_events.hpp"
 #include "libport/loop/sampler.hpp"
+#include "libport/loop/urgent_events.hpp"
 
 namespace porttape {
 namespace {
@@ -153,6 +154,11 @@ FileEvents& Loop::file_events() {
 Sampler& Loop::sampler() {
   if (!sampler_) within(nullptr, [this] { sampler_ = std::make_unique<Sampler>(*this); });
   return *sampler_;
+}
+
+UrgentEvents& Loop::urgent_events() {
+  if (!urgent_events_) urgent_events_ = std::make_unique<UrgentEvents>();
+  return *urgent_events_;
 }
 
 void Loop::post(std::function<void()> task) { boost::asio::post(*io_, fenced(std::move(task))); }

@@ -22,6 +22,7 @@ namespace porttape {
 
 class FileEvents;
 class Sampler;
+class UrgentEvents;
 
 // The event loop that ports live on: one thread, the one that calls run(). Owns the io_context; outlives
 // every port on it.
@@ -67,6 +68,7 @@ class Loop {
   // What all ports of the loop share; made when first asked for.
   FileEvents& file_events();
   Sampler& sampler();
+  UrgentEvents& urgent_events();
 
   // The latest stalls of run(): a handler that took longer than StallWatch::kShortest, a timer that came so
   // late. Those that ended after `moment`, oldest first.
@@ -107,6 +109,7 @@ class Loop {
   std::shared_ptr<Gate> gate_;
   std::unique_ptr<FileEvents> file_events_;
   std::unique_ptr<Sampler> sampler_;
+  std::unique_ptr<UrgentEvents> urgent_events_;
   Workers workers_;
 };
 

@@ -12,8 +12,20 @@ void Sampler::add(const void* owner, std::function<void()> look) {
   const Instant now = Loop::now();
   std::shared_ptr<Member>& member = members_[owner];
   if (member) member->removed = true;  // its look may be what calls this
-  member = std::make_shared<Member>(Member{std::move(look), loop_->fence(), now + kYoung});
-  if (!timer_.due() || *timer_.due() > now + kQuick) timer_.set(now + kQuick);
+  member = std::make_shared<Member>(Member{std::move(look), loop_->fence(), now + kYoung, now});
+  look_within(kQuick);
+}
+
+void Sampler::touch(const void* owner) {
+  const auto member = members_.find(owner);
+  if (member == members_.end()) return;
+  member->second->active_until = Loop::now() + kActive;
+  look_within(kSlow);
+}
+
+void Sampler::look_within(Nanos time) {
+  const Instant at = Loop::now() + time;
+  if (!timer_.due() || *timer_.due() > at) timer_.set(at);
 }
 
 void Sampler::remove(const void* owner) {
@@ -26,16 +38,20 @@ void Sampler::remove(const void* owner) {
 
 void Sampler::on_timer() {
   const Instant now = Loop::now();
-  const bool everyone = now >= next_slow_;
-  if (everyone) next_slow_ = now + kSlow;
-  bool young = false;
+  const bool everyone = now >= next_rare_;
+  const bool the_active = everyone || now >= next_slow_;
+  if (everyone) next_rare_ = now + kRarely;
+  if (the_active) next_slow_ = now + kSlow;
+  Instant next = next_rare_;
   std::vector<std::shared_ptr<Member>> round;
   for (const auto& [owner, member] : members_) {
-    const bool is_young = now < member->young_until;
-    young = young || is_young;
-    if (everyone || is_young) round.push_back(member);
+    const bool young = now < member->young_until;
+    const bool active = now < member->active_until;
+    if (young) next = std::min(next, now + kQuick);
+    if (active) next = std::min(next, next_slow_);
+    if (everyone || young || (active && the_active)) round.push_back(member);
   }
-  timer_.set(young ? std::min(next_slow_, now + kQuick) : next_slow_);
+  timer_.set(next);
   for (const auto& member : round) {
     if (!member->removed) loop_->within(member->fence, member->look);
   }

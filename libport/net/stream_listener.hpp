@@ -49,6 +49,7 @@ class StreamListener {
 
   static constexpr Nanos kSettling = std::chrono::milliseconds(20);
   static constexpr std::size_t kMostWaiting = 16;
+  static constexpr int kBacklog = 128;  // of the socket, for listen()
 
   // `name` is for messages; `owner` must outlive the listener.
   StreamListener(const PortContext& context, Owner& owner, std::string name, UniqueFd fd);

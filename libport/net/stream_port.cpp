@@ -33,7 +33,7 @@ StreamPort::StreamPort(const PortContext& context, const CommonOptions& common, 
       given_(std::move(given)),
       was_given_(given_.get() >= 0),
       retry_timer_(*context.loop, [this] { connect(); }),
-      retry_delay_(kFirstRetry) {}
+      retry_wait_(kFirstRetry, kLongestRetry) {}
 
 StreamPort::~StreamPort() {
   if (given_) reset_connection(std::move(given_));  // nobody wanted it
@@ -79,7 +79,7 @@ void StreamPort::close() {
   if (!always_open()) {
     connector_.reset();
     retry_timer_.cancel();
-    retry_delay_ = kFirstRetry;
+    retry_wait_.reset();
     drop_line(true);
   } else if (line_) {
     dropped(line_->drop_unsent(), "they were not sent");
@@ -92,16 +92,13 @@ void StreamPort::connect() {
   connect_to_peer(*connector_);
 }
 
-void StreamPort::retry_later() {
-  retry_timer_.set_after(retry_delay_);
-  retry_delay_ = std::min(retry_delay_ * 2, kLongestRetry);
-}
+void StreamPort::retry_later() { retry_timer_.set_after(retry_wait_.next()); }
 
 void StreamPort::connected(Result<UniqueFd> result) {
   connector_.reset();
   if (!result && keeps_trying()) {
-    context_.log->log(retry_delay_ == kFirstRetry ? spdlog::level::warn : spdlog::level::debug,
-                      "{}; trying again", result.error().message);
+    context_.log->log(retry_wait_.is_first() ? spdlog::level::warn : spdlog::level::debug, "{}; trying again",
+                      result.error().message);
     retry_later();
     return;
   }
@@ -109,7 +106,6 @@ void StreamPort::connected(Result<UniqueFd> result) {
     if (opened_) listener().on_down({.reason = LineDown::Reason::failed, .error = result.error()});
     return;
   }
-  retry_delay_ = kFirstRetry;
   begin_line(std::move(*result));
   if (std::exchange(interrupted_, false)) listener().on_resumed();
   if (!opened_ || up_) return;
@@ -143,6 +139,7 @@ void StreamPort::begin_line(UniqueFd fd) {
   StreamLine::Owner& owner = *this;
   line_ = std::make_unique<StreamLine>(*context_.loop, owner, side, name(), std::move(fd));
   line_->set_reading(reading_);
+  line_began_ = Loop::now();
 }
 
 void StreamPort::write(ByteView data) {
@@ -186,6 +183,7 @@ void StreamPort::read_pending() {
 }
 
 void StreamPort::line_data(ByteView data) {
+  retry_wait_.reset();
   if (common_.reads) {
     listener().on_data(data);
   } else {
@@ -233,6 +231,7 @@ void StreamPort::line_over(const LineDown& down) {
   context_.log->debug("{}: disconnected", name());
   if (always_open() && down.reason != LineDown::Reason::hung_up) {
     interrupted_ = true;
+    if (Loop::now() - line_began_ >= kLineHeld) retry_wait_.reset();
     retry_later();
     listener().on_interrupted(down);
     return;

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "libport/base/unique_fd.hpp"
+#include "libport/loop/backoff.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/net/connector.hpp"
 #include "libport/net/stream_line.hpp"
@@ -125,8 +126,9 @@ class StreamPort : public Port,
   const bool was_given_;
   std::unique_ptr<Connector> connector_;
   std::unique_ptr<StreamLine> line_;
-  Timer retry_timer_;  // the next connection attempt
-  Nanos retry_delay_;
+  Timer retry_timer_;   // the next connection attempt
+  Backoff retry_wait_;  // a peer that closes at once is not called at once again
+  Instant line_began_{};
   bool opened_ = false;
   bool up_ = false;           // on_up was told, on_down not yet
   bool interrupted_ = false;  // on_interrupted was told, on_resumed not yet

@@ -15,7 +15,6 @@
 namespace porttape {
 namespace {
 
-constexpr int kBacklog = 128;
 // A peer that has vanished without a word is noticed after a minute and a half.
 constexpr int kKeepIdle = 60;  // s
 constexpr int kKeepInterval = 10;
@@ -36,12 +35,12 @@ std::pair<UniqueFd, int> listener_at(const SocketAddress& address) {
   if (!fd) return {UniqueFd(), errno};
   set(fd.get(), SOL_SOCKET, SO_REUSEADDR, 1);
   if (address.family() == AF_INET6) set(fd.get(), IPPROTO_IPV6, IPV6_V6ONLY, 0);
-  if (::bind(fd.get(), address.get(), address.size) != 0 || ::listen(fd.get(), kBacklog) != 0)
+  if (::bind(fd.get(), address.get(), address.size) != 0 || ::listen(fd.get(), StreamListener::kBacklog) != 0)
     return {UniqueFd(), errno};
   return {std::move(fd), 0};
 }
 
-const char* advice_for(int error_number) {
+const char* listen_advice(int error_number) {
   switch (error_number) {
     case EADDRINUSE:
       return "another program listens there; choose another port";
@@ -96,7 +95,7 @@ Result<UniqueFd> TcpPort::make_listener() {
   }
   return make_error(Errc::usage,
                     fmt::format("cannot listen on {}: {}; {}", host_and_port(host, options_.port),
-                                errno_text(error), advice_for(error)));
+                                errno_text(error), listen_advice(error)));
 }
 
 void TcpPort::connect_to_peer(Connector& connector) { connector.to_host(options_.host, options_.port); }

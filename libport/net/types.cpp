@@ -18,8 +18,6 @@ using Claims = std::vector<PortType::Claim>;
 
 constexpr double kMaxPort = 65535;  // 0 is for the listening ones
 
-Error usage(std::string message) { return make_error(Errc::usage, std::move(message)); }
-
 std::uint16_t port_number(const PortOptions& written, const std::string& option) {
   return static_cast<std::uint16_t>(written.integer(option));
 }
@@ -31,7 +29,7 @@ StreamOptions stream_options(const PortOptions& written) {
 Result<TcpOptions> tcp_options(const PortOptions& written) {
   TcpOptions options{written.text("ip"), port_number(written, "port"), stream_options(written)};
   if (options.port == 0 && !options.stream.listen)
-    return usage("option 'port': '0' is not valid; accepted: a whole number from 1 to 65535");
+    return usage_error("option 'port': '0' is not valid; accepted: a whole number from 1 to 65535");
   return options;
 }
 
@@ -49,7 +47,7 @@ Result<UdpOptions> udp_options(const PortOptions& written) {
 
 Result<UnixOptions> unix_options(const PortOptions& written) {
   const std::string path = written.text("path");
-  if (path.empty()) return usage("option 'path' is missing; accepted: the path of a socket");
+  if (path.empty()) return usage_error("option 'path' is missing; accepted: the path of a socket");
   if (const Result<SocketAddress> address = unix_address(path); !address) return address.error();
   const Result<unsigned> mode = written.mode("mode");
   if (!mode) return mode.error();

@@ -22,7 +22,7 @@ namespace porttape {
 namespace {
 
 constexpr int kReadsATurn = 32;
-constexpr std::uint64_t kMostDiscarded = 65536;
+constexpr std::uint64_t kMostReadAway = 65536;
 constexpr int kMostPending = 4096;
 constexpr int kReceiveBuffer = 1 << 20;  // the kernel drops what does not fit, and counts it (SO_RXQ_OVFL)
 // A line that was hung up (its device cannot be reached, say) comes up for the next datagram after this.
@@ -154,7 +154,7 @@ void UdpPort::discard_old() {
 UdpPort::Waiting UdpPort::read_away() {
   const std::span<Byte> buffer = context_.loop->read_buffer();
   Waiting waiting;
-  while (waiting.datagrams < kMostDiscarded) {
+  while (waiting.datagrams < kMostReadAway) {
     const ssize_t size = ::recv(fd_.get(), buffer.data(), buffer.size(), 0);
     if (size < 0) break;
     ++waiting.datagrams;

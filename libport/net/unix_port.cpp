@@ -17,8 +17,6 @@
 namespace porttape {
 namespace {
 
-constexpr int kBacklog = 128;
-
 UniqueFd make_socket(int type = SOCK_STREAM) {
   return UniqueFd(::socket(AF_UNIX, type | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
 }
@@ -82,7 +80,7 @@ Result<UniqueFd> UnixPort::make_listener() {
   if (!fd || ::fchmod(fd.get(), mode_) != 0 || ::bind(fd.get(), address->get(), address->size) != 0)
     return cannot_make(path_, errno);
   // At once: who finds the file may connect.
-  const int error = ::listen(fd.get(), kBacklog) == 0 ? 0 : errno;
+  const int error = ::listen(fd.get(), StreamListener::kBacklog) == 0 ? 0 : errno;
   if (Result<void> own = own_node(); !own) return own.error();
   if (error != 0) return cannot_make(path_, error);
   context_.log->info("listening on {}", path_);

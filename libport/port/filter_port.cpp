@@ -16,7 +16,7 @@ FilterPort::FilterPort(const PortContext& context, std::unique_ptr<Port> inner)
     : ForwardingPort(std::move(inner)),
       in_(*context.loop,
           {.open = [this](bool) { return reading_; },
-           .pass = [this](ByteView data) { ForwardingPort::on_data(data); },
+           .pass = [this](ByteView data) { pass(data); },
            .given_up = [this](std::size_t bytes) { drop(bytes, "nobody read them before the line broke"); },
            .less = [this] { let_inner_read(); }}),
       out_(*context.loop,
@@ -30,6 +30,7 @@ FilterPort::FilterPort(const PortContext& context, std::unique_ptr<Port> inner)
                 }}) {}
 
 void FilterPort::close() {
+  pass_together();
   ++closes_;
   ForwardingPort::close();
   for (Lane* lane : {&out_, &in_}) drop_held(*lane, "they were held back when the line was closed");
@@ -42,7 +43,7 @@ void FilterPort::finish() {
 }
 
 void FilterPort::drop_held(Lane& lane, std::string_view why) {
-  if (const std::size_t bytes = lane.drop(); bytes > 0) drop(bytes, why);
+  if (const std::size_t bytes = lane.drop(); bytes > 0) lose_held(bytes, why);
 }
 
 void FilterPort::deliver(ByteView arrival, Instant due) {
@@ -52,13 +53,26 @@ void FilterPort::deliver(ByteView arrival, Instant due) {
 
 void FilterPort::on_arrivals(ByteView data, std::span<const std::size_t> ends) {
   const unsigned session = closes_;
+  together_.emplace();
   for_each_arrival(data, ends, [&](ByteView arrival) {
     if (session == closes_) {
       incoming(arrival);
     } else {
-      drop(arrival.size(), "the line was closed before them");
+      lose_held(arrival.size(), "the line was closed before them");
     }
   });
+  pass_together();
+}
+
+void FilterPort::pass(ByteView data) {
+  if (!together_) return ForwardingPort::on_data(data);
+  together_->data.insert(together_->data.end(), data.begin(), data.end());
+  together_->ends.push_back(together_->data.size());
+}
+
+void FilterPort::pass_together() {
+  const std::optional<Together> all = std::exchange(together_, std::nullopt);
+  if (all && !all->ends.empty()) ForwardingPort::on_arrivals(all->data, all->ends);
 }
 
 void FilterPort::set_reading(bool on) {
@@ -113,8 +127,8 @@ void FilterPort::on_flush(FlushQueue queue) {
   in_.put([this, queue] { ForwardingPort::on_flush(queue); });
 }
 
-void FilterPort::on_settings(const SeenSettings& settings) {
-  in_.put([this, settings] { ForwardingPort::on_settings(settings); });
+void FilterPort::on_settings(const SeenSettings& settings, SettingsOrder order) {
+  in_.put([this, settings, order] { ForwardingPort::on_settings(settings, order); });
 }
 
 // A replay that is over has its last bytes behind what is held; a tape that must not fail has no time.
@@ -146,6 +160,10 @@ void FilterPort::peer_flushed(FlushQueue queue) {
   out_.put([this, queue] { ForwardingPort::peer_flushed(queue); });
 }
 
+void FilterPort::peer_set(const SeenSettings& settings, SettingsOrder order) {
+  out_.put([this, settings, order] { ForwardingPort::peer_set(settings, order); });
+}
+
 void FilterPort::on_drained() {
   if (out_.empty()) {
     ForwardingPort::on_drained();
@@ -172,6 +190,11 @@ Result<void> FilterPort::apply(const LineSettings& settings) {
 std::optional<std::size_t> FilterPort::unread_by_peer() const {
   const std::optional<std::size_t> unread = ForwardingPort::unread_by_peer();
   return unread ? std::optional(*unread + out_.bytes()) : std::nullopt;
+}
+
+std::optional<std::size_t> FilterPort::unread() const {
+  const std::optional<std::size_t> unread = ForwardingPort::unread();
+  return unread ? std::optional(*unread + in_.bytes()) : std::nullopt;
 }
 
 std::size_t FilterPort::write_some(ByteView data) {

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string_view>
+#include <vector>
 
 #include "libport/port/context.hpp"
 #include "libport/port/forwarding_port.hpp"
@@ -28,7 +29,8 @@ namespace porttape {
 //   breaks takes them with it, as the kernel's queue goes with a device.
 // - Held writes wait while the line is interrupted. They are dropped when it goes down, since they are not
 //   the next peer's, and at close() with all else.
-// What is dropped is told, except to the one who asks for it by discard().
+// What is dropped is told, except to the one who asks for it by discard(). Arrivals that came together and
+// are passed on at once stay together.
 //
 // A subclass breaks the line by hang_up(), or by close() and listener().on_down(). drop() is for what this
 // program loses; what shall look like a loss of the line's own is just not passed on.
@@ -39,7 +41,7 @@ class FilterPort : public ForwardingPort {
 
   FilterPort(const PortContext& context, std::unique_ptr<Port> inner);
 
-  void close() final;
+  void close() override;
   void write(ByteView data) final { outgoing(data); }
   [[nodiscard]] bool congested() const final { return !out_.empty() || ForwardingPort::congested(); }
   bool end_writing() final;
@@ -49,6 +51,7 @@ class FilterPort : public ForwardingPort {
   void hang_up(bool after_reading) final;
   void read_pending() final;
   void peer_flushed(FlushQueue queue) final;
+  void peer_set(const SeenSettings& settings, SettingsOrder order) final;
   void finish() final;
   // Always: bytes may be held here.
   [[nodiscard]] WaitingCalls* waiting() final { return this; }
@@ -61,29 +64,42 @@ class FilterPort : public ForwardingPort {
   void send(ByteView data, Instant due = {});
   // Bytes that will not be delivered or sent.
   void drop(std::uint64_t bytes, std::string_view why) { ForwardingPort::on_dropped(bytes, why); }
+  // So many held bytes go with the line.
+  virtual void lose_held(std::uint64_t bytes, std::string_view why) { drop(bytes, why); }
+
+  void on_up() override;
+  [[nodiscard]] std::optional<Instant> next_due() override;
 
  private:
+  // Arrivals that are passed on within one call of on_arrivals().
+  struct Together {
+    Bytes data;
+    std::vector<std::size_t> ends;
+  };
+
   void on_data(ByteView data) final { incoming(data); }
   void on_arrivals(ByteView data, std::span<const std::size_t> ends) final;
-  void on_up() final;
   void on_drained() final;
   void on_down(const LineDown& down) final;
   Answers on_ended() final;
   bool wants_rest() final;
+  [[nodiscard]] std::optional<std::size_t> unread() const final;
   void on_interrupted(const LineDown& down) final;
   void on_resumed() final;
   void on_flush(FlushQueue queue) final;
-  void on_settings(const SeenSettings& settings) final;
+  void on_settings(const SeenSettings& settings, SettingsOrder order) final;
   void on_finished(int exit_status) final;
 
   std::size_t write_some(ByteView data) final;
   [[nodiscard]] std::size_t unsent() final { return out_.bytes() + ForwardingPort::unsent(); }
   bool discard() final;
-  [[nodiscard]] std::optional<Instant> next_due() final;
 
+  void pass(ByteView data);
+  void pass_together();
   void let_inner_read();
   void drop_held(Lane& lane, std::string_view why);
 
+  std::optional<Together> together_;
   Lane in_;
   Lane out_;
   bool reading_ = true;

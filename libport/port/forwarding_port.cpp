@@ -25,9 +25,15 @@ void ForwardingPort::set_reading(bool on) { inner_->set_reading(on); }
 void ForwardingPort::hang_up(bool after_reading) { inner_->hang_up(after_reading); }
 void ForwardingPort::read_pending() { inner_->read_pending(); }
 void ForwardingPort::peer_flushed(FlushQueue queue) { inner_->peer_flushed(queue); }
+void ForwardingPort::peer_left_unread(std::uint64_t bytes) { inner_->peer_left_unread(bytes); }
+void ForwardingPort::peer_set(const SeenSettings& settings, SettingsOrder order) {
+  inner_->peer_set(settings, order);
+}
+void ForwardingPort::faulted(const LineFault& fault) { inner_->faulted(fault); }
 void ForwardingPort::finish() { inner_->finish(); }
 WaitingCalls* ForwardingPort::waiting() { return inner_->waiting() == nullptr ? nullptr : this; }
 Recorder* ForwardingPort::recorder() { return inner_->recorder(); }
+Playback* ForwardingPort::playback_control() { return inner_->playback_control(); }
 bool ForwardingPort::passive() const { return inner_->passive(); }
 bool ForwardingPort::keeps_datagrams() const { return inner_->keeps_datagrams(); }
 std::string ForwardingPort::name() const { return inner_->name(); }
@@ -45,14 +51,20 @@ void ForwardingPort::on_finished(int exit_status) { listener().on_finished(exit_
 void ForwardingPort::on_complete(int exit_status) { listener().on_complete(exit_status); }
 PortListener::Answers ForwardingPort::on_ended() { return listener().on_ended(); }
 bool ForwardingPort::half_closes() const { return listener().half_closes(); }
+std::optional<std::size_t> ForwardingPort::unread() const { return listener().unread(); }
 bool ForwardingPort::wants_rest() { return listener().wants_rest(); }
 void ForwardingPort::on_interrupted(const LineDown& down) { listener().on_interrupted(down); }
 void ForwardingPort::on_resumed() { listener().on_resumed(); }
 void ForwardingPort::on_flush(FlushQueue queue) { listener().on_flush(queue); }
-void ForwardingPort::on_settings(const SeenSettings& settings) { listener().on_settings(settings); }
+void ForwardingPort::on_settings(const SeenSettings& settings, SettingsOrder order) {
+  listener().on_settings(settings, order);
+}
+void ForwardingPort::on_left_unread(std::uint64_t bytes) { listener().on_left_unread(bytes); }
 void ForwardingPort::on_dropped(std::uint64_t bytes, std::string_view why) {
   listener().on_dropped(bytes, why);
 }
+
+void ForwardingPort::on_fault(const LineFault& fault) { listener().on_fault(fault); }
 
 std::size_t ForwardingPort::write_some(ByteView data) {
   if (WaitingCalls* const calls = inner_->waiting()) return calls->write_some(data);

@@ -35,10 +35,14 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   void hang_up(bool after_reading) override;
   void read_pending() override;
   void peer_flushed(FlushQueue queue) override;
+  void peer_set(const SeenSettings& settings, SettingsOrder order) override;
+  void peer_left_unread(std::uint64_t bytes) override;
+  void faulted(const LineFault& fault) override;
   void finish() override;
   // This, where the inner port has it.
   [[nodiscard]] WaitingCalls* waiting() override;
   [[nodiscard]] Recorder* recorder() override;
+  [[nodiscard]] Playback* playback_control() override;
   // What the inner port gives away would not be wrapped.
   [[nodiscard]] ConnectionSource* connections() override { return nullptr; }
   [[nodiscard]] bool passive() const override;
@@ -60,12 +64,15 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   void on_complete(int exit_status) override;
   Answers on_ended() override;
   [[nodiscard]] bool half_closes() const override;
+  [[nodiscard]] std::optional<std::size_t> unread() const override;
   bool wants_rest() override;
   void on_interrupted(const LineDown& down) override;
   void on_resumed() override;
   void on_flush(FlushQueue queue) override;
-  void on_settings(const SeenSettings& settings) override;
+  void on_settings(const SeenSettings& settings, SettingsOrder order) override;
+  void on_left_unread(std::uint64_t bytes) override;
   void on_dropped(std::uint64_t bytes, std::string_view why) override;
+  void on_fault(const LineFault& fault) override;
 
   // Where the inner port has none of them: what WaitingCalls says of such a port.
   std::size_t write_some(ByteView data) override;

@@ -11,9 +11,10 @@
 #include <utility>
 
 #include "libport/base/bytes.hpp"
+#include "libport/base/line_fault.hpp"
+#include "libport/base/line_settings.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
-#include "libport/port/line_settings.hpp"
 #include "libport/port/port_place.hpp"
 
 namespace porttape {
@@ -78,6 +79,9 @@ class PortListener {
   virtual Answers on_ended() { return Answers::none; }
   // Whether the session's other line has a half-close (has_half_close() of its port).
   [[nodiscard]] virtual bool half_closes() const { return false; }
+  // Bytes passed on that the program at the session's other line has not read yet; nothing where that is not
+  // known (unread_by_peer() of its port).
+  [[nodiscard]] virtual std::optional<std::size_t> unread() const { return std::nullopt; }
   // The peer is gone while it is not being read. True: what it has left will be read before long.
   virtual bool wants_rest() { return false; }
   // The line is interrupted, and the port brings it up again by itself (`alwaysopen`): the session goes on,
@@ -88,12 +92,16 @@ class PortListener {
   // written and was not sent, or both.
   virtual void on_flush(FlushQueue) {}
   // The peer has changed the settings of its line, or took others than apply() asked for.
-  virtual void on_settings(const SeenSettings&) {}
+  virtual void on_settings(const SeenSettings&, SettingsOrder) {}
+  // The peer has gone and left so many bytes unread; only where that is known. on_down() follows.
+  virtual void on_left_unread(std::uint64_t bytes) { (void)bytes; }
   // So many bytes, taken by write() or come from the peer, reached nobody.
   virtual void on_dropped(std::uint64_t bytes, std::string_view why) {
     (void)bytes;
     (void)why;
   }
+  // This was done to the line on purpose, by a wrapper of the port; the bytes concerned come next, if any do.
+  virtual void on_fault(const LineFault&) {}
 
  protected:
   ~PortListener() = default;
@@ -162,6 +170,43 @@ class Recorder {
 
  protected:
   ~Recorder() = default;
+};
+
+// What a user asks of a tape that plays, while it does.
+struct PlaybackRequest {
+  enum class Kind : std::uint8_t {
+    pause,   // the clock stands: nothing is delivered, nothing is late
+    resume,  // and goes on
+    step,    // while it stands: `exchanges` come at once
+    seek,    // the session goes on at `to` of the tape
+    rate     // from now on time runs `rate` times as fast
+  };
+  Kind kind = Kind::pause;
+  std::uint64_t exchanges = 1;
+  Micros to{};
+  double rate = 1;
+};
+
+// How a replay stands, for one who asks.
+struct PlaybackStatus {
+  bool paused = false;
+  double rate = 1;
+  // While a driver is there; times are the tape's.
+  std::optional<Micros> position = {};
+  std::uint64_t loop = 0;                  // 1-based
+  std::optional<std::uint64_t> loops = 1;  // nothing: for ever
+  std::optional<Micros> length = {};       // if it is known
+};
+
+// What plays a tape.
+class Playback {
+ public:
+  // Errc::usage: it cannot be done, or not now, with the reason.
+  virtual Result<void> request(const PlaybackRequest& what) = 0;
+  [[nodiscard]] virtual PlaybackStatus playback() = 0;
+
+ protected:
+  ~Playback() = default;
 };
 
 class Port;
@@ -242,6 +287,15 @@ class Port {
   // The program at the line's other end has dropped bytes of its own line. For a port with a tape, and one
   // that plays one.
   virtual void peer_flushed(FlushQueue) {}
+  // The same program has made its line so, as far as that is seen. Whether the device's line follows is
+  // apply()'s. For a port with a tape, and one that plays one.
+  virtual void peer_set(const SeenSettings&, SettingsOrder) {}
+
+  // The program at the line's other end has gone, and has not read so many bytes. For a port that plays a
+  // tape.
+  virtual void peer_left_unread(std::uint64_t bytes) { (void)bytes; }
+  // A wrapper of this port does so to the line, see PortListener::on_fault(). For a port that plays a tape.
+  virtual void faulted(const LineFault&) {}
 
   // The end of the program is near: completes what belongs to the session (tape, report). on_complete()
   // follows once, from within or later; a disk that does not answer delays it 10 s at most. The port may not
@@ -251,6 +305,7 @@ class Port {
   // What only some callers need, and only some ports have; null where it has nothing to do there.
   [[nodiscard]] virtual WaitingCalls* waiting() { return nullptr; }
   [[nodiscard]] virtual Recorder* recorder() { return nullptr; }
+  [[nodiscard]] virtual Playback* playback_control() { return nullptr; }
   [[nodiscard]] virtual ConnectionSource* connections() { return nullptr; }
 
   // Whether it waits for the next peer by itself when one has closed.

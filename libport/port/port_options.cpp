@@ -16,8 +16,6 @@
 namespace porttape {
 namespace {
 
-Error usage(std::string message) { return make_error(Errc::usage, std::move(message)); }
-
 Error in_port(std::string_view spec, const Error& error) {
   return make_error(error.code, fmt::format("port {}: {}", in_quotes(spec), error.message));
 }
@@ -41,7 +39,7 @@ Error unknown_type(const PortTypes& types, std::string_view name) {
   std::string end = other == kOtherNames.end() ? did_you_mean(name, known)
                                                : fmt::format("; did you mean '{}'?", other->second);
   if (end.empty()) end = "; accepted: " + types.names();
-  return usage(fmt::format("unknown type {}{}", in_quotes(name), end));
+  return usage_error(fmt::format("unknown type {}{}", in_quotes(name), end));
 }
 
 CommonOptions common_options_of(const PortOptions& written) {
@@ -75,8 +73,8 @@ Result<unsigned> PortOptions::mode(const std::string& option) const {
   const std::string value = text(option);
   const auto mode = whole_number<unsigned>(value, 8);
   if (!mode || value.size() > 4 || *mode > 0777) {
-    return usage(fmt::format("option '{}': {} is not valid; accepted: octal permissions like 0660", option,
-                             in_quotes(value)));
+    return usage_error(fmt::format("option '{}': {} is not valid; accepted: octal permissions like 0660",
+                                   option, in_quotes(value)));
   }
   return *mode;
 }
@@ -91,7 +89,8 @@ Result<PortOptions> parse_options(const PortTypes& types, std::string_view spec)
 
 Result<PortOptions> check_options(const PortTypes& types, OptionValues values) {
   const auto name = values.extract("type");
-  if (!name || name.mapped().empty()) return usage("option 'type' is missing; accepted: " + types.names());
+  if (!name || name.mapped().empty())
+    return usage_error("option 'type' is missing; accepted: " + types.names());
   const PortType* type = types.find(name.mapped());
   if (type == nullptr) return unknown_type(types, name.mapped());
   return check_options(PortOptions{type, std::move(values)});
@@ -142,10 +141,20 @@ std::string heading_of(const PortType& type) {
   return text;
 }
 
+// The options that every type has.
+std::vector<OptionSpec> options_of_all(const PortTypes& types) {
+  std::vector<OptionSpec> common = types.all().front().options;
+  std::erase_if(common, [&](const OptionSpec& option) {
+    return !std::ranges::all_of(types.all(),
+                                [&](const PortType& type) { return type.find(option.name) != nullptr; });
+  });
+  return common;
+}
+
 // The options that not all types have; of a type that records another, its own.
 std::vector<OptionSpec> own_options(const PortTypes& types, const PortType& type) {
   std::vector<OptionSpec> own = type.options;
-  const std::vector<OptionSpec> common = with_common({});
+  const std::vector<OptionSpec> common = options_of_all(types);
   const PortType* const recorded = type.records.empty() ? nullptr : types.find(type.records);
   std::erase_if(own, [&](const OptionSpec& option) {
     return std::ranges::find(common, option.name, &OptionSpec::name) != common.end() ||
@@ -167,7 +176,7 @@ std::string port_help(const PortTypes& types) {
     out += heading_of(type) + help_table(rows_of(own_options(types, type)));
     if (!type.records.empty()) out += fmt::format("  and the options of {}\n", type.records);
   }
-  return out + "\nevery type\n" + help_table(rows_of(with_common({})));
+  return out + "\nevery type\n" + help_table(rows_of(options_of_all(types)));
 }
 
 }  // namespace porttape

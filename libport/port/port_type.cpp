@@ -10,6 +10,7 @@
 
 #include "libport/base/nearest.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/base/whole_number.hpp"
 
 namespace porttape {
 namespace {
@@ -76,9 +77,25 @@ std::string without_unit(const OptionSpec& option, std::string_view value) {
   return check_value(option, meant) ? fmt::format("; did you mean '{}'?", meant) : std::string();
 }
 
+// Without the number that may stand behind it.
+std::string_view word_of(std::string_view choice) { return choice.substr(0, choice.find("[:")); }
+
+bool is_choice(std::string_view choice, std::string_view value) {
+  const std::string_view word = word_of(choice);
+  if (value == word) return true;
+  const bool numbered =
+      word != choice && value.starts_with(word) && value.substr(word.size()).starts_with(':');
+  return numbered && whole_number<std::uint32_t>(value.substr(word.size() + 1));
+}
+
+std::string nearest_choice(const OptionSpec& option, std::string_view value) {
+  std::vector<std::string_view> words;
+  for (const std::string_view choice : option.choices) words.push_back(word_of(choice));
+  return did_you_mean(value, words);
+}
+
 Error bad_value(const OptionSpec& option, std::string_view value) {
-  const std::string guess =
-      is_number(option) ? without_unit(option, value) : did_you_mean(value, option.choices);
+  const std::string guess = is_number(option) ? without_unit(option, value) : nearest_choice(option, value);
   return make_error(Errc::usage, fmt::format("option '{}': {} is not valid; accepted: {}{}", option.name,
                                              in_quotes(value), accepted_by(option), guess));
 }
@@ -202,7 +219,8 @@ Result<std::string> check_value(const OptionSpec& option, std::string_view value
     case Kind::number:
       return check_number(option, value);
     case Kind::choice:
-      if (std::ranges::find(option.choices, value) == option.choices.end()) return bad_value(option, value);
+      if (std::ranges::none_of(option.choices, [value](auto choice) { return is_choice(choice, value); }))
+        return bad_value(option, value);
       break;
   }
   return std::string(value);

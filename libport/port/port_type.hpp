@@ -31,6 +31,7 @@ struct OptionSpec {
   std::string_view help = {};
   double min = 0;  // integer and number
   double max = std::numeric_limits<double>::max();
+  // One that ends in `[:NAME]` may have a whole number behind it, up to 4294967295: `random[:SEED]`.
   std::vector<std::string_view> choices = {};
   std::string_view value_name = {};  // of a text or number, as --help shows it: FILE, PORT, BAUD
   std::string_view unit = {};        // of a number: s, ms, us

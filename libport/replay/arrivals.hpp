@@ -4,10 +4,16 @@
 #include <optional>
 
 #include "libport/base/time.hpp"
+#include "libport/replay/replay_config.hpp"
 #include "libport/replay/schedule.hpp"
 #include "libport/tape/record.hpp"
 
 namespace porttape {
+
+// Whether blocks that follow each other closely are joined.
+constexpr bool joins_bursts(Chunks chunks, bool stamped_at_arrival) {
+  return chunks == Chunks::burst || (chunks != Chunks::recorded && !stamped_at_arrival);
+}
 
 // Which recorded reads came to the driver as one: the pieces of a block, and, with `bursts`, blocks less than
 // `burst_gap` apart with nothing between them. Ask by look() about the read at the head of a walk.
@@ -21,14 +27,18 @@ class Arrivals {
   }
 
   void look(const Record& head, const Schedule& schedule) {
-    if (looked_at_ == schedule.records_passed()) return;
-    looked_at_ = schedule.records_passed();
-    const bool goes_on = started_ && breaks_ == schedule.breaks_passed();
+    look(head, schedule.records_passed(), schedule.breaks_passed());
+  }
+  // `number` of the record, and how many there were before it that end an arrival.
+  void look(const Record& head, std::uint64_t number, std::uint64_t breaks) {
+    if (looked_at_ == number) return;
+    looked_at_ = number;
+    const bool goes_on = started_ && breaks_ == breaks;
     const bool joins = bursts_ && goes_on && head.at - last_ < burst_gap_ && head.at - first_ < kLongestBurst;
     continues_ = joins || (goes_on && head.piece_offset > 0);
     if (!continues_) first_ = head.at;
     last_ = head.at;
-    breaks_ = schedule.breaks_passed();
+    breaks_ = breaks;
     started_ = true;
   }
   // A part of the read at the head was delivered: its rest goes on with that.

@@ -17,13 +17,25 @@ namespace porttape {
 // all that follow it, for the next advance().
 struct Engine::Impl {
   // What the driver's next open means while a run goes on.
-  enum class Reopen : std::uint8_t { next_open, restart_session, resume };
+  enum class Reopen : std::uint8_t { next_open, restart_session, next_loop, resume };
 
   struct Input {
-    enum class Kind : std::uint8_t { open, write, writing_ended, flush, close, finish };
+    enum class Kind : std::uint8_t {
+      open,
+      write,
+      writing_ended,
+      line_ended,
+      flush,
+      settings,
+      seek,
+      close,
+      finish
+    };
     Kind kind = Kind::write;
     Instant at{};
     Bytes data{};          // write
+    SeenSettings line{};   // settings
+    TapeTime to{};         // seek
     std::size_t used = 0;  // of data
     // open, close: what it means is settled, and the walk is on its way; write: the run's books have it
     bool begun = false;
@@ -41,7 +53,9 @@ struct Engine::Impl {
       : run(config, facts, parts, schedule, writes, budget) {}
 
   void tell(Input input);
-  void tell_write(Instant at, ByteView data);
+  void tell_write(Instant real, ByteView data);
+  // The run's own time at a time of the caller's.
+  [[nodiscard]] Instant played(Instant real) { return run.clock().played(real); }
   ReplayActions advance(Instant at, std::size_t max_bytes);
   void give_up(Instant at);
 
@@ -49,11 +63,13 @@ struct Engine::Impl {
   bool work_on(Input& input);
   bool work_on_write(Input& input);
   bool open(Input& input);
+  bool line_ended();
   void begin_open();
   bool reopen();
   bool close(Input& input);
   Close meaning_of_close();
   bool finish();
+  [[nodiscard]] bool holds_piece() const { return run.goes_on() && driver_open && run.holds_piece(); }
   // Whether the line is on its way to another state: nothing is played meanwhile.
   [[nodiscard]] bool switching() const;
 
@@ -64,6 +80,8 @@ struct Engine::Impl {
   Instant now{};
   bool dirty = false;  // something happened that advance() has not seen
 
+  std::uint64_t clock_seen = 0;  // its changes that advance() has seen
+
   bool any_run = false;
   bool driver_open = false;
   bool resuming = false;  // the open that is worked on goes on where the walk was
@@ -73,7 +91,7 @@ struct Engine::Impl {
 };
 
 void Engine::Impl::tell(Input input) {
-  now = input.at;
+  now = input.at = played(input.at);
   dirty = true;
   budget.refill();
   inputs.push_back(std::move(input));
@@ -81,8 +99,8 @@ void Engine::Impl::tell(Input input) {
 }
 
 // As tell(), without a copy of what can be looked at now.
-void Engine::Impl::tell_write(Instant at, ByteView data) {
-  now = at;
+void Engine::Impl::tell_write(Instant real, ByteView data) {
+  const Instant at = now = played(real);
   dirty = true;
   if (data.empty()) return;
   budget.refill();
@@ -108,6 +126,9 @@ void Engine::Impl::work() {
 
 // True when it is done with.
 bool Engine::Impl::work_on(Input& input) {
+  // All but a write is about where the walk stands.
+  if (input.kind != Input::Kind::write && driver_open && run.goes_on() && !resuming && !run.player().seek())
+    return false;
   switch (input.kind) {
     case Input::Kind::open:
       return open(input);
@@ -116,8 +137,16 @@ bool Engine::Impl::work_on(Input& input) {
     case Input::Kind::writing_ended:
       run.end_writing(now);
       return true;
+    case Input::Kind::line_ended:
+      return line_ended();
     case Input::Kind::flush:
       return !driver_open || run.flush(now);
+    case Input::Kind::settings:
+      run.set_line(input.line);
+      return true;
+    case Input::Kind::seek:
+      run.seek(now, input.to);
+      return true;
     case Input::Kind::close:
       return close(input);
     case Input::Kind::finish:
@@ -143,7 +172,10 @@ bool Engine::Impl::switching() const {
 
 bool Engine::Impl::open(Input& input) {
   if (!input.begun) {
-    if (driver_open && run.goes_on()) return true;
+    if (driver_open && run.goes_on()) {
+      run.line_opened(now);
+      return true;
+    }
     input.begun = driver_open = true;
     run.begin_session();
     if (!run.goes_on() && any_run && run.config().on_reopen == OnReopen::continue_) {
@@ -158,6 +190,19 @@ bool Engine::Impl::open(Input& input) {
   return true;
 }
 
+bool Engine::Impl::line_ended() {
+  if (!run.goes_on()) return true;
+  run.end_of_writes(now);
+  const std::optional<bool> expected = run.line_may_end();
+  if (!expected) return false;
+  if (*expected) {
+    run.player().line_ended(now);
+  } else if (run.goes_on()) {
+    run.end(now);
+  }
+  return true;
+}
+
 void Engine::Impl::begin_open() {
   if (!run.goes_on()) {
     on_open = Reopen::resume;
@@ -168,6 +213,9 @@ void Engine::Impl::begin_open() {
   } else if (on_open == Reopen::next_open) {
     run.count_session();
     run.player().continue_at_next_open(now);
+  } else if (on_open == Reopen::next_loop) {
+    run.count_session();
+    run.begin_next_loop(now);
   } else {
     run.count_session();
     resuming = true;
@@ -191,14 +239,14 @@ bool Engine::Impl::close(Input& input) {
   driver_open = false;
   if (!run.goes_on()) return true;
   if (!input.begun) {
-    run.pause(now);
+    run.end_of_writes(now);
     if (!run.goes_on()) return true;
     closing = meaning_of_close();
     if (!closing.known) return false;
     input.begun = true;
   }
   if (closing.judge && !run.judge(now)) return false;
-  if (run.goes_on() && !closing.next) run.end(now);
+  if (run.goes_on() && !closing.next) run.end(now, ReplayRun::EndedBy::close);
   on_open = closing.next.value_or(Reopen::resume);
   return true;
 }
@@ -212,6 +260,17 @@ Engine::Impl::Close Engine::Impl::meaning_of_close() {
     return {.known = true, .next = *over ? std::nullopt : std::optional(Reopen::resume)};
   }
   if (on_reopen != OnReopen::automatic) return {.known = true, .judge = true};
+  // Between two loops a close is as a recorded one; behind one of an endless number the run may end.
+  const bool more_loops = run.config().loops > 1 && !run.player().loops().is_last();
+  if (run.at_loop_begin()) {
+    if (run.config().loops == 0) return {.known = true};
+    return {.known = true, .next = Reopen::restart_session};
+  }
+  if (more_loops) {
+    const std::optional<bool> over = sessions.nothing_left();
+    if (!over) return {};
+    if (*over) return {.known = true, .judge = true, .next = Reopen::next_loop};
+  }
   const bool ahead = sessions.open_ahead();
   const std::optional<bool> at_reopen = ahead ? sessions.at_recorded_reopen() : false;
   if (!at_reopen) return {};
@@ -223,14 +282,14 @@ Engine::Impl::Close Engine::Impl::meaning_of_close() {
 }
 
 bool Engine::Impl::finish() {
-  run.pause(now);
+  run.end_of_writes(now);
   if (driver_open && run.goes_on() && !run.judge(now)) return false;
   if (run.goes_on()) run.end(now);
   return finished = true;
 }
 
 void Engine::Impl::give_up(Instant at) {
-  now = std::max(now, at);
+  now = std::max(now, played(at));
   dirty = true;
   budget.refill();
   inputs.clear();
@@ -242,8 +301,9 @@ void Engine::Impl::give_up(Instant at) {
 ReplayActions Engine::Impl::advance(Instant at, std::size_t max_bytes) {
   budget.refill();
   work();
-  now = std::max(now, at);
+  now = std::max(now, played(at));
   dirty = false;
+  clock_seen = run.clock().changes();
   ReplayActions& pending = run.pending();
   if (!run.goes_on() && driver_open && run.take_writing_ended()) pending.hang_up = true;
   // The end of a run is told alone, so that nothing of the next run is mixed in.
@@ -276,7 +336,11 @@ void Engine::on_writing_ended(Instant now) {
   impl_->tell({.kind = Impl::Input::Kind::writing_ended, .at = now});
 }
 void Engine::on_flush(Instant now) { impl_->tell({.kind = Impl::Input::Kind::flush, .at = now}); }
+void Engine::on_settings(Instant now, const SeenSettings& settings) {
+  impl_->tell({.kind = Impl::Input::Kind::settings, .at = now, .line = settings});
+}
 void Engine::on_close(Instant now) { impl_->tell({.kind = Impl::Input::Kind::close, .at = now}); }
+void Engine::on_line_ended(Instant now) { impl_->tell({.kind = Impl::Input::Kind::line_ended, .at = now}); }
 void Engine::finish(Instant now) { impl_->tell({.kind = Impl::Input::Kind::finish, .at = now}); }
 
 bool Engine::finished() const { return impl_->finished; }
@@ -285,9 +349,41 @@ void Engine::set_totals(const TapeTotals& totals) { impl_->run.set_totals(totals
 std::size_t Engine::backlog() const { return impl_->backlog; }
 
 std::optional<Instant> Engine::next_deadline() const {
-  if (impl_->dirty) return impl_->now;
+  const ReplayClock& clock = impl_->run.clock();
+  if (impl_->dirty || impl_->clock_seen != clock.changes()) return clock.real(impl_->now);
   if (!impl_->run.goes_on() || !impl_->driver_open) return std::nullopt;
-  return impl_->run.wake();
+  const std::optional<Instant> wake = impl_->run.wake();
+  return wake ? clock.real(*wake) : std::nullopt;
+}
+
+void Engine::stand(Instant now, bool on) {
+  impl_->run.stand(now, on);
+  impl_->dirty = true;
+}
+
+void Engine::step(Instant now, std::uint64_t exchanges) {
+  impl_->now = std::max(impl_->now, impl_->played(now));
+  impl_->run.step(exchanges);
+  impl_->dirty = true;
+}
+
+void Engine::seek(Instant now, TapeTime to) {
+  impl_->tell({.kind = Impl::Input::Kind::seek, .at = now, .to = to});
+}
+
+void Engine::set_rate(Instant now, double rate) {
+  impl_->now = std::max(impl_->now, impl_->played(now));
+  impl_->run.set_rate(impl_->now, rate);
+  impl_->dirty = true;
+}
+
+Engine::Playing Engine::playing(Instant now) {
+  ReplayRun& run = impl_->run;
+  Playing playing{.stands = run.clock().stands(), .rate = run.clock().rate()};
+  if (!run.goes_on()) return playing;
+  playing.position = run.player().position(std::max(impl_->now, impl_->played(now)));
+  playing.loop = run.player().loops().number();
+  return playing;
 }
 
 ReplayActions Engine::advance(Instant now, std::size_t max_bytes) { return impl_->advance(now, max_bytes); }
@@ -295,7 +391,20 @@ ReplayActions Engine::advance(Instant now, std::size_t max_bytes) { return impl_
 std::optional<Engine::Unsent> Engine::first_unsent() const {
   const auto unsent = impl_->run.first_unsent();
   if (!unsent) return std::nullopt;
-  return Unsent{unsent->offset, unsent->at, unsent->bytes};
+  return Unsent{unsent->offset, unsent->at, unsent->bytes, impl_->run.player().due_after_last(unsent->at)};
+}
+
+std::optional<bool> Engine::line_may_end() {
+  impl_->budget.refill();
+  return impl_->inputs.empty() ? impl_->run.line_may_end() : std::nullopt;
+}
+
+bool Engine::holds_piece() const { return impl_->holds_piece(); }
+
+void Engine::on_taken(Instant now) {
+  impl_->now = std::max(impl_->now, impl_->played(now));
+  impl_->run.taken(impl_->now);
+  impl_->dirty = true;
 }
 
 void Engine::set_blocked(bool blocked) {

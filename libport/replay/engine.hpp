@@ -8,7 +8,9 @@
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
+#include "libport/replay/answer_source.hpp"
 #include "libport/replay/expectation.hpp"
+#include "libport/replay/line_step.hpp"
 #include "libport/replay/replay_clock.hpp"
 #include "libport/replay/replay_config.hpp"
 #include "libport/replay/report.hpp"
@@ -22,6 +24,8 @@ struct ReplayActions {
   Bytes deliver;
   // Where each (piece of an) arrival ends in `deliver`; the last is its size.
   std::vector<std::size_t> block_ends;
+  // Where the tape plays the driver: what it does with its line then.
+  std::optional<LineStep> line_step;
   // New ones, to tell. At most 16 between two calls; the report counts all.
   std::vector<Mismatch> mismatches;
   // Let the driver see the end of what the device sends; it may still write. Nothing where its line has no
@@ -37,13 +41,15 @@ struct ReplayActions {
   bool exit = false;
 
   [[nodiscard]] bool empty() const {
-    return deliver.empty() && mismatches.empty() && !end_sending && !hang_up && !run_ended && !exit;
+    return deliver.empty() && !line_step && mismatches.empty() && !end_sending && !hang_up && !run_ended &&
+           !exit;
   }
 };
 
-// The device a tape plays; README.md beside this file has the rules. Pure: no I/O of its own (the tape comes
-// through the two sources), reads no clock, starts no thread, logs nothing; time is an argument and never
-// goes back. Memory is bounded whatever the tape's size. Not thread-safe.
+// The device a tape plays, or the driver (ReplayConfig::writer): its sources are SwappedTapes then, and what
+// is said here of the driver is said of the device. README.md beside this file has the rules. Pure: no I/O of
+// its own (the tape comes through the two sources), reads no clock, starts no thread, logs nothing; time is
+// an argument and never goes back. Memory is bounded whatever the tape's size. Not thread-safe.
 //
 // Drive it: on_open when the driver opens (the first opener only), on_write for what it writes, on_close when
 // the last one closes, finish at the end of the program; after each of these and of set_blocked, and when
@@ -65,6 +71,10 @@ class Engine {
     // closes, went to nobody then, and is not compared.
     std::vector<TapeTime> hang_ups{};
     std::vector<TapeGap> gaps{};
+    // When the session began in which the part's start lies; nothing: the start is in none.
+    std::optional<TapeTime> preroll_from{};
+    // The settings of the device's line when the tape begins, as far as known.
+    SeenSettings line{};
     // What the tape holds, if known; else the reports say nothing of it (see add_totals).
     std::optional<TapeTotals> totals{};
   };
@@ -76,6 +86,10 @@ class Engine {
     // each session sets anew.
     ReplayClock* clock = nullptr;
     Micros tape_begin{};  // of this tape, by the clock's tape time
+    // The whole tape once more and its reads, of the engine's own: needed with match=lookup, and with
+    // on-mismatch=resync, which without them is as warn.
+    RecordSource* index = nullptr;
+    AnswerSource* answers = nullptr;
     // The driver's line can end in one direction; else its recorded half-closes are passed by.
     bool half_closes = false;
   };
@@ -95,7 +109,35 @@ class Engine {
   void on_writing_ended(Instant now);
   // It throws away what is due and was not delivered yet; what is due later still comes.
   void on_flush(Instant now);
+  // It has made its line so. What the tape has of that and it never makes is in the run's report.
+  void on_settings(Instant now, const SeenSettings& settings);
   void on_close(Instant now);
+  // Where the tape plays the driver: the device has ended the line. Where the tape has no such end there, the
+  // run is over. A line that the driver opens anew (LineStep) is told by on_open() once it is there.
+  void on_line_ended(Instant now);
+  // Whether the tape has the device's end, or that of all it was to say, where the walk stands; nothing while
+  // that is not known.
+  [[nodiscard]] std::optional<bool> line_may_end();
+
+  // Steers what is played, by hand; each also where no driver has the port open, but for seek() and step().
+  // While it stands the line is up and what the driver writes is compared, but nothing is delivered, and
+  // nothing is late: the clock stands, also that of the other engines which have it.
+  void stand(Instant now, bool on);
+  // While it stands: so many exchanges come at once, each what the device says up to the driver's next write,
+  // or of a device that speaks on unasked, a second of the tape.
+  void step(Instant now, std::uint64_t exchanges);
+  // The session goes on there: what is between is neither expected nor missing.
+  void seek(Instant now, TapeTime to);
+  // `rate` > 0. From now on.
+  void set_rate(Instant now, double rate);
+  struct Playing {
+    bool stands = false;
+    double rate = 1;
+    // Of the run that goes on.
+    std::optional<TapeTime> position{};
+    std::uint64_t loop = 0;
+  };
+  [[nodiscard]] Playing playing(Instant now);
 
   // When advance() should be called next; nothing while only the driver can move things on.
   [[nodiscard]] std::optional<Instant> next_deadline() const;
@@ -125,8 +167,15 @@ class Engine {
     std::uint64_t offset = 0;  // in the tape's stream
     TapeTime at{};
     Bytes bytes;  // a few of them
+    // When it would have come after what was played last: at the recorded pace, and at the replay's.
+    Instant due{};
   };
   [[nodiscard]] std::optional<Unsent> first_unsent() const;
+
+  // A piece that is due waits for the driver to read the one before (chunks=bytes and random), at most to
+  // next_deadline(): on_taken() when it has read all that was delivered.
+  [[nodiscard]] bool holds_piece() const;
+  void on_taken(Instant now);
 
   // The line could not take bytes at `now` / can again: lateness is not measured in between, deliveries wait.
   void set_blocked(bool blocked);

@@ -8,30 +8,30 @@ namespace {
 
 constexpr std::size_t kMaxQueued = 4096;  // completions, arrivals
 constexpr std::size_t kContextBytes = 32;
-constexpr std::size_t kShownBytes = 32;
-
 }  // namespace
 
 void Matcher::rewind() {
   stream_.rewind();
   comparing_ = true;
   arrival_open_ = false;
-  open_ = false;
+  open_ = goes_on_ = false;
   surplus_ = false;
+  comparison_.begin();
   written_ = 0;
   matched_ = 0;
   arrived_ = 0;
   completions_.clear();
+  left_outs_.clear();
   arrivals_.clear();
   recent_.clear();
   skipped_.reset();
-  next_gap_ = 0;
+  next_gap_ = most_gaps_ = 0;
   realigned_ = false;
   search_.end();
 }
 
 Matcher::Step Matcher::write(Instant now, ByteView data, std::optional<TapeTime> until) {
-  if (data.empty()) return {};
+  if (data.empty() && !goes_on_) return {};
   Step step;
   if (!comparing_) {
     count(now, data.size());
@@ -44,16 +44,18 @@ Matcher::Step Matcher::write(Instant now, ByteView data, std::optional<TapeTime>
   }
   if (step.used == 0 && (step.outcome == Outcome::later || step.outcome == Outcome::gone)) return step;
   written_ += step.used;
-  last_write_ = now;
-  arrival_open_ = true;
+  if (!data.empty()) {
+    last_write_ = now;
+    arrival_open_ = true;
+  }
   if (step.outcome == Outcome::block) complete({position(), written_, now});
   return step;
 }
 
 Matcher::Step Matcher::compare(Instant now, ByteView data, std::optional<TapeTime> until) {
   Step step;
-  while (step.used < data.size()) {
-    const WriteStream::State state = stream_.look();
+  while (step.used < data.size() || goes_on_) {
+    const WriteStream::State state = look();
     const bool ended = state == WriteStream::State::end;
     if (state == WriteStream::State::later) {
       step.outcome = Outcome::later;
@@ -70,18 +72,13 @@ Matcher::Step Matcher::compare(Instant now, ByteView data, std::optional<TapeTim
       continue;
     }
     if (ended) {
+      if (compare_beyond(rest, step)) continue;
       step.outcome = Outcome::extra;
       return step;
     }
     const Expectation::Held held = hold(rest);
     const bool piece_done = held.recorded == stream_.front().size();
-    const bool block_done = piece_done && stream_.front_ends_block();
-    step.at = stream_.front_at();
-    step.block_size = stream_.stretch().in_block + held.recorded;
-    remember(rest.first(held.came));
-    stream_.consume(held.recorded);
-    step.used += held.came;
-    matched_ += held.recorded;
+    const bool block_done = use(held, rest.first(held.came), step);
     if (held.differs) {
       step.outcome = Outcome::differs;
       return step;
@@ -95,33 +92,89 @@ Matcher::Step Matcher::compare(Instant now, ByteView data, std::optional<TapeTim
   return step;
 }
 
+WriteStream::State Matcher::look() {
+  const WriteStream::State state = stream_.look();
+  if (comparison_.plain() || state != WriteStream::State::bytes) return state;
+  return stream_.look_ahead(comparison_.reach());
+}
+
 Expectation::Held Matcher::hold(ByteView came) {
-  if (expectation_ == nullptr) return Expectation::exactly(stream_.front(), came);
-  Expectation::Held held = expectation_->hold(stream_.stretch(), came);
-  held.differs = held.differs || (held.recorded == 0 && held.came == 0);
-  open_ = held.recorded == 0 && !held.differs;
+  if (comparison_.plain()) return Expectation::exactly(stream_.front(), came);
+  const Expectation::Held held = comparison_.hold(stream_.stretch(), came);
+  goes_on_ = held.goes_on && !held.differs;
+  open_ = held.recorded == 0 && !held.differs && !goes_on_;
   return held;
+}
+
+bool Matcher::use(const Expectation::Held& held, ByteView came, Step& step) {
+  const bool block_done = held.recorded == stream_.front().size() && stream_.front_ends_block();
+  step.at = stream_.front_at();
+  step.block_size = stream_.stretch().in_block + held.recorded;
+  if (replies_ != nullptr) replies_->asked({position(), stream_.front().first(held.recorded), came});
+  remember(came);
+  left_outs_.note(position(), position() + held.recorded, held.left_out);
+  stream_.consume(held.recorded);
+  step.used += came.size();
+  matched_ += held.recorded;
+  return block_done;
 }
 
 Matcher::Step Matcher::pause() {
   Step step;
-  while (open_) {
-    if (stream_.look() == WriteStream::State::later) {
-      step.outcome = Outcome::later;
+  while (open_ || goes_on_) {
+    const WriteStream::State state = look();
+    if (state != WriteStream::State::bytes) {
+      if (state == WriteStream::State::later) step.outcome = Outcome::later;
+      if (state == WriteStream::State::end) {
+        if (goes_on_) step.outcome = Outcome::extra;
+        open_ = goes_on_ = false;
+      }
       break;
     }
-    const std::size_t recorded = expectation_->hold(stream_.stretch(), {}).recorded;
-    const bool piece_done = recorded == stream_.front().size();
-    const bool block_done = piece_done && stream_.front_ends_block();
-    open_ = recorded > 0 && !block_done;
-    step.at = stream_.front_at();
-    step.block_size = stream_.stretch().in_block + recorded;
-    stream_.consume(recorded);
-    matched_ += recorded;
-    if (block_done) step.outcome = Outcome::block;
+    const Expectation::Held held = hold({});
+    const bool piece_done = held.recorded == stream_.front().size();
+    const bool block_done = use(held, {}, step);
+    open_ = held.recorded > 0 && !block_done && !held.differs;
     if (piece_done) complete({position(), written_, last_write_});
+    if (held.differs) step.outcome = Outcome::differs;
+    if (block_done) step.outcome = Outcome::block;
+    if (block_done || held.differs) break;
   }
   return step;
+}
+
+Matcher::Step Matcher::end_session() {
+  Step step;
+  open_ = goes_on_ = false;
+  while (comparing_ && !comparison_.plain() && !search_.active() && look() == WriteStream::State::bytes) {
+    const Expectation::Held held = comparison_.at_end(stream_.stretch());
+    const bool piece_done = held.recorded == stream_.front().size();
+    use(held, {}, step);
+    if (piece_done) complete({position(), written_, last_write_});
+    if (held.differs) {
+      step.outcome = Outcome::differs;
+      return step;
+    }
+    if (held.recorded == 0) break;
+  }
+  const bool began = !comparison_.memory().came.empty() && comparison_.memory().recorded.empty();
+  if (comparing_ && began && stream_.look() == WriteStream::State::end &&
+      comparison_.hold_beyond({}).differs) {
+    step.outcome = Outcome::extra;
+    return step;
+  }
+  comparison_.end_session();
+  return step;
+}
+
+// Behind the tape's end. True where what came may come there.
+bool Matcher::compare_beyond(ByteView rest, Step& step) {
+  goes_on_ = false;
+  const Expectation::Held held = comparison_.hold_beyond(rest);
+  if (replies_ != nullptr && held.came > 0) replies_->asked({position(), {}, rest.first(held.came)});
+  remember(rest.first(held.came));
+  step.used += held.came;
+  return !held.differs && (held.came > 0 || rest.empty());
 }
 
 // The gaps that end before the next recorded byte.
@@ -130,7 +183,9 @@ void Matcher::reach_gaps(bool ended) {
   while (gaps_ != nullptr && next_gap_ < gaps_->size() &&
          (ended || stream_.front_at() >= (*gaps_)[next_gap_].to)) {
     const TapeGap& gap = (*gaps_)[next_gap_++];
-    if (gap.bytes > 0 && !realigned) search_.begin(gap.bytes);
+    if (gap.bytes == 0 || realigned) continue;
+    search_.begin(gap.bytes);
+    comparison_.begin();
   }
 }
 
@@ -186,7 +241,7 @@ void Matcher::remember(ByteView matched) {
 
 bool Matcher::same_arrival(Instant now) const { return arrival_open_ && now - last_write_ < arrival_gap_; }
 
-void Matcher::diverge() { comparing_ = open_ = false; }
+void Matcher::diverge() { comparing_ = open_ = goes_on_ = false; }
 
 void Matcher::count(Instant now, std::size_t bytes) {
   arrived_ += bytes;
@@ -241,13 +296,26 @@ void Matcher::realign_to_time(TapeTime at) {
   compare_again();
 }
 
+void Matcher::go_to(TapeTime at) {
+  if (stream_.passed(at)) {
+    stream_.rewind();
+    most_gaps_ = std::max(most_gaps_, std::exchange(next_gap_, 0));
+  }
+  stream_.skip_before(at);
+  compare_again();
+  surplus_ = realigned_ = false;
+  while (gaps_ != nullptr && next_gap_ < gaps_->size() && (*gaps_)[next_gap_].to <= at) ++next_gap_;
+}
+
 void Matcher::compare_again() {
   arrivals_.clear();
   arrived_ = 0;
   completions_.clear();
+  left_outs_.clear();
   recent_.clear();
   comparing_ = true;
-  open_ = false;
+  open_ = goes_on_ = false;
+  comparison_.begin();
   surplus_ = true;
   realigned_ = true;
   search_.end();
@@ -276,24 +344,51 @@ std::optional<Matcher::Unsent> Matcher::first_unsent() {
   const std::uint64_t block_after = stream_.front().size();
   const ByteView before = stream_.stretch().before;
   Bytes sent(before.begin(), before.end());
-  return Unsent{position(), stream_.front_at(), stream_.peek(kShownBytes), std::move(sent), block_after};
+  return Unsent{position(), stream_.front_at(), stream_.peek(Mismatch::kMostShown), std::move(sent),
+                block_after};
 }
 
 Mismatch Matcher::describe(ByteView got) {
   Mismatch mismatch;
-  mismatch.kind = at_end().value_or(false) ? MismatchKind::extra : MismatchKind::data;
+  const bool beyond = at_end().value_or(false) && comparison_.memory().blame.recorded == 0;
+  mismatch.kind = beyond ? MismatchKind::extra : MismatchKind::data;
   mismatch.offset = written_;
   mismatch.tape_offset = position();
   mismatch.tape = stream_.front_at();
-  mismatch.expected = stream_.peek(kShownBytes);
-  const ByteView shown = got.first(std::min(got.size(), kShownBytes));
+  mismatch.expected = stream_.peek(Mismatch::kMostShown);
+  const ByteView shown = got.first(std::min(got.size(), Mismatch::kMostShown));
   mismatch.got.assign(shown.begin(), shown.end());
+  const ByteView kept = got.first(std::min(got.size(), Mismatch::kMostCame));
+  mismatch.came.assign(kept.begin(), kept.end());
   mismatch.before = recent_;
   if (mismatch.kind == MismatchKind::data && !stream_.front().empty()) {
     mismatch.block_before = stream_.stretch().in_block;
     mismatch.block_after = stream_.front().size();
   }
+  begin_where_blamed(mismatch);
   return mismatch;
+}
+
+// A difference that showed only behind the bytes that it is about begins with them.
+void Matcher::begin_where_blamed(Mismatch& mismatch) const {
+  const Expectation::Memory& memory = comparison_.memory();
+  const std::size_t came = std::min(memory.blame.came, memory.came.size());
+  const std::size_t recorded = std::min(memory.blame.recorded, memory.recorded.size());
+  mismatch.why = memory.blame.why;
+  mismatch.offset -= std::min<std::uint64_t>(came, mismatch.offset);
+  mismatch.tape_offset -= std::min<std::uint64_t>(recorded, mismatch.tape_offset);
+  const auto blamed = memory.came.end() - static_cast<std::ptrdiff_t>(came);
+  mismatch.got.insert(mismatch.got.begin(), blamed, memory.came.end());
+  mismatch.came.insert(mismatch.came.begin(), blamed, memory.came.end());
+  mismatch.expected.insert(mismatch.expected.begin(),
+                           memory.recorded.end() - static_cast<std::ptrdiff_t>(recorded),
+                           memory.recorded.end());
+  mismatch.got.resize(std::min(mismatch.got.size(), Mismatch::kMostShown));
+  mismatch.came.resize(std::min(mismatch.came.size(), Mismatch::kMostCame));
+  mismatch.expected.resize(std::min(mismatch.expected.size(), Mismatch::kMostShown));
+  mismatch.before.resize(mismatch.before.size() - std::min(mismatch.before.size(), came));
+  mismatch.block_before -= std::min<std::uint64_t>(recorded, mismatch.block_before);
+  mismatch.block_after += recorded;
 }
 
 }  // namespace porttape

@@ -12,6 +12,7 @@
 #include "libport/replay/budget.hpp"
 #include "libport/replay/expectation.hpp"
 #include "libport/replay/gap_search.hpp"
+#include "libport/replay/left_outs.hpp"
 #include "libport/replay/report.hpp"
 #include "libport/replay/write_stream.hpp"
 
@@ -64,7 +65,10 @@ class Matcher {
 
   // `expectation` must outlive it; null: nothing may vary.
   Matcher(RecordSource& writes, Budget& budget, Micros arrival_gap, const Expectation* expectation = nullptr)
-      : stream_(writes, budget), expectation_(expectation), arrival_gap_(arrival_gap) {}
+      : stream_(writes, budget), comparison_(expectation), arrival_gap_(arrival_gap) {}
+
+  // Is told what was taken for what; must outlive it.
+  void set_replies(Replies* replies) { replies_ = replies; }
 
   // The tape's gaps, in order; what they swallowed of the driver's bytes is no difference. Must outlive it.
   void set_gaps(const std::vector<TapeGap>& gaps) { gaps_ = &gaps; }
@@ -80,10 +84,19 @@ class Matcher {
 
   // When the driver's silence ends a field that is open (see Expectation); nothing: none is.
   [[nodiscard]] std::optional<Instant> pause_due() const {
+    if (goes_on_) return last_write_;
     return open_ ? std::optional(last_write_ + arrival_gap_) : std::nullopt;
   }
-  // The driver pauses: ends it. `block` or `later` (call again), as of write(); else `taken`.
+  // The driver pauses: ends it. `block` or `later` (call again) or `differs`, as of write(); else `taken`.
   Step pause();
+  // What was written already completes more of the tape: write() is to be called again, also without bytes.
+  [[nodiscard]] bool goes_on() const { return goes_on_; }
+  // The driver writes no more in this session: passes over what it need not have written. `differs`: what it
+  // wrote last is no beginning of what was recorded.
+  Step end_session();
+
+  // The driver wrote so much that is compared elsewhere.
+  void pass_over(std::size_t bytes) { written_ += bytes; }
 
   // Something was delivered: what the driver writes next is a new arrival.
   void answered();
@@ -91,6 +104,11 @@ class Matcher {
   // When the driver completed the first `tape_end` recorded bytes; nothing while it has not. Ask in rising
   // order.
   std::optional<Completion> completion(std::uint64_t tape_end);
+
+  // Whether the driver left out all recorded bytes from the one to the other. Ask in rising order.
+  [[nodiscard]] Expectation::LeftOut left_out(std::uint64_t from, std::uint64_t to) {
+    return left_outs_.of(from, to);
+  }
 
   // Diverged: whether arrivals make up for the bytes from the position to `tape_end`; uses them up (an
   // arrival wholly), moves the position there and gives the time of the last one needed.
@@ -100,6 +118,10 @@ class Matcher {
   void realign(std::uint64_t tape_end);
   // The same, to the first block recorded at `at` or later.
   void realign_to_time(TapeTime at);
+
+  // The same, back too: from the first block on that was recorded at `at` or later. What lies between is
+  // neither expected any more nor missing.
+  void go_to(TapeTime at);
 
   // The last `count` bytes that were as recorded, or fewer.
   [[nodiscard]] ByteView latest(std::size_t count) const {
@@ -111,7 +133,7 @@ class Matcher {
   // The driver is in a gap: its latest bytes are none that the tape has.
   [[nodiscard]] bool astray() const { return comparing_ && search_.astray(); }
   // How many of the gaps the driver has written up to.
-  [[nodiscard]] std::size_t gaps_reached() const { return next_gap_; }
+  [[nodiscard]] std::size_t gaps_reached() const { return std::max(next_gap_, most_gaps_); }
   [[nodiscard]] bool comparing() const { return comparing_; }
   // Whether the tape expects nothing more; nothing while that is not known.
   [[nodiscard]] std::optional<bool> at_end();
@@ -123,6 +145,8 @@ class Matcher {
   [[nodiscard]] std::uint64_t matched() const { return matched_; }
   // Whether there are recorded bytes that the driver did not send; nothing while that is not known.
   [[nodiscard]] std::optional<bool> any_unsent();
+  // Some were passed over, and not because the tape was not to go on there.
+  [[nodiscard]] bool any_skipped() const { return skipped_.has_value(); }
   // The first of them, as far as known.
   [[nodiscard]] std::optional<Unsent> first_unsent();
   [[nodiscard]] const std::optional<Error>& error() const { return stream_.error(); }
@@ -135,33 +159,42 @@ class Matcher {
 
   Step compare(Instant now, ByteView data, std::optional<TapeTime> until);
   [[nodiscard]] Expectation::Held hold(ByteView came);
+  [[nodiscard]] WriteStream::State look();
+  // Moves over what hold() used. True where the block is complete.
+  bool use(const Expectation::Held& held, ByteView came, Step& step);
+  bool compare_beyond(ByteView rest, Step& step);
   bool search(Instant now, ByteView rest, bool ended, Step& step);
   void reach_gaps(bool ended);
   void count(Instant now, std::size_t bytes);
   void complete(const Completion& done);
   void remember(ByteView matched);
+  void begin_where_blamed(Mismatch& mismatch) const;
   void note_skipped(std::uint64_t tape_end);
   void compare_again();
   [[nodiscard]] bool same_arrival(Instant now) const;
 
   WriteStream stream_;
-  const Expectation* expectation_;
+  Comparison comparison_;
+  Replies* replies_ = nullptr;
   Nanos arrival_gap_;
   bool comparing_ = true;
   bool arrival_open_ = false;  // nothing was delivered since the last write
   bool open_ = false;          // the latest bytes are of a field whose end has not shown
-  bool surplus_ = false;       // the arrival that opened the last gate may still go on
+  bool goes_on_ = false;
+  bool surplus_ = false;  // the arrival that opened the last gate may still go on
   Instant last_write_{};
   std::uint64_t written_ = 0;
   std::uint64_t matched_ = 0;
   std::uint64_t arrived_ = 0;  // sum of arrivals_
   std::deque<Completion> completions_;
   std::deque<Arrival> arrivals_;
+  LeftOuts left_outs_;
   Bytes recent_;  // the last matched bytes
   std::optional<Unsent> skipped_;
   const std::vector<TapeGap>* gaps_ = nullptr;
   std::size_t next_gap_ = 0;
-  bool realigned_ = false;  // since bytes were last compared
+  std::size_t most_gaps_ = 0;  // that it came to, where it went back since
+  bool realigned_ = false;     // since bytes were last compared
   GapSearch search_;
 };
 

@@ -7,41 +7,84 @@
 namespace porttape {
 namespace {
 
-constexpr std::size_t kShownBytes = 32;
+// Of a device that speaks without being asked.
+constexpr Nanos kShortestLoop = std::chrono::milliseconds(1);
 
 }  // namespace
 
 Player::Player(const ReplayConfig& config, const Engine::TapeFacts& facts, const ClockPlace& place,
-               bool half_closes, RecordSource& schedule, Budget& budget, Matcher& matcher)
+               bool half_closes, RecordSource& schedule, Budget& budget, Matcher& matcher,
+               SettingsCheck& settings)
     : config_(config),
       half_closes_(half_closes),
+      drives_(config.writer == Writer::device),
       budget_(budget),
       matcher_(matcher),
-      schedule_(schedule, budget),
-      arrivals_(
-          config.chunks == Chunks::burst || (config.chunks == Chunks::automatic && !facts.stamped_at_arrival),
-          config.burst_gap),
-      pace_(place, config.timing),
+      settings_(settings),
+      schedule_(schedule, budget, settings),
+      arrivals_(joins_bursts(config.chunks, facts.stamped_at_arrival), config.burst_gap),
+      pieces_(config.chunks, config.chunk_seed),
+      pace_(place, config.timing, config.max_gap),
       gate_(config, matcher, pace_),
-      sessions_(schedule_, gate_, matcher, budget, facts.opens, config.patience) {}
+      sessions_(schedule_, gate_, matcher, budget, facts.opens, config.patience),
+      driver_line_(config_, schedule_, gate_, pace_, sessions_),
+      loops_(config.loops),
+      preroll_from_(config.preroll ? facts.preroll_from : std::nullopt) {}
 
 void Player::begin(Instant now) {
   schedule_.rewind();
   arrivals_.rewind();
   gate_.begin_run();
   sessions_.forget_passed_open();
+  driver_line_.begin();
   missed_half_close_.reset();
-  untimed_ = false;
-  gaps_reached_ = 0;
-  used_up_ = false;
-  seek_ = {Seek::To::start, now};
+  think_times_ = {};
+  gaps_reached_ = most_gaps_ = 0;
+  doubtful_answers_ = 0;
+  loops_.begin_first(now);
+  prerolled_ = {};
+  pace_.hurry(preroll_from_.has_value());
+  handshake_.reset();
+  if (preroll_from_) handshake_.emplace(*preroll_from_);
+  const TapeTime from = preroll_from_.value_or(config_.start);
+  jump(from, now);
+  seek_.jumps = false;
+  untimed_ = from > TapeTime{};
 }
 
-void Player::start_at(TapeTime tape, Instant now) {
-  pace_.begin_session(tape, now);
+void Player::jump(TapeTime to, Instant now) {
+  if (schedule_.passed(to)) {
+    most_gaps_ = gaps_reached();
+    schedule_.restart();
+  }
+  matcher_.go_to(to);
+  arrivals_.rewind();
+  sessions_.forget_passed_open();
+  used_up_ = false;
+  untimed_ = true;
+  fault_.reset();
+  seek_ = {Seek::To::time, now, to};
+  wake_ = now;
+}
+
+void Player::begin_next_loop(Instant now) {
+  loops_.begin_next(now);
+  jump(config_.start, now);
+}
+
+void Player::start_at(TapeTime tape, Instant now, Begins begins) {
+  think_times_.forget();
+  if (begins == Begins::session) {
+    pace_.begin_session(tape, now);
+  } else {
+    pace_.jump(tape, now);
+  }
   gaps_reached_ = schedule_.gaps_passed();
+  asked_ = schedule_.passed().writes;
+  answer_ = LeftOut::no;
   session_start_ = tape;
   wake_ = now;
+  pieces_.begin(now);
   matcher_.answered();
 }
 
@@ -49,12 +92,13 @@ void Player::continue_at_next_open(Instant now) { seek_ = {Seek::To::next_open, 
 
 void Player::restart_session(Instant now) {
   sessions_.forget_passed_open();
-  start_at(session_start_, now);
+  start_at(session_start_, now, loops_.is_first() ? Begins::session : Begins::elsewhere);
 }
 
 void Player::resume(Instant now) { seek_ = {Seek::To::reopen_if_near, now}; }
 
 bool Player::seek() {
+  if (seek_.to == Seek::To::there) return true;
   if (seek_.to == Seek::To::reopen_if_near) {
     const std::optional<bool> near = sessions_.at_recorded_reopen();
     if (!near) return false;
@@ -65,12 +109,16 @@ bool Player::seek() {
     }
   }
   if (seek_.to != Seek::To::there) {
+    const bool to_time = seek_.to == Seek::To::time;
     const std::optional<TapeTime> begin =
-        seek_.to == Seek::To::start ? sessions_.pass_to_first() : sessions_.pass_to_next(session_start_);
+        to_time ? sessions_.pass_to(seek_.target) : sessions_.pass_to_next(session_start_);
     if (!begin) return false;
     gate_.begin_session(schedule_.passed().writes);
     sessions_.forget_passed_open();
-    start_at(*begin, seek_.since);
+    if (!to_time) loops_.session_began();
+    const bool elsewhere = (to_time && seek_.jumps) || !loops_.is_first();
+    start_at(*begin, seek_.since, elsewhere ? Begins::elsewhere : Begins::session);
+    if (handshake_) begin_preroll(*begin);
   }
   seek_ = {};
   return true;
@@ -80,7 +128,10 @@ std::optional<Player::TimingFault> Player::play(Instant now, std::size_t max_byt
                                                 ReplayActions& out) {
   Turn turn{now, Mode::deliver, blocked, max_bytes, &out};
   if (out.deliver.empty()) delivered_due_.reset();
+  holds_piece_ = false;
   for (bool go_on = true; go_on;) {
+    if (!seek()) break;
+    turn.blocked = blocked || by_hand_.stands();
     const std::size_t held = out.deliver.size();
     turn.room = max_bytes - std::min(max_bytes, held);
     const Progress progress = step(turn);
@@ -94,27 +145,37 @@ std::optional<Player::TimingFault> Player::play(Instant now, std::size_t max_byt
 
 Player::Progress Player::step(Turn& turn) {
   const Record* head = schedule_.head();
+  if (replies_ != nullptr && !finish_answer(turn)) return wait(std::nullopt);
+  if (handshake_ && turn.mode == Mode::deliver && preroll_over()) return end_preroll(turn);
+  if (by_hand_.over(head)) end_step(turn);
   if (head == nullptr) return at_end(turn);
+  if (!is_note(head->kind)) pace_.reach(head->at);
   switch (head->kind) {
     case RecordKind::read:
       return at_read(turn);
     case RecordKind::write:
       return at_write(turn);
     case RecordKind::open:
-      return at_open(turn);
+      return drives_ ? at_own_step(turn, &DriverLine::at_open) : at_open(turn);
     case RecordKind::close:
-      return at_close(turn);
+      return drives_ ? at_own_step(turn, &DriverLine::at_close) : at_close(turn);
     case RecordKind::hang_up:
-      return at_device_end(turn, &ReplayActions::hang_up);
+      return drives_ ? at_driver_end(turn, true) : at_device_end(turn, &ReplayActions::hang_up);
     case RecordKind::half_close:
       return at_half_close(turn);
     case RecordKind::gap:
       return at_gap();
     case RecordKind::event:
+      if (drives_) return at_own_step(turn, &DriverLine::at_event);
       break;
   }
-  schedule_.pop();
+  pop();
   return Progress::passed;
+}
+
+void Player::pop() {
+  if (handshake_) handshake_->passed(*schedule_.head());
+  schedule_.pop();
 }
 
 Player::Progress Player::wait(std::optional<Instant> until) {
@@ -130,48 +191,112 @@ bool Player::gate_opens(Instant now, TapeTime next_at) {
 
 Player::Progress Player::at_read(Turn& turn) {
   const Record& head = *schedule_.head();
-  if (head.data.empty() || schedule_.line_closed()) {
+  if (head.data.empty() || schedule_.line_closed() || !driver_line_.is_open()) {
     schedule_.pop();
     return Progress::passed;
   }
+  take_request_time();
   if (!gate_opens(turn.now, head.at)) return Progress::waits;
+  if (answer_is_left_out(turn)) return pass_read();
   arrivals_.look(head, schedule_);
   const Instant when = pace_.due(arrivals_.first());
-  if (turn.mode == Mode::drop_all || (turn.mode != Mode::deliver && when <= turn.now)) {
+  if (turn.mode == Mode::drop_all || (turn.mode != Mode::deliver && passes_over(turn, when))) {
     pace_.played(head.at, when, when);
-    schedule_.pop();
-    return Progress::passed;
+    return pass_read();
   }
-  if (turn.now < when && !turn.blocked) return wait(when);
   if (turn.blocked) return wait(std::nullopt);
+  if (turn.mode != Mode::deliver || early(turn, when)) return wait(when);
+  if (const auto until = pieces_.held_until(turn.now, when)) {
+    holds_piece_ = true;
+    return wait(until);
+  }
   // A block is cut only where it does not fit a delivery of its own: it may be a datagram.
-  const bool cut = turn.room < schedule_.rest().size() && !turn.out->deliver.empty();
+  const ByteView piece = next_piece();
+  const bool cut = turn.room < piece.size() && !turn.out->deliver.empty();
   if (turn.room == 0 || cut) return wait(turn.now);
-  deliver(turn, when);
+  deliver(turn, piece, when);
   return Progress::passed;
 }
 
-void Player::deliver(Turn& turn, Instant when) {
-  ReplayActions& out = *turn.out;
+// It reaches nobody.
+Player::Progress Player::pass_read() {
+  if (replies_ != nullptr) (void)replies_->answer(read_of(schedule_.rest()));
+  schedule_.pop();
+  return Progress::passed;
+}
+
+// What the device says behind writes that the driver left out, all of them since its words before.
+bool Player::answer_is_left_out(const Turn& turn) {
+  const std::uint64_t asked = schedule_.passed().writes;
+  if (asked != asked_) {
+    answer_ = matcher_.left_out(std::exchange(asked_, asked), asked);
+    if (answer_ == LeftOut::not_known && turn.mode == Mode::deliver) ++doubtful_answers_;
+  }
+  return answer_ == LeftOut::with_answer;
+}
+
+ByteView Player::next_piece() {
   const ByteView rest = schedule_.rest();
-  const ByteView part = rest.first(std::min(rest.size(), turn.room));
-  out.deliver.insert(out.deliver.end(), part.begin(), part.end());
-  if (arrivals_.continues() && !out.block_ends.empty()) {
+  const std::uint64_t offset = schedule_.head()->stream_offset + schedule_.head()->data.size() - rest.size();
+  return rest.first(pieces_.size(offset, rest.size()));
+}
+
+void Player::deliver(Turn& turn, ByteView piece, Instant when) {
+  ReplayActions& out = *turn.out;
+  const ByteView part = piece.first(std::min(piece.size(), turn.room));
+  const bool all = part.size() == schedule_.rest().size();
+  if (!delivered_due_) delivered_due_ = pieces_.cut() ? pieces_.free_at(when) : when;
+  pieces_.delivered(turn.now);
+  const bool goes_on = arrivals_.continues() && !pieces_.cut();
+  if (replies_ == nullptr) {
+    append(out, part, goes_on);
+  } else {
+    append(out, replies_->answer(read_of(part)), goes_on);
+  }
+  pace_.played(schedule_.head()->at, when, turn.now);
+  if (gated()) think_times_.answered(schedule_.head()->at, turn.now);
+  answered_by_hand(turn, schedule_.head()->at);
+  loops_.spoke();
+  untimed_ = false;
+  matcher_.answered();
+  driver_line_.answered();
+  settings_.delivered();
+  gaps_reached_ = schedule_.gaps_passed();
+  schedule_.take(part.size());
+  if (all) {
+    pop();
+  } else {
+    arrivals_.delivered_part();
+  }
+}
+
+void Player::append(ReplayActions& out, ByteView bytes, bool goes_on) {
+  if (bytes.empty()) return;
+  out.deliver.insert(out.deliver.end(), bytes.begin(), bytes.end());
+  if (goes_on && !out.block_ends.empty()) {
     out.block_ends.back() = out.deliver.size();
   } else {
     out.block_ends.push_back(out.deliver.size());
   }
-  if (!delivered_due_) delivered_due_ = when;
-  pace_.played(schedule_.head()->at, when, turn.now);
-  untimed_ = false;
-  matcher_.answered();
-  gaps_reached_ = schedule_.gaps_passed();
-  schedule_.take(part.size());
-  if (part.size() == rest.size()) {
-    schedule_.pop();
-  } else {
-    arrivals_.delivered_part();
-  }
+}
+
+// What was kept of an answer comes with its last read, unless the line takes nothing now.
+bool Player::finish_answer(Turn& turn) {
+  const Record* head = schedule_.head();
+  const bool answer_goes_on = head != nullptr && (head->kind == RecordKind::read || is_note(head->kind));
+  if (answer_goes_on || !replies_->keeps()) return true;
+  if (turn.mode == Mode::deliver && turn.blocked) return false;
+  const Bytes rest = replies_->rest();
+  if (turn.mode != Mode::deliver) return true;
+  if (!delivered_due_) delivered_due_ = turn.now;
+  append(*turn.out, rest, true);
+  return true;
+}
+
+Replies::Read Player::read_of(ByteView bytes) {
+  const Schedule::Totals& passed = schedule_.passed();
+  const std::uint64_t taken = schedule_.head()->data.size() - schedule_.rest().size();
+  return {bytes, passed.reads + taken, passed.writes};
 }
 
 // Of its line or of its sending: due as a read would be.
@@ -183,8 +308,9 @@ Player::Progress Player::at_device_end(Turn& turn, bool ReplayActions::*what) {
     const bool dropped = turn.mode == Mode::drop_all || (turn.mode == Mode::drop_due && when <= turn.now);
     if (!dropped) {
       if (turn.blocked) return wait(std::nullopt);
-      if (turn.mode != Mode::deliver || turn.now < when) return wait(when);
+      if (turn.mode != Mode::deliver || early(turn, when)) return wait(when);
       turn.out->*what = true;
+      answered_by_hand(turn, at);
     }
     pace_.played(at, when, dropped ? when : turn.now);
   }
@@ -195,7 +321,7 @@ Player::Progress Player::at_device_end(Turn& turn, bool ReplayActions::*what) {
 Player::Progress Player::at_half_close(Turn& turn) {
   const auto* half_close = std::get_if<event::HalfClose>(schedule_.head()->event);
   const bool by_device = half_close != nullptr && half_close->by == Side::device;
-  return by_device ? at_device_end(turn, &ReplayActions::end_sending) : at_driver_end(turn);
+  return by_device ? at_device_end(turn, &ReplayActions::end_sending) : at_driver_end(turn, half_closes_);
 }
 
 // One that comes late has come.
@@ -205,13 +331,13 @@ void Player::set_writing_ended(std::optional<Instant> since) {
 }
 
 // A gate like a write: what follows is timed from the driver's own end of writing, which a close is too. One
-// that never comes is waited for with patience.
-Player::Progress Player::at_driver_end(const Turn& turn) {
+// that never comes is waited for with patience. `seen`: it would be seen on this line.
+Player::Progress Player::at_driver_end(Turn& turn, bool seen) {
   const TapeTime at = schedule_.head()->at;
-  if (half_closes_ && !schedule_.line_closed()) {
-    const Instant when = timeline().real(at);
+  if (seen && !schedule_.line_closed()) {
+    const Instant when = pace_.real(at);
     if (turn.mode == Mode::flush) return wait(std::nullopt);
-    if (!gated() && turn.mode == Mode::deliver && turn.now < when) return wait(when);
+    if (!gated() && turn.mode == Mode::deliver && early(turn, when)) return wait(when);
     if (gated() && turn.mode == Mode::deliver) {
       if (!gate_opens(turn.now, at)) return Progress::waits;
       const Instant patience = gate_.patience_end(at);
@@ -225,17 +351,47 @@ Player::Progress Player::at_driver_end(const Turn& turn) {
   return Progress::passed;
 }
 
-Player::Progress Player::at_write(const Turn& turn) {
+// What the driver does with its line, where the tape plays it: one step a call.
+Player::Progress Player::at_own_step(const Turn& turn,
+                                     DriverLine::Answer (DriverLine::*way)(Instant,
+                                                                           std::optional<LineStep>&)) {
+  if (turn.mode != Mode::deliver) return wait(std::nullopt);
+  const DriverLine::Answer answer = (driver_line_.*way)(turn.now, turn.out->line_step);
+  if (!answer.done) return wait(answer.until);
+  schedule_.pop();
+  return turn.out->line_step ? wait(turn.now) : Progress::passed;
+}
+
+void Player::line_opened(Instant now) {
+  if (!driver_line_.opening() || schedule_.head() == nullptr) return;
+  driver_line_.opened();
+  writing_ended_.reset();
+  session_start_ = schedule_.head()->at;
+  schedule_.pop();
+  pace_.go_on_from(session_start_, now, now);
+  matcher_.answered();
+  wake_ = now;
+}
+
+void Player::line_ended(Instant now) {
+  driver_line_.ended();
+  if (!writing_ended_) set_writing_ended(now);
+  wake_ = now;
+}
+
+Player::Progress Player::at_write(Turn& turn) {
   const Record& head = *schedule_.head();
+  driver_line_.pass_answer(head.at);
   const std::uint64_t end = schedule_.passed().writes + head.data.size();
   if (gated() && !head.data.empty()) {
+    think_times_.expect(end, head.at, schedule_.exchange_of(end - 1));
     if (checks_time() && matcher_.comparing() && !gate_.pending()) return at_timed_write(turn);
     gate_.add_write(end, head.at);
   }
   // By the recorded clock a write holds nothing up; the walk only keeps to its time.
-  const Instant when = timeline().real(head.at);
-  if (!gated() && turn.mode == Mode::deliver && turn.now < when) return wait(when);
-  schedule_.pop();
+  const Instant when = pace_.real(head.at);
+  if (!gated() && turn.mode == Mode::deliver && early(turn, when)) return wait(when);
+  pop();
   return Progress::passed;
 }
 
@@ -251,16 +407,23 @@ Player::Progress Player::at_timed_write(const Turn& turn) {
     matcher_.diverge();
     return Progress::passed;
   }
+  take_request_time();
   if (!head.last_piece()) {
     schedule_.pop();
     return Progress::passed;
   }
   if (!std::exchange(untimed_, false)) {
-    fault_ = compare_time(*done, head.at, pace_.after_last(head.at), head.data);
+    fault_ = compare_time(*done, head.at, done->real - pace_.after_last(head.at), head.data);
   }
   gate_.pass(end, head.at, done->real);
   schedule_.pop();
   return fault_ ? Progress::fault : Progress::passed;
+}
+
+void Player::take_request_time() {
+  const auto next = think_times_.expected();
+  if (!next || !matcher_.comparing()) return;
+  if (const auto done = matcher_.completion(*next)) think_times_.came(done->real, config_.rate);
 }
 
 Player::Progress Player::at_gap() {
@@ -274,20 +437,21 @@ Player::Progress Player::at_gap() {
   return Progress::passed;
 }
 
-Player::Progress Player::at_close(const Turn& turn) {
+Player::Progress Player::at_close(Turn& turn) {
   if (turn.mode != Mode::deliver) return wait(std::nullopt);
-  const Instant when = timeline().real(schedule_.head()->at);
-  if (!gated() && turn.now < when) return wait(when);
+  const Instant when = pace_.real(schedule_.head()->at);
+  if (!gated() && early(turn, when)) return wait(when);
   schedule_.pop();
   return Progress::passed;
 }
 
-Player::Progress Player::at_open(const Turn& turn) {
+Player::Progress Player::at_open(Turn& turn) {
   if (turn.mode != Mode::deliver) return wait(std::nullopt);
   const TapeTime at = schedule_.head()->at;
-  const Instant when = timeline().real(at);
+  const Instant when = pace_.real(at);
   if (!gated()) {
-    if (turn.now < when) return wait(when);
+    if (early(turn, when)) return wait(when);
+    loops_.session_began();
     sessions_.passed_open(turn.now);
     session_start_ = at;
     schedule_.pop();
@@ -302,22 +466,94 @@ Player::Progress Player::at_open(const Turn& turn) {
     return wait(gate_.silence_counts() ? std::optional(gate_.patience_end(at)) : std::nullopt);
   const Instant since = went_on ? matcher_.last_write() : gate_.patience_end(at);
   pace_.go_on_past_open(at, since);
+  loops_.session_began();
   session_start_ = at;
   schedule_.pop();
   return Progress::passed;
 }
 
-Player::Progress Player::at_end(const Turn& turn) {
+Player::Progress Player::at_end(Turn& turn) {
   if (schedule_.error()) return wait(std::nullopt);
+  take_request_time();
   if (!gate_opens(turn.now, gate_.at())) return Progress::waits;
   if (!gate_.lenient()) {
     const std::optional<bool> all_came = matcher_.at_end();
     if (!all_came) return wait(turn.now);
     if (!*all_came) return wait(std::nullopt);
   }
-  used_up_ = true;
+  if (drives_) {
+    if (const DriverLine::Answer over = driver_line_.at_end(turn.now); !over.done) return wait(over.until);
+  }
   gaps_reached_ = schedule_.gaps_passed();
+  if (!loops_.is_last()) return at_loop_end(turn);
+  used_up_ = true;
   return wait(std::nullopt);
+}
+
+// The next loop begins where this one is over: at the end of the part, or with the last on the tape, by
+// absolute times. A tape without any time still lets others have some.
+Player::Progress Player::at_loop_end(Turn& turn) {
+  if (turn.mode != Mode::deliver || turn.blocked) return wait(std::nullopt);
+  const bool by_clock = config_.timing == Timing::recorded;
+  Instant over = std::max(pace_.floor(), saturating_add(loops_.begun(), kShortestLoop));
+  if (config_.end || by_clock) over = std::max(over, pace_.due(config_.end.value_or(schedule_.latest())));
+  if (early(turn, over)) return wait(over);
+  // By hand a device that has nothing to say would be asked for ever.
+  if (comes_by_hand(turn) && !loops_.has_spoken()) end_step(turn);
+  begin_next_loop(over);
+  return wait(turn.now);
+}
+
+bool Player::early(Turn& turn, Instant when) const {
+  if (turn.now >= when) return false;
+  if (!comes_by_hand(turn)) return true;
+  pace_.clock().move_to(when);
+  turn.now = when;
+  return false;
+}
+
+void Player::answered_by_hand(const Turn& turn, TapeTime at) {
+  if (comes_by_hand(turn)) by_hand_.answered(at);
+}
+
+void Player::end_step(Turn& turn) {
+  by_hand_.end();
+  if (!by_hand_.under_way()) turn.blocked = true;
+}
+
+TapeTime Player::position(Instant now) const {
+  const TapeTime passed = std::max(schedule_.latest(), session_start_);
+  const TapeTime next = schedule_.known_head_at().value_or(passed);
+  if (handshake_) return passed;
+  return std::clamp(pace_.tape(now), passed, std::max(passed, next));
+}
+
+void Player::begin_preroll(TapeTime at) {
+  handshake_.emplace(at);
+  prerolled_ = schedule_.passed();
+}
+
+bool Player::preroll_over() {
+  const Record* head = schedule_.head();
+  return head == nullptr || head->at >= config_.start || handshake_->over(*head);
+}
+
+Player::Progress Player::end_preroll(const Turn& turn) {
+  const Record* head = schedule_.head();
+  if (!gate_opens(turn.now, head == nullptr ? gate_.at() : head->at)) return Progress::waits;
+  prerolled_.reads = schedule_.passed().reads - prerolled_.reads;
+  prerolled_.writes = schedule_.passed().writes - prerolled_.writes;
+  handshake_.reset();
+  pace_.hurry(false);
+  jump(config_.start, turn.now);
+  return Progress::passed;
+}
+
+void Player::pass_events() {
+  const auto stands_at_one = [this] {
+    return schedule_.head() != nullptr && schedule_.head()->kind == RecordKind::event;
+  };
+  while (!budget_.spent() && stands_at_one()) schedule_.pop();
 }
 
 Player::Settled Player::settle(Instant now) {
@@ -349,22 +585,29 @@ Player::Settled Player::pass_on(Turn& turn, std::optional<std::uint64_t> writes)
 
 std::optional<Player::TimingFault> Player::check_recorded(const Matcher::Step& step, Instant now) const {
   if (gated() || !checks_time()) return std::nullopt;
-  return compare_time({matcher_.position(), matcher_.written(), now}, step.at, timeline().real(step.at),
+  Nanos error = now - pace_.real(step.at);
+  // Of gaps ahead of the walk it is not known yet how they are cut: early is what comes before the walk's
+  // own.
+  if (const auto known = pace_.cuts_known_to(); known && step.at > *known)
+    error = std::clamp(Nanos{}, error, now - pace_.real(*known));
+  return compare_time({matcher_.position(), matcher_.written(), now}, step.at, error,
                       matcher_.latest(step.block_size));
 }
 
 std::optional<Player::TimingFault> Player::compare_time(const Matcher::Completion& done, TapeTime at,
-                                                        Instant expected, ByteView bytes) const {
-  const Nanos error = done.real - expected;
+                                                        Nanos error, ByteView bytes) const {
   const Nanos margin = config_.jitter;
-  if ((error <= margin || config_.late_allowed) && error >= -margin) return std::nullopt;
+  const ReplayClock::Shift shift = pace_.shift();
+  const bool late = error - shift.moved > margin && !config_.late_allowed;
+  const bool early = error + shift.stood < -margin;
+  if (!late && !early) return std::nullopt;
   TimingFault fault;
   fault.driver_offset = done.driver_end - std::min<std::uint64_t>(done.driver_end, 1);
   fault.tape_offset = done.tape_end - std::min<std::uint64_t>(done.tape_end, 1);
   fault.at = at;
   fault.real = done.real;
   fault.error = std::chrono::round<Micros>(error);
-  const ByteView shown = bytes.first(std::min(bytes.size(), kShownBytes));
+  const ByteView shown = bytes.first(std::min(bytes.size(), Mismatch::kMostShown));
   fault.bytes.assign(shown.begin(), shown.end());
   return fault;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 
@@ -17,6 +18,10 @@ namespace porttape {
 // It gives each session a Timeline. That is the session's own from then on: a gate that opens sets off what
 // follows it on its own tape, and no other player's.
 //
+// It can stand still: all that its players know of time is `played` time, which is the real one without the
+// times at which it stood. While it stands it can be moved forward by hand. That is so for all its players;
+// their next deadlines are other ones then.
+//
 // A shared clock stops when the last run that has joined it leaves: the next session sets it anew. It must
 // outlive its players. Not thread-safe: they are on one thread.
 class ReplayClock {
@@ -25,7 +30,7 @@ class ReplayClock {
 
   // `rate` > 0: tape time runs this many times as fast.
   explicit ReplayClock(double rate, Sessions sessions = Sessions::join)
-      : timeline_(rate), rate_(rate), sessions_(sessions) {}
+      : timeline_(rate), sessions_(sessions) {}
 
   // A session that plays from `tape` on begins at `now`.
   Timeline begin_session(TapeTime tape, Instant now) {
@@ -46,18 +51,74 @@ class ReplayClock {
     return since(*first_zero_, zero).value_or(Micros{});
   }
 
+  // From `now` (played) on; sessions that have begun set their own timelines.
+  void set_rate(double rate, Instant now) { timeline_.set_rate(rate, now); }
+
+  // It stands from the real time `now` on, until it goes on.
+  void stand(Instant now) {
+    const Instant at = played(now);
+    if (stands_at_) return;
+    stood_since_ = now;
+    stands_at_ = at;
+    ++changes_;
+  }
+  void go_on(Instant now) {
+    if (!stands_at_) return;
+    const Instant at = played(now);
+    shift_.stood += real_ - stood_since_;
+    behind_ = real_ - at;
+    stands_at_.reset();
+    ++changes_;
+  }
+  // How often it stopped or went on.
+  [[nodiscard]] std::uint64_t changes() const { return changes_; }
+  [[nodiscard]] bool stands() const { return stands_at_.has_value(); }
+  // While it stands: forward to that played time, if it is not there.
+  void move_to(Instant played) {
+    if (!stands_at_ || played <= *stands_at_) return;
+    shift_.moved += played - *stands_at_;
+    stands_at_ = played;
+  }
+
+  // The played time at the real time `now`, which never goes back.
+  Instant played(Instant now) {
+    real_ = std::max(real_, now);
+    return stands_at_ ? *stands_at_ : now - behind_;
+  }
+  // When that played time is, by the real clock; nothing where the clock stands before it.
+  [[nodiscard]] std::optional<Instant> real(Instant played) const {
+    if (!stands_at_) return saturating_add(played, behind_);
+    return played <= *stands_at_ ? std::optional(stood_since_) : std::nullopt;
+  }
+
+  // How far the played time has come apart from the real one by the last time that was told: for so long it
+  // stood, and so far it was moved. Both only grow.
+  struct Shift {
+    Nanos stood{};
+    Nanos moved{};
+    [[nodiscard]] Nanos both() const { return stood - moved; }
+  };
+  [[nodiscard]] Shift shift() const {
+    return {shift_.stood + (stands_at_ ? real_ - stood_since_ : Nanos{}), shift_.moved};
+  }
+
   [[nodiscard]] bool runs() const { return runs_; }
-  [[nodiscard]] double rate() const { return rate_; }
+  [[nodiscard]] double rate() const { return timeline_.rate(); }
   // While it runs.
   [[nodiscard]] const Timeline& timeline() const { return timeline_; }
 
  private:
   Timeline timeline_;
-  double rate_;
   Sessions sessions_;
   int runs_joined_ = 0;
   bool runs_ = false;
   std::optional<TapeZero> first_zero_;
+  Instant real_{};                    // the latest that was told
+  Nanos behind_{};                    // the played time, while it goes on
+  std::optional<Instant> stands_at_;  // played
+  Instant stood_since_{};             // real
+  Shift shift_;
+  std::uint64_t changes_ = 0;
 };
 
 // A player's place on a clock.

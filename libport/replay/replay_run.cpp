@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <fmt/format.h>
 #include <string>
 #include <utility>
 
@@ -14,11 +15,11 @@ constexpr std::size_t kMostMismatchesHeld = 16;  // between two calls of advance
 
 constexpr std::size_t kMostGapsTold = 8;
 
-std::string text_of(const TapeGap& gap) {
+std::string text_of(const TapeGap& gap, const Roles& roles) {
   const std::string what = gap.bytes > 0 ? std::to_string(gap.bytes) + " bytes are" : "something is";
   return what + " missing on the tape from " + seconds_text(to_us(gap.from)) + " to " +
-         seconds_text(to_us(gap.to)) + (gap.why.empty() ? "" : " (" + gap.why + ")") +
-         ": what the driver wrote there was not compared";
+         seconds_text(to_us(gap.to)) + (gap.why.empty() ? "" : " (" + gap.why + ")") + ": what " +
+         std::string(roles.one) + ' ' + std::string(roles.wrote) + " there was not compared";
 }
 
 ReplayConfig effective(ReplayConfig config, const Engine::Parts& parts) {
@@ -27,20 +28,49 @@ ReplayConfig effective(ReplayConfig config, const Engine::Parts& parts) {
   return config;
 }
 
+// Under match=lookup no silence opens a gate: there is none but the recorded opens.
+ReplayConfig of_player(ReplayConfig config) {
+  if (config.match == Match::lookup) config.strictness = 1;
+  return config;
+}
+
+// The recorded clock goes on by itself, and at strictness 0 there is no mismatch.
+bool looks_ever(const ReplayConfig& config, const Engine::Parts& parts) {
+  if (config.match == Match::lookup) return true;
+  return config.on_mismatch == OnMismatch::resync && config.timing != Timing::recorded &&
+         config.strictness > 0 && config.writer == Writer::driver && parts.index != nullptr;
+}
+
+std::optional<Instant> earlier(std::optional<Instant> one, std::optional<Instant> other) {
+  return one && other ? std::min(*one, *other) : one ? one : other;
+}
+
 }  // namespace
 
 ReplayRun::ReplayRun(const ReplayConfig& config, const Engine::TapeFacts& facts, const Engine::Parts& parts,
                      RecordSource& schedule, RecordSource& writes, Budget& budget)
     : config_(effective(config, parts)),
-      hang_ups_(facts.hang_ups),
+      hang_ups_(drives() ? std::vector<TapeTime>() : facts.hang_ups),
       opens_(facts.opens),
+      ruled_(parts.expectation != nullptr),
       totals_(facts.totals),
       gaps_(facts.gaps),
       budget_(budget),
       own_clock_(config_.rate, ReplayClock::Sessions::set_it),
       clock_(parts.clock != nullptr ? *parts.clock : own_clock_),
-      matcher_(writes, budget, config_.burst_gap, parts.expectation),
-      player_(config_, facts, {clock_, parts.tape_begin}, parts.half_closes, schedule, budget, matcher_) {
+      line_(facts.line),
+      replies_(parts.expectation != nullptr ? parts.expectation->replies() : nullptr),
+      lookup_(looks_ever(config_, parts)
+                  ? std::make_unique<Lookup>(config_, facts, parts, budget, clock_, replies_.get())
+                  : nullptr),
+      unasked_(schedule),
+      matcher_(config_.match == Match::lookup ? static_cast<RecordSource&>(none_) : writes, budget,
+               config_.burst_gap, parts.expectation),
+      player_(of_player(config_), facts, {clock_, parts.tape_begin}, parts.half_closes,
+              config_.match == Match::lookup ? static_cast<RecordSource&>(unasked_) : schedule, budget,
+              matcher_, settings_) {
+  matcher_.set_replies(replies_.get());
+  if (!looks_up()) player_.set_replies(replies_.get());
   if (config_.strictness > 0) matcher_.set_gaps(gaps_);
 }
 
@@ -50,27 +80,88 @@ ReplayRun::~ReplayRun() {
 
 void ReplayRun::begin(Instant now) {
   tape_end_told_ = false;
+  extra_.reset();
   writes_ = 0;
+  last_byte_ = now;
   sessions_ = 1;
   clock_.join();
+  steered_ = {};
+  if (clock_.stands()) steered_.pauses = 1;
+  begun_shift_ = clock_.shift();
+  furthest_ = 0;
   ledger_.emplace(now);
   matcher_.rewind();
+  if (replies_) replies_->begin();
+  settings_.begin(line_);
   player_.begin(now);
+  if (lookup_) lookup_->begin_run();
+  resyncing_ = false;
+  question_.clear();
   stop_if_damaged(now);
+}
+
+void ReplayRun::stand(Instant real, bool on) {
+  if (on && !clock_.stands()) ++steered_.pauses;
+  if (on) {
+    clock_.stand(real);
+  } else {
+    clock_.go_on(real);
+  }
+}
+
+void ReplayRun::step(std::uint64_t exchanges) {
+  steered_.steps += exchanges;
+  player_.step(exchanges);
+}
+
+void ReplayRun::set_rate(Instant now, double rate) {
+  ++steered_.rates;
+  clock_.set_rate(rate, now);
+  player_.set_rate(rate, now);
+}
+
+void ReplayRun::seek(Instant now, TapeTime to) {
+  if (!ledger_) return;
+  ++steered_.seeks;
+  furthest_ = std::max(furthest_, matcher_.position());
+  tape_end_told_ = false;
+  player_.jump(to, now);
+}
+
+void ReplayRun::begin_next_loop(Instant now) {
+  furthest_ = std::max(furthest_, matcher_.position());
+  player_.begin_next_loop(now);
 }
 
 void ReplayRun::begin_session() {
   exchanged_ = writing_ended_ = device_gone_ = false;
   player_.set_writing_ended(std::nullopt);
+  if (lookup_) lookup_->begin_session();
 }
 
 void ReplayRun::end_writing(Instant now) {
   writing_ended_ = true;
   player_.set_writing_ended(now);
-  pause(now);
+  end_of_writes(now);
+}
+
+void ReplayRun::line_opened(Instant now) {
+  if (!drives() || !player_.driver_line().opening()) return;
+  count_session();
+  begin_session();
+  player_.line_opened(now);
+}
+
+std::optional<bool> ReplayRun::line_may_end() {
+  return ledger_ ? player_.sessions().line_may_end() : std::optional(true);
 }
 
 bool ReplayRun::take_writing_ended() { return std::exchange(writing_ended_, false); }
+
+void ReplayRun::taken(Instant now) {
+  player_.taken(now);
+  if (lookup_) lookup_->player().taken(now);
+}
 
 void ReplayRun::set_blocked(bool blocked) {
   blocked_ = blocked;
@@ -85,24 +176,29 @@ void ReplayRun::realign_to_walk() {
   const std::uint64_t there = player_.schedule().passed().writes;
   const bool can = config_.strictness == 0 || !fails();
   if (can && (!matcher_.comparing() || matcher_.position() < there)) matcher_.realign(there);
+  resyncing_ = false;
+  question_.clear();
 }
 
 std::size_t ReplayRun::write(Instant now, ByteView data, bool counted) {
   if (!ledger_) return data.size();
   if (!counted) {
-    ledger_->written(data.size());
+    ledger_->written(data);
     ++writes_;
-    write_begin_ = matcher_.written();
+    write_begin_ = looks_up() ? lookup_->written() : matcher_.written();
   }
   exchanged_ = true;
+  last_byte_ = now;
   pause_if_due(now);
+  if (looks_up()) return ask(now, data);
   const bool recorded = config_.timing == Timing::recorded;
   if (recorded && !matcher_.comparing() && now - matcher_.last_write() >= config_.quiet) {
-    matcher_.realign_to_time(player_.timeline().tape(now - config_.jitter));
+    matcher_.realign_to_time(player_.tape(now - config_.jitter));
   }
   ByteView rest = data;
-  while (ledger_ && !rest.empty() && !device_gone_) {
+  while (ledger_ && (!rest.empty() || matcher_.goes_on()) && !device_gone_) {
     const Matcher::Step step = matcher_.write(now, rest, next_hang_up());
+    if (resyncs()) note_question(rest.first(step.used));
     rest = rest.subspan(step.used);
     if (step.outcome == Matcher::Outcome::block) {
       if (const auto fault = player_.check_recorded(step, now)) tell_fault(now, *fault);
@@ -110,13 +206,64 @@ std::size_t ReplayRun::write(Instant now, ByteView data, bool counted) {
       break;
     } else if (step.outcome == Matcher::Outcome::later) {
       return data.size() - rest.size();
+    } else if (step.outcome == Matcher::Outcome::extra && drives()) {
+      keep_extra(now, rest);
+      matcher_.diverge();
     } else if (step.outcome != Matcher::Outcome::taken) {
       tell_difference(now, rest);
       matcher_.diverge();
+      if (resyncs()) {
+        resync(now, rest);
+        break;
+      }
     }
   }
   stop_if_damaged(now);
   return data.size();
+}
+
+// From here on the driver's requests are found wherever the tape has them, the one under way first.
+void ReplayRun::resync(Instant now, ByteView rest) {
+  if (!ledger_) return;
+  resyncing_ = true;
+  lookup_->go_on_from(matcher_.position(), matcher_.written(), question_.size());
+  note_question(rest);
+  matcher_.pass_over(rest.size());
+  lookup_->write(now, std::exchange(question_, {}));
+  find_asked(now);
+}
+
+// A driver whose question is longer is found by its end.
+void ReplayRun::note_question(ByteView came) {
+  constexpr std::size_t kLongest = 65536;
+  question_.insert(question_.end(), came.begin(), came.end());
+  if (question_.size() > kLongest)
+    question_.erase(question_.begin(), question_.end() - static_cast<std::ptrdiff_t>(kLongest));
+}
+
+// The tape is read through before the first request is looked for.
+std::size_t ReplayRun::ask(Instant now, ByteView data) {
+  if (!ledger_ || device_gone_) return data.size();
+  const bool ready = lookup_->ready();
+  if (ready) {
+    lookup_->write(now, data);
+    if (resyncing_) matcher_.pass_over(data.size());
+    find_asked(now);
+  }
+  stop_if_damaged(now);
+  return ready || !ledger_ ? data.size() : 0;
+}
+
+void ReplayRun::find_asked(Instant now) {
+  while (ledger_) {
+    std::optional<Mismatch> mismatch = lookup_->find();
+    if (const std::string where = lookup_->take_went_on(); !where.empty()) ledger_->went_on(where);
+    if (!mismatch) return;
+    if (config_.strictness == 0) continue;
+    mismatch->real = ledger_->since_begin(now);
+    place_in_write(*mismatch);
+    add_mismatch(now, *mismatch);
+  }
 }
 
 // The recorded hang-up that is next, while the bytes are compared.
@@ -127,34 +274,63 @@ std::optional<TapeTime> ReplayRun::next_hang_up() {
 }
 
 void ReplayRun::pause(Instant now) {
-  if (!ledger_ || !matcher_.pause_due()) return;
-  const Matcher::Step step = matcher_.pause();
-  if (step.outcome == Matcher::Outcome::block) {
-    if (const auto fault = player_.check_recorded(step, matcher_.last_write())) tell_fault(now, *fault);
+  if (!ledger_) return;
+  if (looks_up()) {
+    lookup_->pause();
+    return find_asked(now);
   }
+  if (!matcher_.pause_due()) return;
+  compare_behind(now, matcher_.pause());
   stop_if_damaged(now);
 }
 
+void ReplayRun::end_of_writes(Instant now) {
+  if (!ledger_) return;
+  if (looks_up()) return pause(now);
+  while (ledger_ && matcher_.pause_due()) {
+    const Matcher::Step step = matcher_.pause();
+    compare_behind(now, step);
+    if (step.outcome != Matcher::Outcome::block) break;
+  }
+  if (ledger_ && !device_gone_) compare_behind(now, matcher_.end_session());
+  stop_if_damaged(now);
+}
+
+// What came of comparing without new bytes.
+void ReplayRun::compare_behind(Instant now, const Matcher::Step& step) {
+  if (step.outcome == Matcher::Outcome::block) {
+    if (const auto fault = player_.check_recorded(step, matcher_.last_write())) tell_fault(now, *fault);
+  } else if (step.outcome == Matcher::Outcome::differs || step.outcome == Matcher::Outcome::extra) {
+    tell_difference(now, {});
+    matcher_.diverge();
+    if (resyncs()) resync(now, {});
+  }
+}
+
 void ReplayRun::pause_if_due(Instant now) {
-  if (const auto due = matcher_.pause_due(); due && *due <= now) pause(now);
+  const std::optional<Instant> due = looks_up() ? lookup_->pause_due() : matcher_.pause_due();
+  if (due && *due <= now) pause(now);
 }
 
 std::optional<Instant> ReplayRun::wake() const {
-  const std::optional<Instant> wake = player_.wake();
-  const std::optional<Instant> pause = matcher_.pause_due();
-  return wake && pause ? std::min(*wake, *pause) : wake ? wake : pause;
+  if (!looks_up()) return earlier(player_.wake(), matcher_.pause_due());
+  const std::optional<Instant> answer = answers_wait() ? std::nullopt : lookup_->player().wake();
+  return earlier(player_.wake(), earlier(answer, lookup_->pause_due()));
 }
 
 void ReplayRun::play(Instant now, std::size_t max_bytes, ReplayActions& out) {
   pause_if_due(now);
+  player_.hold(clock_.stands());
   while (ledger_) {
     const std::size_t before = out.deliver.size();
+    const std::uint64_t loop = player_.loops().number();
+    const std::uint64_t position = matcher_.position();
     const auto fault = player_.play(now, max_bytes, blocked_, out);
-    const std::size_t fresh = out.deliver.size() - before;
-    device_gone_ = device_gone_ || out.hang_up;
-    ledger_->delivered(fresh);
-    exchanged_ = exchanged_ || fresh > 0;
-    if (fresh > 0 && before == 0 && !was_blocked_) ledger_->lateness(now - *player_.delivered_due());
+    count_delivered(now, before, out, player_.delivered_due());
+    if (player_.loops().number() != loop) {
+      exchanged_ = false;
+      furthest_ = std::max(furthest_, position);
+    }
     if (!fault) break;
     tell_fault(now, *fault);
     if (ledger_ && budget_.spent()) {
@@ -162,14 +338,39 @@ void ReplayRun::play(Instant now, std::size_t max_bytes, ReplayActions& out) {
       break;
     }
   }
-  if (!blocked_ && (!player_.wake() || *player_.wake() > now)) was_blocked_ = false;
+  if (ledger_ && looks_up() && !answers_wait()) play_answers(now, max_bytes, out);
+  if (const auto next = wake(); !blocked_ && (!next || *next > now)) was_blocked_ = false;
   stop_if_damaged(now);
-  if (ledger_ && writing_ended_ && !blocked_) end_device(now, out);
-  if (ledger_ && player_.used_up() && !tape_end_told_) at_tape_end(now);
+  if (ledger_ && writing_ended_ && !blocked_ && !clock_.stands() && !drives()) end_device(now, out);
+  const bool used_up =
+      resyncing_ ? lookup_->used_up() : player_.used_up() && (!looks_up() || lookup_->used_up());
+  if (ledger_ && used_up && !tape_end_told_) at_tape_end(now);
+}
+
+void ReplayRun::play_answers(Instant now, std::size_t max_bytes, ReplayActions& out) {
+  const std::size_t before = out.deliver.size();
+  (void)lookup_->ready();  // the tape may have been read through only now
+  find_asked(now);
+  if (!ledger_) return;
+  lookup_->play(now, max_bytes, blocked_ || clock_.stands(), out);
+  count_delivered(now, before, out, lookup_->player().delivered_due());
+}
+
+// What is behind the first `before` bytes, due first at `due`.
+void ReplayRun::count_delivered(Instant now, std::size_t before, const ReplayActions& out,
+                                std::optional<Instant> due) {
+  const std::size_t fresh = out.deliver.size() - before;
+  device_gone_ = device_gone_ || out.hang_up;
+  ledger_->delivered(fresh);
+  exchanged_ = exchanged_ || fresh > 0;
+  if (fresh > 0) last_byte_ = now;
+  if (fresh > 0) question_.clear();
+  if (fresh > 0 && before == 0 && !was_blocked_ && !clock_.stands() && due) ledger_->lateness(now - *due);
 }
 
 // To a driver that writes no more the device ends too, once nothing comes without further writes.
 void ReplayRun::end_device(Instant now, ReplayActions& out) {
+  if (looks_up() && !lookup_->player().idle()) return;
   const std::optional<bool> played = player_.sessions().session_played();
   if (!played) {
     player_.wake_at(now);
@@ -180,20 +381,42 @@ void ReplayRun::end_device(Instant now, ReplayActions& out) {
 }
 
 void ReplayRun::at_tape_end(Instant now) {
+  if (clock_.stands()) return;
   tape_end_told_ = true;
+  if (drives()) return end(now, EndedBy::close);
   if (config_.at_end == AtEnd::idle) return;
   (config_.at_end == AtEnd::hangup ? pending_.hang_up : pending_.exit) = true;
   end(now);
 }
 
-void ReplayRun::end(Instant now) {
-  const std::optional<bool> any_unsent = matcher_.any_unsent();
+// What a driver has not made that wrote all and closes it will not make; one that is kept from going on might
+// have, and of one that stops in the middle only its own bytes show how far it came.
+void ReplayRun::end(Instant now, EndedBy by) {
+  tell_extra();
+  const std::optional<bool> any_unsent = this->any_unsent();
   const bool half_close_missing = player_.missed_half_close().has_value();
-  RunReport report = ledger_->report(config_, now, any_unsent.value_or(false) || half_close_missing);
+  const bool unplayed = drives() && !player_.used_up();
+  using Reach = SettingsCheck::Reach;
+  const bool stopped = any_unsent != false && config_.strictness > 0;
+  const bool to_the_end = any_unsent == false && by == EndedBy::close;
+  const Reach reach = stopped ? Reach::written : to_the_end ? Reach::all : Reach::delivered;
+  if (reach == Reach::all) player_.pass_events();
+  ledger_->settings(settings_.report(reach, std::max(furthest_, matcher_.position())));
+  const bool cut_off = config_.match == Match::lookup && lookup_->cut_off();
+  RunReport report =
+      ledger_->report(config_, now, any_unsent.value_or(false) || half_close_missing || unplayed || cut_off);
+  report.duration += behind();
+  report.playback = playback(any_unsent == false && matcher_.any_unsent() == false &&
+                             (player_.used_up() || matcher_.matched() > 0));
   report.missed_half_close = player_.missed_half_close();
   report.sessions_made = sessions_;
   report.sessions_of = std::max<std::uint64_t>(1, opens_);
   report.from_driver_matched = matcher_.matched();
+  report.delivered = fails() && report.mismatch ? report.mismatch->delivered : player_.reads_delivered();
+  report.ruled = ruled_;
+  report.think_times = player_.think_times().times();
+  report.idle = std::chrono::floor<Micros>(now - last_byte_);
+  report.closed = by == EndedBy::close;
   if (!any_unsent && ledger_->report(config_, now, true).verdict != report.verdict) {
     report.undecided_from = matcher_.position();
   }
@@ -204,11 +427,40 @@ void ReplayRun::end(Instant now) {
     report.next_expected_offset = unsent->offset;
     report.next_expected_tape = unsent->at;
   }
+  if (config_.match == Match::lookup) lookup_->report(report);
   if (totals_) add_totals(report, *totals_);
   add_gaps(report);
+  add_doubtful_answers(report);
   pending_.run_ended = std::move(report);
   ledger_.reset();
   clock_.leave();
+}
+
+// Of all loops that it was to make; of endless ones the first counts, since the last is never whole.
+std::optional<bool> ReplayRun::any_unsent() {
+  const std::optional<bool> unsent = matcher_.any_unsent();
+  if (config_.loops == 1) return unsent;
+  if (config_.loops == 0) return player_.loops().number() > 1 ? matcher_.any_skipped() : unsent;
+  const bool asked = matcher_.matched() > 0 || unsent != false;
+  return player_.loops().is_last() || !asked ? unsent : true;
+}
+
+PlaybackReport ReplayRun::playback(bool complete) const {
+  PlaybackReport played = steered_;
+  played.start = config_.start;
+  played.end = config_.end;
+  played.preroll = config_.preroll;
+  played.max_gap = config_.max_gap;
+  played.loops = player_.loops().number();
+  played.loops_complete = player_.loops().number() - (complete ? 0 : 1);
+  played.loops_of = config_.loops == 0 ? std::nullopt : std::optional(config_.loops);
+  played.prerolled = {.reads = player_.prerolled().reads, .writes = player_.prerolled().writes};
+  played.paused = clock_.shift().stood - begun_shift_.stood;
+  return played;
+}
+
+Micros ReplayRun::since_begin(Instant now) const {
+  return ledger_->since_begin(now) + std::chrono::floor<Micros>(behind());
 }
 
 // The gaps that the run came to.
@@ -219,27 +471,66 @@ void ReplayRun::add_gaps(RunReport& report) const {
       report.doubts.push_back({Doubt::Kind::gap, "and " + std::to_string(reached - i) + " more gaps"});
       return;
     }
-    report.doubts.push_back({Doubt::Kind::gap, text_of(gaps_[i])});
+    report.doubts.push_back({Doubt::Kind::gap, text_of(gaps_[i], roles_of(config_.writer))});
   }
+}
+
+void ReplayRun::add_doubtful_answers(RunReport& report) const {
+  const std::uint64_t answers = player_.doubtful_answers();
+  if (answers == 0) return;
+  const std::string what =
+      answers == 1 ? "what the tape has" : fmt::format("{} times what the tape has", answers);
+  report.doubts.push_back(
+      {Doubt::Kind::answer,
+       fmt::format(
+           "{} behind a frame that {} left out came all the same; whether it answers that frame, with_answer "
+           "in the rule says",
+           what, roles_of(config_.writer).one)});
 }
 
 void ReplayRun::stop_if_damaged(Instant now) {
   if (!ledger_) return;
-  const auto& error = matcher_.error() ? matcher_.error() : player_.schedule().error();
-  if (!error) return;
-  const std::string trouble = error->message;
+  const std::optional<Error>& found = error();
+  if (!found) return;
+  const std::string trouble = found->message;
   end(now);
   pending_.run_ended->trouble = trouble;
   if (pending_.run_ended->verdict == Verdict::pass) pending_.run_ended->verdict = Verdict::incomplete;
 }
 
-void ReplayRun::tell_difference(Instant now, ByteView got) {
-  if (config_.strictness == 0) return;
+const std::optional<Error>& ReplayRun::error() {
+  if (matcher_.error()) return matcher_.error();
+  if (looks_up() && lookup_->error()) return lookup_->error();
+  return player_.schedule().error();
+}
+
+Mismatch ReplayRun::difference(Instant now, ByteView got) {
   Mismatch mismatch = matcher_.describe(got);
-  mismatch.real = ledger_->since_begin(now);
+  mismatch.real = since_begin(now);
+  place_in_write(mismatch);
+  return mismatch;
+}
+
+void ReplayRun::tell_difference(Instant now, ByteView got) {
+  if (config_.strictness > 0) tell_mismatch(now, difference(now, got));
+}
+
+// What a device sends beyond the tape is one only where it had been silent then, which the tape's end shows.
+void ReplayRun::keep_extra(Instant now, ByteView got) {
+  if (config_.strictness > 0 && !extra_) extra_ = difference(now, got);
+}
+
+void ReplayRun::tell_extra() {
+  if (!extra_ || player_.driver_line().streams_on()) return;
+  extra_->exchange = player_.schedule().exchange_of(extra_->tape_offset);
+  ledger_->mismatch(*extra_);
+  pending_.mismatches.push_back(*std::exchange(extra_, std::nullopt));
+}
+
+void ReplayRun::place_in_write(Mismatch& mismatch) const {
+  if (mismatch.offset < write_begin_) return;
   mismatch.write = writes_;
   mismatch.write_offset = mismatch.offset - write_begin_;
-  tell_mismatch(now, std::move(mismatch));
 }
 
 void ReplayRun::tell_fault(Instant now, const Player::TimingFault& fault) {
@@ -248,7 +539,7 @@ void ReplayRun::tell_fault(Instant now, const Player::TimingFault& fault) {
   mismatch.offset = fault.driver_offset;
   mismatch.tape_offset = fault.tape_offset;
   mismatch.tape = fault.at;
-  mismatch.real = ledger_->since_begin(fault.real);
+  mismatch.real = since_begin(fault.real);
   mismatch.error = fault.error;
   mismatch.allowed = std::chrono::round<Micros>(config_.jitter);
   mismatch.expected = mismatch.got = fault.bytes;
@@ -258,17 +549,20 @@ void ReplayRun::tell_fault(Instant now, const Player::TimingFault& fault) {
 }
 
 void ReplayRun::tell_mismatch(Instant now, Mismatch mismatch) {
+  mismatch.delivered = player_.reads_delivered();
   // A run that ends here has no more use for the walk, so it may go ahead to where the driver is.
   if (fails()) player_.schedule().pass_write(mismatch.tape_offset);
   mismatch.exchange = player_.schedule().exchange_of(mismatch.tape_offset);
+  add_mismatch(now, mismatch);
+  if (ledger_ && mismatch.kind != MismatchKind::timing && !resyncs()) player_.become_lenient(now);
+}
+
+void ReplayRun::add_mismatch(Instant now, const Mismatch& mismatch) {
   ledger_->mismatch(mismatch);
   if (pending_.mismatches.size() < kMostMismatchesHeld) pending_.mismatches.push_back(mismatch);
-  if (fails()) {
-    pending_.hang_up = true;
-    end(now);
-  } else if (mismatch.kind != MismatchKind::timing) {
-    player_.become_lenient(now);
-  }
+  if (!fails()) return;
+  pending_.hang_up = true;
+  end(now);
 }
 
 // Until it is done or the budget is spent.

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -8,10 +10,13 @@
 #include "libport/base/time.hpp"
 #include "libport/replay/budget.hpp"
 #include "libport/replay/engine.hpp"
+#include "libport/replay/lookup.hpp"
 #include "libport/replay/matcher.hpp"
 #include "libport/replay/player.hpp"
 #include "libport/replay/replay_clock.hpp"
 #include "libport/replay/run_ledger.hpp"
+#include "libport/replay/settings_check.hpp"
+#include "libport/replay/unasked.hpp"
 
 namespace porttape {
 
@@ -30,14 +35,26 @@ class ReplayRun {
   ReplayRun(const ReplayRun&) = delete;
   ReplayRun& operator=(const ReplayRun&) = delete;
 
+  // Steering. Others of its clock stand, go on and run at that rate too.
+  void stand(Instant real, bool on);
+  void step(std::uint64_t exchanges);
+  void set_rate(Instant now, double rate);
+  void seek(Instant now, TapeTime to);
+  [[nodiscard]] ReplayClock& clock() { return clock_; }
+  [[nodiscard]] const ReplayClock& clock() const { return clock_; }
+
   // player().seek() follows.
   void begin(Instant now);
-  void end(Instant now);
+  // Its driver's close, or whatever keeps it from going on to one.
+  enum class EndedBy : std::uint8_t { close, other };
+  void end(Instant now, EndedBy by = EndedBy::other);
   void stop_if_damaged(Instant now);
   [[nodiscard]] bool goes_on() const { return ledger_.has_value(); }
 
   // The driver has opened.
   void begin_session();
+  // And that is the next loop's.
+  void begin_next_loop(Instant now);
   // And that is a further session of the run.
   void count_session() { ++sessions_; }
   // The driver writes no more in this session and still reads.
@@ -46,23 +63,40 @@ class ReplayRun {
   bool take_writing_ended();
   // Bytes went either way in this session.
   [[nodiscard]] bool exchanged() const { return exchanged_; }
+  // Nothing of this loop was played yet, which is not the first.
+  [[nodiscard]] bool at_loop_begin() const { return player_.loops().fresh() && !exchanged_; }
+
+  // Where the tape plays the driver: the line that it opened anew is there, and where the device may end it.
+  void line_opened(Instant now);
+  [[nodiscard]] std::optional<bool> line_may_end();
 
   // Gives how much of it is done with; the rest comes again. `counted`: the run's books have it already.
   std::size_t write(Instant now, ByteView data, bool counted);
   // Does what is due.
   void play(Instant now, std::size_t max_bytes, ReplayActions& out);
-  // The driver pauses: a field whose end has not shown ends here.
-  void pause(Instant now);
+  // The driver has made its line so.
+  void set_line(const SeenSettings& settings) {
+    if (ledger_) settings_.made(settings);
+  }
+  // The driver has closed, or ends its writing: what it wrote is all of this session.
+  void end_of_writes(Instant now);
   // When play() is to be called next; nothing: when something has happened.
   [[nodiscard]] std::optional<Instant> wake() const;
   // Player's, with their faults told; true when it is done.
   bool settle(Instant now) { return walk(now, &Player::settle); }
-  bool flush(Instant now) { return walk(now, &Player::flush); }
+  bool flush(Instant now) {
+    return walk(now, &Player::flush) && (!looks_up() || lookup_->player().flush(now));
+  }
   bool judge(Instant now) { return walk(now, &Player::judge); }
   // The walk has gone on to a recorded open: what the driver has not written before it is not waited for.
   void realign_to_walk();
 
   void set_totals(const TapeTotals& totals) { totals_ = totals; }
+  // The driver has read all that was delivered; a piece that is due waits for that.
+  void taken(Instant now);
+  [[nodiscard]] bool holds_piece() const {
+    return player_.holds_piece() || (looks_up() && lookup_->player().holds_piece());
+  }
   // The line takes no bytes.
   void set_blocked(bool blocked);
 
@@ -75,37 +109,79 @@ class ReplayRun {
 
  private:
   void pause_if_due(Instant now);
+  void pause(Instant now);
+  void compare_behind(Instant now, const Matcher::Step& step);
   bool walk(Instant now, Player::Settled (Player::*way)(Instant));
   void end_device(Instant now, ReplayActions& out);
+  [[nodiscard]] bool drives() const { return config_.writer == Writer::device; }
+  void keep_extra(Instant now, ByteView got);
+  void tell_extra();
   void at_tape_end(Instant now);
+  // Whether what the driver writes is looked up, and not held against what comes next on the tape.
+  [[nodiscard]] bool looks_up() const { return lookup_ && (config_.match == Match::lookup || resyncing_); }
+  [[nodiscard]] bool resyncs() const { return lookup_ && config_.match == Match::sequence; }
+  // After a mismatch what the walk still has to say comes first.
+  [[nodiscard]] bool answers_wait() const { return resyncing_ && (player_.wake() || blocked_); }
+  void resync(Instant now, ByteView rest);
+  void note_question(ByteView came);
+  std::size_t ask(Instant now, ByteView data);
+  void find_asked(Instant now);
+  void play_answers(Instant now, std::size_t max_bytes, ReplayActions& out);
+  void count_delivered(Instant now, std::size_t before, const ReplayActions& out, std::optional<Instant> due);
   void tell_mismatch(Instant now, Mismatch mismatch);
+  [[nodiscard]] Mismatch difference(Instant now, ByteView got);
+  void add_mismatch(Instant now, const Mismatch& mismatch);
+  void place_in_write(Mismatch& mismatch) const;
+  [[nodiscard]] const std::optional<Error>& error();
   void tell_difference(Instant now, ByteView got);
   void tell_fault(Instant now, const Player::TimingFault& fault);
   void add_gaps(RunReport& report) const;
+  void add_doubtful_answers(RunReport& report) const;
+  [[nodiscard]] std::optional<bool> any_unsent();
+  [[nodiscard]] PlaybackReport playback(bool complete) const;
+  [[nodiscard]] Micros since_begin(Instant now) const;
+  // How far the played time is behind the real one, for the run.
+  [[nodiscard]] Nanos behind() const { return clock_.shift().both() - begun_shift_.both(); }
   [[nodiscard]] std::optional<TapeTime> next_hang_up();
   [[nodiscard]] bool fails() const { return config_.on_mismatch == OnMismatch::fail; }
 
   ReplayConfig config_;
   std::vector<TapeTime> hang_ups_;
   std::uint64_t opens_;  // on the tape
+  bool ruled_;           // something may vary
   std::optional<TapeTotals> totals_;
   std::vector<TapeGap> gaps_;
   Budget& budget_;
   ReplayClock own_clock_;
   ReplayClock& clock_;
+  SeenSettings line_;  // the device's own
+  std::unique_ptr<Replies> replies_;
+  // match=lookup: plays and compares all that was asked for; on-mismatch=resync: from a mismatch on to the
+  // end of the session.
+  std::unique_ptr<Lookup> lookup_;
+  Unasked unasked_;  // what is then the player's
+  NoRecords none_;   // and the matcher's
   Matcher matcher_;
+  SettingsCheck settings_;
   Player player_;
 
   std::optional<RunLedger> ledger_;  // while a run goes on
   std::uint64_t writes_ = 0;         // of the driver in this run
   std::uint64_t write_begin_ = 0;    // where in its stream the latest began
+  Instant last_byte_{};              // of either direction, in this run
   std::uint64_t sessions_ = 0;       // of the driver's in this run
+  PlaybackReport steered_;           // by hand, in this run
+  ReplayClock::Shift begun_shift_;   // when the run did
+  std::uint64_t furthest_ = 0;       // of the matcher's positions before it went back
   bool tape_end_told_ = false;
   bool writing_ended_ = false;  // in this session
   bool device_gone_ = false;    // in this session: hung up as recorded
   bool exchanged_ = false;
   bool blocked_ = false;
-  bool was_blocked_ = false;  // since deliveries last caught up
+  bool was_blocked_ = false;       // since deliveries last caught up
+  std::optional<Mismatch> extra_;  // of a device: told at the end, where it does not stream on
+  bool resyncing_ = false;
+  Bytes question_;  // resync: what the driver wrote since the last answer
   ReplayActions pending_;
 };
 

@@ -10,6 +10,8 @@ std::string_view to_string(Verdict verdict) {
       return "pass";
     case Verdict::data_mismatch:
       return "data-mismatch";
+    case Verdict::settings_mismatch:
+      return "settings-mismatch";
     case Verdict::timing_mismatch:
       return "timing-mismatch";
     case Verdict::incomplete:
@@ -21,8 +23,10 @@ std::string_view to_string(Verdict verdict) {
 }
 
 void add_totals(RunReport& report, const TapeTotals& totals) {
-  report.to_driver_of = totals.reads;
-  report.from_driver_of = totals.writes;
+  const PlaybackReport& played = report.playback;
+  const std::uint64_t loops = played.loops_of.value_or(played.loops);
+  report.to_driver_of = played.prerolled.reads + (totals.reads - totals.reads_before) * loops;
+  report.from_driver_of = played.prerolled.writes + (totals.writes - totals.writes_before) * loops;
   if (report.undecided_from && totals.writes > *report.undecided_from) report.verdict = Verdict::incomplete;
   report.undecided_from.reset();
 }
@@ -45,6 +49,7 @@ int exit_status_of(const RunReport& report) {
     case Verdict::incomplete:
       return exit_status::kIncomplete;
     case Verdict::data_mismatch:
+    case Verdict::settings_mismatch:
     case Verdict::extra:
       break;
   }

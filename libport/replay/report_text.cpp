@@ -10,107 +10,26 @@
 #include <string_view>
 #include <vector>
 
+#include "libport/base/line_settings_text.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/replay/context.hpp"
+#include "libport/replay/diff_text.hpp"
+#include "libport/replay/faults_report.hpp"
+#include "libport/replay/paint.hpp"
 #include "libport/replay/report.hpp"
+#include "libport/replay/report_words.hpp"
+#include "libport/replay/roles.hpp"
 #include "libport/replay/seconds_text.hpp"
 
 namespace porttape {
 namespace {
 
-constexpr std::size_t kBytesBefore = 8;
-constexpr std::size_t kBytesAfter = 16;
-
-class Paint {
- public:
-  explicit Paint(bool on) : on_(on) {}
-  [[nodiscard]] std::string red(std::string_view text) const { return wrap("\033[31m", text); }
-  [[nodiscard]] std::string green(std::string_view text) const { return wrap("\033[32m", text); }
-  [[nodiscard]] std::string bold(std::string_view text) const { return wrap("\033[1m", text); }
-
- private:
-  [[nodiscard]] std::string wrap(std::string_view code, std::string_view text) const {
-    if (!on_) return std::string(text);
-    return std::string(code) + std::string(text) + "\033[0m";
-  }
-  bool on_;
-};
-
-// "12.345 ms", without the zeros at its end.
-std::string millis(Micros time) {
-  std::array<char, 48> text{};
-  std::snprintf(text.data(), text.size(), "%.3f", static_cast<double>(time.count()) / 1000.0);
-  std::string number = text.data();
-  number.erase(number.find_last_not_of('0') + 1);
-  if (number.back() == '.') number.pop_back();
-  return number + " ms";
-}
+constexpr std::size_t kMostBytes = 16;
 
 std::string micros(double us) {
   std::array<char, 48> text{};
   std::snprintf(text.data(), text.size(), "%.1f us", us);
   return text.data();
-}
-
-std::string counted(std::uint64_t count, std::string_view noun) {
-  return std::to_string(count) + ' ' + std::string(noun) + (count == 1 ? "" : "s");
-}
-
-std::string spaced_hex(ByteView bytes) {
-  std::string out;
-  for (const Byte byte : bytes) {
-    if (!out.empty()) out += ' ';
-    out += to_hex(ByteView(&byte, 1));
-  }
-  return out;
-}
-
-// One side of the comparison: the bytes before, then its own, in hex and as text.
-struct Side {
-  std::string hex;
-  std::string text;
-};
-
-Side side(ByteView before, ByteView bytes) {
-  const bool cut = bytes.size() > kBytesAfter;
-  const ByteView shown = bytes.first(std::min(bytes.size(), kBytesAfter));
-  Side out{spaced_hex(before), '"' + to_printable(before)};
-  if (!out.hex.empty() && !shown.empty()) out.hex += ' ';
-  out.hex += spaced_hex(shown) + (cut ? " .." : "");
-  out.text += to_printable(shown) + (cut ? "\".." : "\"");
-  return out;
-}
-
-std::string padded(std::string text, std::size_t width) {
-  text.resize(std::max(width, text.size()), ' ');
-  return text;
-}
-
-std::string comparison(const Mismatch& mismatch, const Paint& paint) {
-  const ByteView before = ByteView(mismatch.before).last(std::min(mismatch.before.size(), kBytesBefore));
-  Side expected = side(before, mismatch.expected);
-  const Side got = side(before, mismatch.got);
-  const std::size_t width = std::max(expected.hex.size(), got.hex.size());
-  if (mismatch.expected.empty()) expected.text += "  (the tape has no more)";
-  const std::string indent(before.size() * 3, ' ');
-  return "  expected  " + padded(expected.hex, width) + "  " + expected.text + '\n' +  //
-         "  got       " + padded(got.hex, width) + "  " + got.text + '\n' +            //
-         "            " + indent + paint.red("^^") + '\n';
-}
-
-// Bytes as a person reads them in a sentence: in quotes where they are text, else in hex. `before` goes
-// before them, of the same write.
-std::string quoted(ByteView before, ByteView bytes) {
-  const ByteView front = before.last(std::min(before.size(), kBytesAfter));
-  const ByteView back = bytes.first(std::min(bytes.size(), kBytesAfter));
-  Bytes all(front.begin(), front.end());
-  all.insert(all.end(), back.begin(), back.end());
-  const auto readable = std::ranges::count_if(all, [](Byte byte) {
-    return (byte >= 0x20 && byte < 0x7F) || byte == '\n' || byte == '\r' || byte == '\t';
-  });
-  const bool is_text = static_cast<std::size_t>(readable) * 2 >= all.size();
-  return (front.size() < before.size() ? ".." : "") +
-         (is_text ? '"' + to_printable(all) + '"' : spaced_hex(all)) +
-         (back.size() < bytes.size() ? ".." : "");
 }
 
 ByteView first_of(const Bytes& bytes, std::uint64_t count) {
@@ -130,74 +49,141 @@ ByteView got_of(const Mismatch& mismatch) {
   return end == got.end() ? got : ByteView(got.begin(), end + 1);
 }
 
+std::string text_of(std::string_view text) { return std::string(text); }
+
 // What is wrong, in a sentence, and how it is called.
-struct Cause {
+struct Headline {
   std::string_view kind;
   std::string text;
 };
 
-Cause cause_of(const Mismatch& mismatch) {
+Headline headline_of(const Mismatch& mismatch, const Roles& roles) {
   const ByteView before = last_of(mismatch.before, mismatch.block_before);
   switch (mismatch.kind) {
     case MismatchKind::timing: {
       const bool late = mismatch.error.count() > 0;
-      const std::string what = mismatch.got.empty() ? "a write" : quoted({}, mismatch.got);
-      return {"timing mismatch", what + " came " + millis(late ? mismatch.error : -mismatch.error) +
+      const std::string what = mismatch.got.empty() ? "a write" : bytes_text({}, mismatch.got);
+      return {"timing mismatch", what + " came " + millis_text(late ? mismatch.error : -mismatch.error) +
                                      (late ? " later" : " earlier") + " than recorded (" +
-                                     millis(mismatch.allowed) + " allowed)"};
+                                     millis_text(mismatch.allowed) + " allowed)"};
     }
     case MismatchKind::extra:
-      return {"extra", "the driver wrote " + quoted({}, mismatch.got) + " where the tape has nothing more"};
+      return {"extra", wrote_text(roles, bytes_text({}, mismatch.got)) + " where the tape has nothing more"};
     case MismatchKind::data:
       break;
   }
-  return {"data mismatch", "the driver wrote " + quoted(before, got_of(mismatch)) + " where the tape has " +
-                               quoted(before, first_of(mismatch.expected, mismatch.block_after))};
+  return {"data mismatch", wrote_text(roles, bytes_text(before, got_of(mismatch))) + " where the tape has " +
+                               bytes_text(before, first_of(mismatch.expected, mismatch.block_after))};
 }
 
-// Where: on the driver's side of things, and on the tape.
-std::string place(const Mismatch& mismatch) {
+// Where: on the side of who wrote it, and on the tape.
+std::string place(const Mismatch& mismatch, const Roles& roles) {
   std::string out = "  at ";
   if (mismatch.write > 0) {
-    out += "byte " + std::to_string(mismatch.write_offset) + " of its write no. " +
+    out += "byte " + std::to_string(mismatch.write_offset) + " of its " + text_of(roles.write) + " no. " +
            std::to_string(mismatch.write) + " (";
   }
-  out += "byte " + std::to_string(mismatch.offset) + " of all it wrote" + (mismatch.write > 0 ? ", " : " (") +
-         seconds_text(mismatch.real.count()) + " after its open; tape time " +
-         seconds_text(to_us(mismatch.tape)) + ", exchange " + std::to_string(mismatch.exchange);
+  out += "byte " + std::to_string(mismatch.offset) + " of all it " + text_of(roles.wrote) +
+         (mismatch.write > 0 ? ", " : " (") + seconds_text(mismatch.real.count()) + " after " +
+         text_of(roles.open) + "; tape time " + seconds_text(to_us(mismatch.tape)) + ", exchange " +
+         std::to_string(mismatch.exchange);
   if (mismatch.tape_offset != mismatch.offset)
-    out += ", byte " + std::to_string(mismatch.tape_offset) + " of its writes";
+    out += ", byte " + std::to_string(mismatch.tape_offset) + " of its " + text_of(roles.writes);
   return out + ")\n";
 }
 
-// Behind the cause.
-std::string mismatch_lines(const Mismatch& mismatch, const Paint& paint) {
-  std::string out = place(mismatch);
+// Behind the headline. `diff`: the bytes of both sides.
+std::string mismatch_lines(const Mismatch& mismatch, const Roles& roles, const std::string& diff) {
+  std::string out = place(mismatch, roles);
   if (mismatch.kind == MismatchKind::timing)
-    return out + "  our own delivery before it was " + millis(mismatch.own_late) + " late\n";
-  out += comparison(mismatch, paint);
+    return out + "  our own delivery before it was " + millis_text(mismatch.own_late) + " late\n";
+  out += diff;
+  if (!mismatch.why.empty()) out += "  rule      " + mismatch.why + '\n';
+  if (!mismatch.went_on.empty()) out += "  resync    " + mismatch.went_on + '\n';
   if (!mismatch.hint.empty()) out += "  hint      " + mismatch.hint + '\n';
   return out;
 }
 
-// "no", "one", "two", …, in digits beyond ten.
-std::string number_word(std::uint64_t number) {
-  constexpr std::array<std::string_view, 11> words = {"no",  "one",   "two",   "three", "four", "five",
-                                                      "six", "seven", "eight", "nine",  "ten"};
-  return number < words.size() ? std::string(words.at(number)) : std::to_string(number);
+// The exchange before the one with the fault, and the next after what is shown.
+std::string context_lines(const RunReport& report) {
+  if (!report.excerpt) return {};
+  const Context context = context_of(report);
+  std::string out;
+  if (context.previous) out += "  previous  " + *context.previous + '\n';
+  if (context.next) out += "  next      " + *context.next + '\n';
+  return out;
+}
+
+// How long the driver took, where that may have to do with what is wrong.
+std::string think_line(const RunReport& report) {
+  if (!report.think_times || report.writer != Writer::driver) return {};
+  const ThinkTimes& times = *report.think_times;
+  return "  latency   from an answer to the next request the driver took " + millis_text(times.median) +
+         " (median) and " + millis_text(times.most) + " (most, before request " +
+         std::to_string(times.most_at) + "); on the tape " + millis_text(times.recorded_median) + " and " +
+         millis_text(times.recorded_most) + '\n';
+}
+
+// What to type next.
+std::string command_lines(const RunReport& report) {
+  std::string out;
+  if (!report.repeat_line.empty()) out += "  repeat    " + printable_line(report.repeat_line) + '\n';
+  if (!report.step_line.empty()) out += "  step      " + printable_line(report.step_line) + '\n';
+  return out;
+}
+
+std::string diff_of(const RunReport& report, const Paint& paint) {
+  const std::vector<DiffRow>& rows = report.diagnosis.rows;
+  if (rows.empty()) return diff_text(*report.mismatch, paint);
+  return diff_text(*report.excerpt, rows, roles_of(report.writer), paint);
+}
+
+constexpr std::size_t kSettingsTold = 8;
+
+std::string text_of(const SettingsReport::Missing& missing) {
+  return to_text(missing.what) + ", as the tape has it at " + seconds_text(to_us(missing.at));
+}
+
+// In short where it made none of many.
+std::string settings_cause(const SettingsReport& settings) {
+  const SettingsReport::Missing& first = settings.missing.front();
+  if (settings.made > 0 || settings.recorded == 1) return "the driver never made its line " + text_of(first);
+  return "the driver made none of the " + std::to_string(settings.recorded) +
+         " settings on the tape; it never made its line " + text_of(first);
+}
+
+// Lines for what the first line does not say of the settings.
+std::string settings_lines(const RunReport& report) {
+  const SettingsReport& settings = report.settings;
+  if (report.settings_checked && settings.recorded == 0)
+    return "  settings  none to check: the tape has none of a driver in what was played\n";
+  std::string out;
+  const bool said = report.verdict == Verdict::settings_mismatch && !report.trouble;
+  const std::size_t told = settings.made == 0 ? 1 : std::min(settings.missing.size(), kSettingsTold);
+  for (std::size_t i = said ? 1 : 0; i < std::min(told, settings.missing.size()); ++i) {
+    out +=
+        "  settings  " + (i == 0 ? settings_cause(settings) : "nor " + text_of(settings.missing[i])) + '\n';
+  }
+  const std::uint64_t missing = settings.recorded - settings.made;
+  if (settings.made > 0 && missing > told)
+    out += "  settings  and " + std::to_string(missing - told) + " more\n";
+  return out;
 }
 
 // What the driver left out beside bytes: sessions, and its end of sending.
 std::vector<std::string> left_out(const RunReport& report) {
   std::vector<std::string> out;
-  if (report.sessions_made < report.sessions_of && !report.nobody_came) {
+  // Of a device's run the tape makes them, as far as it goes.
+  const bool makes_them = report.writer == Writer::driver;
+  if (makes_them && report.sessions_made < report.sessions_of && !report.nobody_came) {
     out.push_back("the tape has " + number_word(report.sessions_of) + " session" +
-                  (report.sessions_of == 1 ? "" : "s") + ", the driver made " +
-                  number_word(report.sessions_made));
+                  (report.sessions_of == 1 ? "" : "s") + ", " + text_of(roles_of(report.writer).one) +
+                  " made " + number_word(report.sessions_made));
   }
   if (report.missed_half_close) {
-    out.push_back("on the tape the driver ends its sending (half-close) at " +
-                  seconds_text(to_us(*report.missed_half_close)) + "; here it did not");
+    out.push_back("on the tape " + text_of(roles_of(report.writer).one) +
+                  " ends its sending (half-close) at " + seconds_text(to_us(*report.missed_half_close)) +
+                  "; here it did not");
   }
   return out;
 }
@@ -208,47 +194,84 @@ bool all_came(const RunReport& report) {
          report.from_driver_matched >= *report.from_driver_of;
 }
 
-Cause unsent_cause(const RunReport& report) {
+Headline unsent_headline(const RunReport& report) {
   if (const std::vector<std::string> left = left_out(report); all_came(report) && !left.empty())
     return {"incomplete", left.front()};
+  if (all_came(report) && report.writer == Writer::device)
+    return {"incomplete", "the tape was not played to its end"};
   const ByteView write = first_of(report.next_expected, report.next_expected_block);
   const Bytes& before = report.next_expected_before;
-  if (write.empty()) return {"incomplete", "recorded bytes never came from the driver"};
-  if (before.empty()) return {"incomplete", "the driver never wrote " + quoted({}, write)};
-  return {"incomplete", "the driver wrote " + quoted({}, before) + " of " + quoted(before, write)};
+  const Roles roles = roles_of(report.writer);
+  const std::string one(roles.one);
+  if (write.empty()) return {"incomplete", "recorded bytes never came from " + one};
+  if (before.empty())
+    return {"incomplete", one + " never " + text_of(roles.wrote) + ' ' + bytes_text({}, write)};
+  return {"incomplete", wrote_text(roles, bytes_text({}, before)) + " of " + bytes_text(before, write)};
 }
 
 std::string unsent_lines(const RunReport& report) {
+  const Roles roles = roles_of(report.writer);
   std::string out;
   if (!report.next_expected.empty()) {
     out = "  the tape has it at " + seconds_text(to_us(report.next_expected_tape)) + ", byte " +
-          std::to_string(report.next_expected_offset) + " of the driver's writes: " +
+          std::to_string(report.next_expected_offset) + " of " + text_of(roles.one) + "'s " +
+          text_of(roles.writes) + ": " +
           spaced_hex(first_of(report.next_expected,
-                              std::min<std::uint64_t>(kBytesAfter, report.next_expected_block))) +
+                              std::min<std::uint64_t>(kMostBytes, report.next_expected_block))) +
           '\n';
   }
   if (!report.from_driver_of) return out;
   const std::uint64_t matched = std::min(report.from_driver_matched, *report.from_driver_of);
-  return out + "  " + counted(*report.from_driver_of - matched, "recorded byte") +
-         " never came from the driver\n";
+  return out + "  " + counted(*report.from_driver_of - matched, "recorded byte") + " never came from " +
+         text_of(roles.one) + '\n';
+}
+
+constexpr std::size_t kRequestsTold = 8;
+
+// Of match=lookup: what passed, and what was never asked for.
+std::string lookup_counts(const RunReport& report) {
+  const LookupReport& lookup = *report.lookup;
+  return (report.tape.empty() ? "" : printable_line(report.tape) + ": ") +
+         counted(lookup.answered, "request") + " answered, " + std::to_string(lookup.asked) +
+         " of the tape's " + counted(lookup.requests, "different one") + ", to the driver " +
+         counted(report.to_driver_bytes, "byte") + ", " +
+         seconds_text(std::chrono::floor<Micros>(report.duration).count()) + '\n';
+}
+
+std::string never_asked_lines(const LookupReport& lookup) {
+  std::string out;
+  const std::size_t told = std::min(lookup.never_asked.size(), kRequestsTold);
+  for (std::size_t i = 0; i < told; ++i) {
+    const LookupReport::Request& request = lookup.never_asked[i];
+    const ByteView shown = first_of(request.bytes, kMostBytes);
+    out += "  not asked " + bytes_text({}, shown) + (shown.size() < request.size ? ".." : "") +
+           ", as the tape has it at " + seconds_text(to_us(request.at)) + '\n';
+  }
+  const std::uint64_t never = lookup.requests - lookup.asked;
+  return never > told ? out + "  not asked " + std::to_string(never - told) + " more\n" : out;
 }
 
 // What passed.
 std::string counts(const RunReport& report) {
+  if (report.lookup) return lookup_counts(report);
   const std::optional<std::uint64_t>& from = report.from_driver_of;
   const std::optional<std::uint64_t>& to = report.to_driver_of;
-  return (report.tape.empty() ? "" : printable_line(report.tape) + ": ") + "from the driver " +
+  const std::string one(roles_of(report.writer).one);
+  return (report.tape.empty() ? "" : printable_line(report.tape) + ": ") + "from " + one + ' ' +
          std::to_string(report.from_driver_matched) + (from ? " of " + counted(*from, "byte") : " bytes") +
-         " as recorded, to the driver " + std::to_string(report.to_driver_bytes) +
+         " as recorded, to " + one + ' ' + std::to_string(report.to_driver_bytes) +
          (to ? " of " + std::to_string(*to) : " (the tape was not counted)") + ", " +
          seconds_text(std::chrono::floor<Micros>(report.duration).count()) + '\n';
 }
 
 // Of a verdict that is none of pass.
-Cause cause_of(const RunReport& report) {
+Headline headline_of(const RunReport& report) {
   if (report.trouble) return {"failed", "the tape could not be read on: " + printable_line(*report.trouble)};
-  if (report.verdict == Verdict::incomplete) return unsent_cause(report);
-  return report.mismatch ? cause_of(*report.mismatch) : Cause{to_string(report.verdict), "see above"};
+  if (report.verdict == Verdict::incomplete) return unsent_headline(report);
+  if (report.verdict == Verdict::settings_mismatch)
+    return {"settings mismatch", settings_cause(report.settings)};
+  return report.mismatch ? headline_of(*report.mismatch, roles_of(report.writer))
+                         : Headline{to_string(report.verdict), "see above"};
 }
 
 // The first line, and what there is to be known of it.
@@ -259,15 +282,20 @@ std::string finding(const RunReport& report, const Paint& paint) {
   std::string out;
   if (!report.outcome.empty()) out = paint.red(report.outcome) + doubts + '\n';
   if (!good) {
-    const Cause cause = cause_of(report);
-    const std::string kind(cause.kind);
-    out += (report.outcome.empty() ? paint.red(kind) + doubts : "  verdict   " + kind) + ": " + cause.text +
-           '\n';
+    const Headline headline = headline_of(report);
+    const std::string kind(headline.kind);
+    out += (report.outcome.empty() ? paint.red(kind) + doubts : "  verdict   " + kind) + ": " +
+           headline.text + '\n';
   }
-  const bool other_cause = good || report.trouble || report.verdict == Verdict::incomplete;
+  if (const auto& cause = report.diagnosis.cause) out += "  cause     " + paint.bold(cause->text) + '\n';
+  const bool other_cause = good || report.trouble || report.verdict == Verdict::incomplete ||
+                           report.verdict == Verdict::settings_mismatch;
   if (report.verdict == Verdict::incomplete && !all_came(report)) out += unsent_lines(report);
-  if (report.mismatch && other_cause) out += "  before    " + cause_of(*report.mismatch).text + '\n';
-  if (report.mismatch) out += mismatch_lines(*report.mismatch, paint);
+  if (report.mismatch && other_cause)
+    out += "  before    " + headline_of(*report.mismatch, roles_of(report.writer)).text + '\n';
+  if (report.mismatch)
+    out += mismatch_lines(*report.mismatch, roles_of(report.writer), diff_of(report, paint));
+  if (!good) out += context_lines(report);
   return out + "  " + counts(report);
 }
 
@@ -279,6 +307,12 @@ std::string to_text(const RunReport& report, bool color) {
   const std::vector<std::string> left = left_out(report);
   const std::size_t said = report.verdict == Verdict::incomplete && all_came(report) ? 1 : 0;  // as the cause
   for (std::size_t n = said; n < left.size(); ++n) out += "  " + left[n] + '\n';
+  out += settings_lines(report);
+  if (report.lookup) out += never_asked_lines(*report.lookup);
+  if (report.chunks.starts_with("random"))
+    out += "  chunks    cut by chance; --chunks " + report.chunks + " cuts so again\n";
+  if (report.faults) out += "  faults    " + to_text(*report.faults) + '\n';
+  out += to_text(report.playback);
   for (const Doubt& doubt : report.doubts) {
     out += "  doubt     " + printable_line(doubt.text) + '\n';
   }
@@ -288,13 +322,21 @@ std::string to_text(const RunReport& report, bool color) {
            micros(report.timer_late_p99_us) + " (99 %), " + micros(report.timer_late_max_us) + " (most)\n";
   }
   if (!report.command_end.empty()) out += "  the command " + report.command_end + '\n';
-  return out;
+  const bool good = exit_status_of(report) == 0;
+  const bool told = report.diagnosis.cause && report.diagnosis.cause->kind == Cause::Kind::unread;
+  if (report.left_unread.value_or(0) > 0 && !told && report.timing != Timing::recorded) {
+    out += "  unread    " + counted(*report.left_unread, "byte") + " of what was answered, when " +
+           text_of(roles_of(report.writer).one) + " closed\n";
+  }
+  return good ? out : out + think_line(report) + command_lines(report);
 }
 
-std::string to_text(const Mismatch& mismatch, bool color) {
+std::string to_text(const Mismatch& mismatch, Writer writer, bool color) {
   const Paint paint(color);
-  const Cause cause = cause_of(mismatch);
-  return paint.red(cause.kind) + ": " + cause.text + '\n' + mismatch_lines(mismatch, paint);
+  const Roles roles = roles_of(writer);
+  const Headline headline = headline_of(mismatch, roles);
+  return paint.red(headline.kind) + ": " + headline.text + '\n' +
+         mismatch_lines(mismatch, roles, diff_text(mismatch, paint));
 }
 
 }  // namespace porttape

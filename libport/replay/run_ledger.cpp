@@ -1,6 +1,8 @@
 #include "libport/replay/run_ledger.hpp"
 
+#include <algorithm>
 #include <chrono>
+#include <string>
 
 namespace porttape {
 namespace {
@@ -9,21 +11,37 @@ double in_us(Nanos time) { return static_cast<double>(time.count()) / 1000.0; }
 
 }  // namespace
 
+// Where something was wrong, what followed is kept for those who look for the reason.
+void RunLedger::written(ByteView data) {
+  from_driver_ += data.size();
+  if (!first_data_) return;
+  Bytes& came = first_data_->came;
+  const ByteView more = data.first(std::min(data.size(), Mismatch::kMostCame - came.size()));
+  came.insert(came.end(), more.begin(), more.end());
+}
+
 void RunLedger::mismatch(const Mismatch& mismatch) {
   ++mismatches_;
   std::optional<Mismatch>& first = mismatch.kind == MismatchKind::timing ? first_timing_ : first_data_;
   if (!first) first = mismatch;
 }
 
+void RunLedger::went_on(const std::string& where) {
+  if (first_data_ && first_data_->went_on.empty()) first_data_->went_on = where;
+}
+
 Micros RunLedger::since_begin(Instant now) const { return std::chrono::floor<Micros>(now - begun_); }
 
-// Data and extra outrank what is missing, which outranks timing: `timing-mismatch` means that all else was
-// right.
+// Data and extra outrank settings, these what is missing, and that timing: `timing-mismatch` means that all
+// else was right.
 RunReport RunLedger::report(const ReplayConfig& config, Instant now, bool unsent) const {
   RunReport report;
+  report.writer = config.writer;
   report.strictness = config.strictness;
   report.timing = config.timing;
   report.rate = config.rate;
+  if (config.chunks == Chunks::bytes) report.chunks = "bytes";
+  if (config.chunks == Chunks::random) report.chunks = "random:" + std::to_string(config.chunk_seed);
   report.duration = now - begun_;
   report.to_driver_bytes = to_driver_;
   report.from_driver_bytes = from_driver_;
@@ -32,11 +50,16 @@ RunReport RunLedger::report(const ReplayConfig& config, Instant now, bool unsent
   report.timer_late_p99_us = in_us(lateness_.quantile(0.99));
   report.timer_late_max_us = in_us(lateness_.max());
   report.mismatch = first_data_ ? first_data_ : first_timing_;
+  report.settings = settings_;
+  report.settings_checked = config.check_settings;
   const bool stopped = config.on_mismatch == OnMismatch::fail && first_timing_;
-  if (config.strictness == 0) {
-    report.verdict = Verdict::pass;
-  } else if (first_data_) {
+  if (config.strictness > 0 && first_data_) {
     report.verdict = first_data_->kind == MismatchKind::extra ? Verdict::extra : Verdict::data_mismatch;
+  } else if (config.check_settings && !settings_.missing.empty() && !stopped) {
+    report.verdict = Verdict::settings_mismatch;
+  } else if (config.strictness == 0) {
+    const bool silent = config.writer == Writer::device && from_driver_ == 0;
+    report.verdict = silent && unsent ? Verdict::incomplete : Verdict::pass;
   } else if (unsent && !stopped) {
     report.verdict = Verdict::incomplete;
   } else if (first_timing_) {

@@ -3,6 +3,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string>
+#include <utility>
 
 #include "libport/base/time.hpp"
 #include "libport/replay/lateness.hpp"
@@ -17,12 +19,15 @@ class RunLedger {
   explicit RunLedger(Instant begun) : begun_(begun) {}
 
   void delivered(std::size_t bytes) { to_driver_ += bytes; }
-  void written(std::size_t bytes) { from_driver_ += bytes; }
+  void written(ByteView data);
   void lateness(Nanos late) {
     lateness_.add(late);
     last_late_ = late;
   }
   void mismatch(const Mismatch& mismatch);
+  // Where the tape goes on after the first mismatch of data, if that is not told yet.
+  void went_on(const std::string& where);
+  void settings(SettingsReport report) { settings_ = std::move(report); }
 
   [[nodiscard]] Micros since_begin(Instant now) const;
   [[nodiscard]] Nanos last_lateness() const { return last_late_; }
@@ -38,6 +43,7 @@ class RunLedger {
   std::uint64_t mismatches_ = 0;
   std::optional<Mismatch> first_data_;  // or extra
   std::optional<Mismatch> first_timing_;
+  SettingsReport settings_;
   LatenessHistogram lateness_;
   Nanos last_late_{0};
 };

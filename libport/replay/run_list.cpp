@@ -4,12 +4,17 @@
 
 #include "libport/base/error.hpp"
 #include "libport/base/json_object.hpp"
+#include "libport/replay/report_words.hpp"
 
 namespace porttape {
 namespace {
 
-std::string counted(std::uint64_t count, std::string_view noun) {
-  return std::to_string(count) + ' ' + std::string(noun) + (count == 1 ? "" : "s");
+// The first of equals is the worst; data outranks settings, which have the same status.
+bool is_worse(const RunReport& run, const RunReport& worst) {
+  const int status = exit_status_of(run);
+  const int other = exit_status_of(worst);
+  if (status != other) return worse_exit_status(status, other) == status;
+  return worst.verdict == Verdict::settings_mismatch && run.verdict != Verdict::settings_mismatch;
 }
 
 }  // namespace
@@ -18,7 +23,8 @@ bool is_look(const RunReport& report) {
   const bool wrote = report.from_driver_bytes > 0 || report.mismatch;
   const bool expected = report.from_driver_of ? *report.from_driver_of > 0
                                               : report.undecided_from || !report.next_expected.empty();
-  return !report.nobody_came && !wrote && expected && !report.trouble;
+  const bool may_look = report.writer == Writer::driver;  // a device that says nothing is missing
+  return may_look && !report.nobody_came && !wrote && expected && !report.trouble;
 }
 
 void RunList::add(const RunReport& report) {
@@ -34,8 +40,7 @@ void RunList::add(const RunReport& report) {
 void RunList::add_run(const RunReport& run) {
   ++count_;
   latest_ = run;
-  const int status = exit_status_of(run);
-  if (!worst_ || worse_exit_status(status, exit_status_of(*worst_)) != exit_status_of(*worst_)) worst_ = run;
+  if (!worst_ || is_worse(run, *worst_)) worst_ = run;
   if (listed_.size() == kMostListed) listed_.pop_front();
   listed_.push_back(run_json(run));
 }

@@ -5,10 +5,16 @@
 namespace porttape {
 
 void Schedule::rewind() {
+  restart();
+  records_told_ = 0;
+}
+
+void Schedule::restart() {
   head_.reset();
   loaded_ = false;
   taken_ = 0;
   passed_ = {};
+  latest_ = {};
   records_passed_ = 0;
   breaks_passed_ = 0;
   opens_passed_ = 0;
@@ -35,11 +41,23 @@ const Record* Schedule::head() {
   return head_ && !error_ ? &*head_ : nullptr;
 }
 
-void Schedule::pop() {
+void Schedule::pop() { pass(true); }
+void Schedule::skip() { pass(false); }
+
+void Schedule::take(std::size_t count) {
+  taken_ += count;
+  if (count > 0 && head_) latest_ = std::max(latest_, head_->at);
+}
+
+void Schedule::pass(bool expected) {
   const Record* record = head();
   if (record == nullptr) return;
   budget_.spend(record->data.size());
-  ++records_passed_;
+  latest_ = std::max(latest_, record->at);
+  if (++records_passed_ > records_told_) {
+    records_told_ = records_passed_;
+    settings_.pass(*record, passed_.writes, expected);
+  }
   switch (record->kind) {
     case RecordKind::read:
       passed_.reads += record->data.size();

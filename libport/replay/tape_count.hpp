@@ -8,7 +8,8 @@
 
 namespace porttape {
 
-// Counts the rest of a tape, as far as it can be read; nothing when given up.
-std::optional<TapeTotals> count_tape(RecordSource& tape, const GiveUp& give_up = {});
+// Counts the rest of a tape, as far as it can be read, and what of it is before `start`; nothing when given
+// up.
+std::optional<TapeTotals> count_tape(RecordSource& tape, const GiveUp& give_up = {}, TapeTime start = {});
 
 }  // namespace porttape

@@ -15,7 +15,7 @@ void SessionSearch::on_close(TapeTime at) {
 }
 
 std::optional<TapePart> SessionSearch::found() const {
-  if (part_.whole() || (part_.session == 1 && opens_ == 0)) return TapePart{};
+  if (part_.session == 0 || (part_.session == 1 && opens_ == 0)) return TapePart{};
   return part_.session <= opens_ ? std::optional(part_) : std::nullopt;
 }
 
@@ -31,6 +31,7 @@ Result<std::optional<Record>> PartOfTape::next() {
       if (is_read) reads_before_ += record.data.size();
       if (is_write) writes_before_ += record.data.size();
       record.kind = RecordKind::event;
+      record.event = nullptr;
       record.at = {};
       return next;
     case Place::behind:
@@ -54,11 +55,14 @@ Result<void> PartOfTape::rewind() {
 // Blocks by their time, since one direction alone has no events; events by their order, since several may
 // have one time.
 PartOfTape::Place PartOfTape::place_of(const Record& record) {
+  if (part_.whole()) return Place::inside;
+  if (record.at >= part_.from && part_.shifted(record.at) >= part_.until) return Place::behind;
   if (record.kind != RecordKind::read && record.kind != RecordKind::write) return place_of_event(record.kind);
   return record.at < part_.from ? Place::before : record.at < part_.to ? Place::inside : Place::behind;
 }
 
 PartOfTape::Place PartOfTape::place_of_event(RecordKind kind) {
+  if (part_.session == 0) return Place::inside;
   if (kind == RecordKind::open) ++opens_;
   if (opens_ < part_.session) return Place::before;
   if (opens_ > part_.session || closed_) return Place::behind;

@@ -9,13 +9,15 @@
 namespace porttape {
 
 // A part of a tape that is played as if it were the whole: one of its sessions, from its open to its close
-// (or to the next open, or to the tape's end). A plain value.
+// (or to the next open, or to the tape's end), or all, up to a time. A plain value.
 struct TapePart {
   std::uint64_t session = 0;      // 1-based, counted by opens; 0: the whole tape
   TapeTime from{};                // when it begins on the tape: zero of the part
   TapeTime to = TapeTime::max();  // when it ends, not included
 
-  [[nodiscard]] bool whole() const { return session == 0; }
+  TapeTime until = TapeTime::max();  // where it is over at the latest, by the part's time
+
+  [[nodiscard]] bool whole() const { return session == 0 && until == TapeTime::max(); }
   // A time of the tape as the part counts it.
   [[nodiscard]] TapeTime shifted(TapeTime at) const { return at - (from - TapeTime{}); }
 };
@@ -28,7 +30,7 @@ class SessionSearch {
   void on_open(TapeTime at);
   void on_close(TapeTime at);
   // Whether what comes now belongs to it.
-  [[nodiscard]] bool inside() const { return part_.whole() || (opens_ == part_.session && !closed_); }
+  [[nodiscard]] bool inside() const { return part_.session == 0 || (opens_ == part_.session && !closed_); }
   [[nodiscard]] std::uint64_t opens() const { return opens_; }
   // Once all is told; nothing where there are not so many. A tape without opens is one session.
   [[nodiscard]] std::optional<TapePart> found() const;

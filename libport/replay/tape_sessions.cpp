@@ -11,12 +11,17 @@ bool ends_a_direction(RecordKind kind) {
 
 }  // namespace
 
-std::optional<TapeTime> TapeSessions::pass_to_first() {
+std::optional<TapeTime> TapeSessions::pass_to(TapeTime at) {
+  while (!schedule_.at_end() && schedule_.head()->at < at) {
+    if (budget_.spent()) return std::nullopt;
+    schedule_.skip();
+  }
+  if (schedule_.opens_passed() > 0 && !schedule_.line_closed()) return at;
   while (!schedule_.at_end() && is_note(schedule_.head()->kind)) {
     if (budget_.spent()) return std::nullopt;
     schedule_.pop();
   }
-  if (schedule_.at_end() || schedule_.head()->kind != RecordKind::open) return TapeTime{};
+  if (schedule_.at_end() || schedule_.head()->kind != RecordKind::open) return at;
   const TapeTime opened = schedule_.head()->at;
   schedule_.pop();
   return opened;
@@ -67,6 +72,17 @@ std::optional<bool> TapeSessions::session_played() {
   const std::optional<bool> nothing = nothing_left();
   if (!nothing || *nothing) return nothing;
   return at_recorded_reopen();
+}
+
+std::optional<bool> TapeSessions::line_may_end() {
+  while (!schedule_.at_end() && is_note(schedule_.head()->kind)) {
+    if (budget_.spent()) return std::nullopt;
+    schedule_.pop();
+  }
+  if (schedule_.at_end()) return nothing_left();
+  const RecordKind kind = schedule_.head()->kind;
+  const bool at_an_end = ends_a_direction(kind) || kind == RecordKind::open || kind == RecordKind::close;
+  return at_an_end && gate_.asked();
 }
 
 std::optional<bool> TapeSessions::just_passed_open(Instant now) {

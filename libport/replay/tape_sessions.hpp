@@ -27,8 +27,8 @@ class TapeSessions {
         opens_(opens),
         patience_(patience) {}
 
-  // Over what precedes the first session; gives when it begins.
-  [[nodiscard]] std::optional<TapeTime> pass_to_first();
+  // Over what precedes `at`: to there within a session, else to the begin of the next one; gives that time.
+  [[nodiscard]] std::optional<TapeTime> pass_to(TapeTime at);
   // Over all up to the next open; gives when it was, or `otherwise` where there is none.
   [[nodiscard]] std::optional<TapeTime> pass_to_next(TapeTime otherwise);
 
@@ -39,6 +39,10 @@ class TapeSessions {
   [[nodiscard]] std::optional<bool> at_recorded_reopen();
   // Nothing of the session is left to play: all of it came and went.
   [[nodiscard]] std::optional<bool> session_played();
+
+  // Whether the other side may end its line where the walk stands, with all writes before complete: an end of
+  // it is recorded there, or a close, or nothing more comes.
+  [[nodiscard]] std::optional<bool> line_may_end();
 
   // The walk passed an open by time.
   void passed_open(Instant now) { passed_open_ = {now, schedule_.passed().writes}; }

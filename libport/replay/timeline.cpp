@@ -39,11 +39,13 @@ Instant Timeline::after(Instant start, Micros tape_gap) const {
   return saturating_add(start, Nanos{clamp_to_int64(std::ceil(nanos - kRoundingSlack), kFarNanos)});
 }
 
-TapeTime Timeline::tape(Instant real) const {
-  const long double nanos = static_cast<long double>(real.time_since_epoch().count()) -
-                            static_cast<long double>(real_.time_since_epoch().count());
+TapeTime Timeline::tape(Instant real) const { return tape_ + since(real_, real); }
+
+Micros Timeline::since(Instant from, Instant to) const {
+  const long double nanos = static_cast<long double>(to.time_since_epoch().count()) -
+                            static_cast<long double>(from.time_since_epoch().count());
   const long double micros = nanos * static_cast<long double>(rate_) / 1000.0L;
-  return tape_ + Micros{clamp_to_int64(std::floor(micros), kFarNanos / 1000)};
+  return Micros{clamp_to_int64(std::floor(micros), kFarNanos / 1000)};
 }
 
 }  // namespace porttape

@@ -18,15 +18,24 @@ class Timeline {
     tape_ = tape;
     real_ = real;
   }
+  // From `now` on time runs at another rate; what was played by then stays so.
+  void set_rate(double rate, Instant now) {
+    anchor(tape(now), now);
+    rate_ = rate;
+  }
 
   [[nodiscard]] Instant real(TapeTime tape) const { return after(real_, tape - tape_); }
   [[nodiscard]] TapeTime tape(Instant real) const;
+
+  // How much of the tape goes by from one to the other, rounded down.
+  [[nodiscard]] Micros since(Instant from, Instant to) const;
 
   // `start` plus a gap of the tape.
   [[nodiscard]] Instant after(Instant start, Micros tape_gap) const;
 
   [[nodiscard]] TapeTime anchor_tape() const { return tape_; }
   [[nodiscard]] Instant anchor_real() const { return real_; }
+  [[nodiscard]] double rate() const { return rate_; }
 
  private:
   double rate_;

@@ -11,6 +11,7 @@ void WriteStream::rewind() {
   to_skip_ = 0;
   skip_before_.reset();
   last_at_ = {};
+  ahead_ = {};
   ended_ = false;
   error_.reset();
   if (auto result = source_.rewind(); !result) error_ = result.error();
@@ -60,6 +61,41 @@ WriteStream::State WriteStream::look() {
       skip_before_.reset();
       return State::bytes;
     }
+  }
+}
+
+WriteStream::State WriteStream::look_ahead(const Expectation::Reach& reach) {
+  const auto enough = [&] {
+    return position_ >= ahead_.begin && position_ < ahead_.end() &&
+           (ahead_.ends || ahead_.end() - position_ >= reach.bytes);
+  };
+  if (reach.bytes == 0 || enough()) return State::bytes;
+  // Twice as much, so that it is not copied anew for each byte.
+  std::size_t held = 0;
+  for (const Piece& piece : pieces_) held += piece.data.size();
+  State state = State::bytes;
+  for (held -= used_; held < 2 * reach.bytes && state == State::bytes;) {
+    state = load(budget_);
+    if (state == State::bytes) held += pieces_.back().data.size();
+  }
+  copy_ahead(reach, state == State::end);
+  return state == State::later && !enough() ? State::later : State::bytes;
+}
+
+// Up to the first pause.
+void WriteStream::copy_ahead(const Expectation::Reach& reach, bool ended) {
+  ahead_ = {.begin = position_, .ends = ended};
+  TapeTime last = pieces_.front().at;
+  std::size_t skip = used_;
+  for (const Piece& piece : pieces_) {
+    if (piece.at - last >= reach.pause) {
+      ahead_.ends = true;
+      return;
+    }
+    last = piece.at;
+    ahead_.bytes.insert(ahead_.bytes.end(), piece.data.begin() + static_cast<std::ptrdiff_t>(skip),
+                        piece.data.end());
+    skip = 0;
   }
 }
 

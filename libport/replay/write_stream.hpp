@@ -45,6 +45,10 @@ class WriteStream {
   // Whether front() reaches the end of its block.
   [[nodiscard]] bool front_ends_block() const { return !front().empty() && pieces_.front().ends_block; }
 
+  // After `bytes`: reads on until what is at hand behind the position is as much as `reach` says, or ends
+  // where it says; `bytes`, or `later`. stretch() then has it.
+  [[nodiscard]] State look_ahead(const Expectation::Reach& reach);
+
   // After `bytes`: front() with its place.
   [[nodiscard]] Expectation::Stretch stretch() const {
     return {front(),
@@ -52,7 +56,9 @@ class WriteStream {
             position_,
             front_in_block(),
             front_ends_block(),
-            front_at()};
+            front_at(),
+            ahead_.behind(position_ + front().size()),
+            ahead_.ends};
   }
 
   // Moves over `count` bytes of front().
@@ -65,6 +71,8 @@ class WriteStream {
   void skip_to(std::uint64_t offset);
   // Forward over whole blocks written before `at`; position() grows as look() gets there.
   void skip_before(TapeTime at) { skip_before_ = at; }
+  // Whether bytes written at `at` or later may have been passed.
+  [[nodiscard]] bool passed(TapeTime at) const { return to_skip_ > 0 || (position_ > 0 && last_at_ >= at); }
 
   [[nodiscard]] std::uint64_t position() const { return position_; }
   [[nodiscard]] const std::optional<Error>& error() const { return error_; }
@@ -77,7 +85,21 @@ class WriteStream {
     bool ends_block = false;
   };
 
+  // A copy in one of what the pieces hold from the stream's offset `begin` on.
+  struct Ahead {
+    Bytes bytes{};
+    std::uint64_t begin = 0;
+    bool ends = false;  // at the stream's end, or at a pause
+
+    [[nodiscard]] std::uint64_t end() const { return begin + bytes.size(); }
+    [[nodiscard]] ByteView behind(std::uint64_t offset) const {
+      if (offset < begin || offset >= end()) return {};
+      return ByteView(bytes).subspan(static_cast<std::size_t>(offset - begin));
+    }
+  };
+
   State load(Budget& budget);
+  void copy_ahead(const Expectation::Reach& reach, bool ended);
   void drop(std::size_t count);
   [[nodiscard]] std::uint32_t front_in_block() const {
     return pieces_.front().in_block + static_cast<std::uint32_t>(used_);
@@ -92,6 +114,7 @@ class WriteStream {
   std::uint64_t to_skip_ = 0;  // bytes before the position that are still to be read
   std::optional<TapeTime> skip_before_;
   TapeTime last_at_{};
+  Ahead ahead_;
   bool ended_ = false;
   std::optional<Error> error_;
 };

@@ -45,6 +45,8 @@ class Channel {
   virtual void stop() = 0;
   // Errc::usage: nothing is recorded, or it cannot be done now.
   virtual Result<void> request(const RecorderRequest& what) = 0;
+  // Errc::usage: no tape is played, or it cannot be done now.
+  virtual Result<void> request(const PlaybackRequest& what) = 0;
 
   // Of all its sessions, those that have ended too.
   [[nodiscard]] virtual Counters counters() const = 0;

@@ -192,9 +192,16 @@ void Connections::later(std::function<void()> task) {
   });
 }
 
-// Good where one of the lines takes it.
 Result<void> Connections::request(const RecorderRequest& what) {
   devices_->request(what);
+  return ask_all(what);
+}
+
+Result<void> Connections::request(const PlaybackRequest& what) { return ask_all(what); }
+
+// Good where one of the lines takes it.
+template <class Request>
+Result<void> Connections::ask_all(const Request& what) {
   Result<void> all = make_error(Errc::usage, driver_->name() + ": no connection is there");
   bool taken = false;
   for (const auto& [number, line] : lines_) {

@@ -35,6 +35,7 @@ class Connections final : public Channel, private PortListener {
   Result<void> start() override;
   void stop() override;
   Result<void> request(const RecorderRequest& what) override;
+  Result<void> request(const PlaybackRequest& what) override;
   [[nodiscard]] Counters counters() const override;
   [[nodiscard]] Port& driver() override { return *driver_; }
   [[nodiscard]] std::vector<Session*> sessions() override;
@@ -45,6 +46,8 @@ class Connections final : public Channel, private PortListener {
     std::unique_ptr<Session> session;
   };
 
+  template <class Request>
+  Result<void> ask_all(const Request& what);
   void connected(std::unique_ptr<Port> connection, const std::string& who);
   Result<void> begin(unsigned number, std::unique_ptr<Port> connection);
   void ended(unsigned number, int exit_status);

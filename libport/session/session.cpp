@@ -14,6 +14,8 @@ using std::chrono::seconds;
 // How long the last bytes of a driver that has closed may take to the device (a tty's own closing_wait is 30
 // s as well).
 constexpr Nanos kDrainLimit = seconds(30);
+// How long without getting on, while a next driver waits for it.
+constexpr Nanos kNoProgress = seconds(1);
 // How often an end looks at what is left.
 constexpr Nanos kEndLook = std::chrono::milliseconds(50);
 // So many bytes of a block are shown in a trace.
@@ -33,6 +35,9 @@ struct Session::DriverSide final : PortListener {
   void on_data(ByteView data) override {
     if (!session.keep_early(gate, *session.driver_, data)) session.driver_data(data);
   }
+  void on_arrivals(ByteView data, std::span<const std::size_t> ends) override {
+    if (!session.keep_early(gate, *session.driver_, data)) session.driver_arrivals(data, ends);
+  }
   void on_drained() override {
     session.read_device();
     session.continue_end();
@@ -41,7 +46,9 @@ struct Session::DriverSide final : PortListener {
   void on_finished(int exit_status) override { session.finished(exit_status); }
   void on_complete(int) override { session.driver_complete(); }
   void on_flush(FlushQueue queue) override { session.driver_flushed(queue); }
-  void on_settings(const SeenSettings& seen) override { session.driver_settings(seen); }
+  void on_settings(const SeenSettings& seen, SettingsOrder order) override {
+    session.driver_settings(seen, order);
+  }
   Answers on_ended() override { return session.driver_ended(); }
   [[nodiscard]] bool half_closes() const override { return session.device_->has_half_close(); }
   bool wants_rest() override {
@@ -49,6 +56,7 @@ struct Session::DriverSide final : PortListener {
   }
   void on_interrupted(const LineDown& down) override { session.driver_interrupted(down); }
   void on_resumed() override { session.read_device(); }
+  void on_left_unread(std::uint64_t bytes) override { session.device_->peer_left_unread(bytes); }
   void on_dropped(std::uint64_t bytes, std::string_view why) override {
     session.dropped_by_driver(bytes, why);
   }
@@ -73,7 +81,10 @@ struct Session::DeviceSide final : PortListener {
   void on_resumed() override { session.device_resumed(); }
   Answers on_ended() override { return session.device_ended(); }
   [[nodiscard]] bool half_closes() const override { return session.driver_->has_half_close(); }
-  void on_settings(const SeenSettings&) override {
+  [[nodiscard]] std::optional<std::size_t> unread() const override {
+    return session.driver_up_ ? session.driver_->unread_by_peer() : 0;
+  }
+  void on_settings(const SeenSettings&, SettingsOrder) override {
     session.show_settings();
   }  // it took others than asked for
   void on_dropped(std::uint64_t bytes, std::string_view why) override { session.dropped(bytes, why); }
@@ -90,13 +101,8 @@ Session::Session(const PortContext& context, std::unique_ptr<Port> driver, std::
       device_(std::move(device)),
       on_end_(std::move(on_end)),
       end_timer_(*context.loop, [this] { on_end_timer(); }),
-      drain_timer_(*context.loop,
-                   [this] {
-                     context_.log->warn(
-                         "{} did not take the driver's last bytes within {} s; they are dropped",
-                         device_->name(), std::chrono::duration_cast<seconds>(kDrainLimit).count());
-                     close_device();
-                   }),
+      drain_timer_(*context.loop, [this] { on_drain_timer(); }),
+      open_timer_(*context.loop, [this] { open_device_now(); }),
       end_(limits) {
   driver_->listen(*driver_side_);
   device_->listen(*device_side_);
@@ -114,11 +120,15 @@ Result<void> Session::start() {
 }
 
 void Session::driver_up() {
-  context_.log->info("{}: a driver has opened it", driver_->name());
+  quiet_driver_ = failures_.in_a_row();
+  refusal_told_ = false;
+  context_.log->log(about_driver(), "{}: a driver has opened it", driver_->name());
   driver_up_ = true;
   ++counters_.opens;
   if (device_state_ == DeviceState::draining) {
     let_driver(false);  // until the last driver's bytes have gone
+    left_at_look_ = device_->unread_by_peer();
+    drain_timer_.set_after(kNoProgress);
   } else if (end_.running()) {
     open_device();
   }
@@ -127,11 +137,23 @@ void Session::driver_up() {
 void Session::open_device() {
   let_driver(false);
   device_state_ = DeviceState::opening;
+  if (failures_.may_open() > Loop::now()) {
+    open_timer_.set(failures_.may_open());
+  } else {
+    open_device_now();
+  }
+}
+
+void Session::open_device_now() {
+  if (device_state_ != DeviceState::opening || !end_.running()) return;
   device_->open();
+  if (const auto early = std::exchange(early_settings_, std::nullopt); early && driver_up_)
+    driver_settings(early->seen, early->order);
 }
 
 void Session::device_up() {
   device_state_ = DeviceState::up;
+  failures_.up(Loop::now());
   context_.log->debug("{}: up", device_->name());
   read_driver();
 }
@@ -210,7 +232,32 @@ void Session::note_gap() {
   if (const auto sum = unnoted_.take(); sum && recorder != nullptr) recorder->note_gap(sum->bytes, sum->why);
 }
 
+// While a line fails again and again, drivers that come and go are no news either.
+spdlog::level::level_enum Session::about_driver() const {
+  return quiet_driver_ ? spdlog::level::debug : spdlog::level::info;
+}
+
+void Session::device_failed(const LineDown& down, spdlog::level::level_enum level, std::string_view then) {
+  const bool news = failures_.failed(Loop::now(), down.error.message);
+  tell_failures();
+  context_.log->log(news ? level : spdlog::level::debug, "{}{}", down.error.message, then);
+}
+
+void Session::device_works() {
+  if (!failures_.in_a_row()) return;
+  failures_.worked();
+  context_.log->info("{}: works again", device_->name());
+  tell_failures();
+  tell_dropped();
+}
+
+void Session::tell_failures() {
+  if (const auto count = failures_.take_untold())
+    context_.log->warn("{}: it had failed {} more times in the same way", device_->name(), *count);
+}
+
 void Session::tell_dropped() {
+  if (failures_.repeats()) return;  // all together later
   if (const auto sum = untold_.take())
     context_.log->warn("{} bytes reached nobody (the last because {})", sum->bytes, sum->why);
 }
@@ -221,7 +268,7 @@ void Session::driver_interrupted(const LineDown& down) {
 }
 
 void Session::device_interrupted(const LineDown& down) {
-  context_.log->warn("{}; waiting for it", down.error.message);
+  device_failed(down, spdlog::level::warn, "; waiting for it");
   if (device_state_ == DeviceState::draining) {
     close_device();
   } else if (device_state_ == DeviceState::up) {
@@ -232,7 +279,9 @@ void Session::device_interrupted(const LineDown& down) {
 }
 
 void Session::device_resumed() {
-  context_.log->info("{}: is back", device_->name());
+  context_.log->log(failures_.repeats() ? spdlog::level::debug : spdlog::level::info, "{}: is back",
+                    device_->name());
+  failures_.up(Loop::now());
   if (device_state_ != DeviceState::interrupted) return;
   device_state_ = DeviceState::up;
   if (!device_->congested()) read_driver();
@@ -261,7 +310,13 @@ void Session::driver_data(ByteView data) {
   if (device_->congested()) let_driver(false);
 }
 
+void Session::driver_arrivals(ByteView data, std::span<const std::size_t> ends) {
+  if (!device_->keeps_datagrams()) return driver_data(data);
+  for_each_arrival(data, ends, [this](ByteView arrival) { driver_data(arrival); });
+}
+
 void Session::device_data(ByteView data) {
+  device_works();
   if (!driver_up_) {
     dropped(data.size(), "no driver was there");
     return;
@@ -273,16 +328,19 @@ void Session::device_data(ByteView data) {
 }
 
 void Session::driver_down(const LineDown& down) {
-  context_.log->info("{}: {}", driver_->name(),
-                     down.reason == LineDown::Reason::hung_up ? "hung up" : "the driver has closed it");
+  if (device_state_ == DeviceState::up) device_works();
+  context_.log->log(about_driver(), "{}: {}", driver_->name(),
+                    down.reason == LineDown::Reason::hung_up ? "hung up" : "the driver has closed it");
   driver_up_ = false;
+  early_settings_.reset();
   if (end_.step() == SessionEnd::Step::leaving) {
     end();
   } else if (!driver_->passive()) {
     driver_gone(down);
   } else if (device_has_line() && device_->congested()) {
     device_state_ = DeviceState::draining;
-    drain_timer_.set_after(kDrainLimit);
+    drain_until_ = Loop::now() + kDrainLimit;
+    drain_timer_.set(drain_until_);
     read_device();
   } else if (device_state_ != DeviceState::closed) {
     close_device();
@@ -299,6 +357,7 @@ void Session::driver_gone(const LineDown& down) {
 
 void Session::close_device() {
   drain_timer_.cancel();
+  open_timer_.cancel();
   device_state_ = DeviceState::closed;
   note_gap();
   device_->close();
@@ -306,6 +365,16 @@ void Session::close_device() {
   tell_dropped();
   if (driver_up_ && end_.running()) open_device();
   continue_end();
+}
+
+void Session::on_drain_timer() {
+  const std::optional<std::size_t> left = device_->unread_by_peer();
+  const bool stands_still = driver_up_ && left == left_at_look_;
+  left_at_look_ = left;
+  if (Loop::now() < drain_until_ && !stands_still)
+    return driver_up_ ? drain_timer_.set_after(kNoProgress) : drain_timer_.set(drain_until_);
+  context_.log->warn("{} does not take the driver's last bytes; they are dropped", device_->name());
+  close_device();
 }
 
 void Session::device_drained() {
@@ -323,7 +392,7 @@ void Session::device_down(const LineDown& down) {
   switch (down.reason) {
     case LineDown::Reason::failed:
     case LineDown::Reason::lost:
-      context_.log->error("{}", down.error.message);
+      device_failed(down, spdlog::level::err, {});
       ++counters_.device_losses;
       if (!driver_->passive()) exit_status_ = exit_status_of(down.error.code);  // no next driver will come
       break;
@@ -427,6 +496,7 @@ std::optional<std::size_t> Session::left() const {
 void Session::end() {
   if (!end_.complete()) return;
   drain_timer_.cancel();
+  open_timer_.cancel();
   end_timer_.set_after(end_.completing_limit());
   give_up_left();
   for (const Gate* gate : {&driver_side_->gate, &device_side_->gate}) {
@@ -463,6 +533,8 @@ void Session::driver_complete() {
 void Session::complete() {
   end_.end();
   end_timer_.cancel();
+  failures_.worked();
+  tell_failures();
   tell_dropped();
   context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
     if (!alive.expired()) on_end_(exit_status_);
@@ -475,11 +547,18 @@ void Session::show_settings() {
 }
 
 // The device's line follows the driver's. One that does not is shown to it.
-void Session::driver_settings(const SeenSettings& seen) {
+void Session::driver_settings(const SeenSettings& seen, SettingsOrder order) {
+  if (device_state_ == DeviceState::draining) {  // it is still the last driver's
+    early_settings_ = {seen, order};
+    return;
+  }
+  device_->peer_set(seen, order);
   const std::optional<LineSettings> now = device_->settings();
   if (!now || seen.over(*now) == *now) return;
   if (const Result<void> set = device_->apply(seen.over(*now)); !set) {
-    context_.log->warn("{}; the device keeps its settings", set.error().message);
+    const bool told = std::exchange(refusal_told_, true);
+    context_.log->log(told ? spdlog::level::debug : spdlog::level::warn, "{}; the device keeps its settings",
+                      set.error().message);
     show_settings();
   }
 }

@@ -13,6 +13,7 @@
 #include "libport/port/port.hpp"
 #include "libport/session/channel.hpp"
 #include "libport/session/drop_tally.hpp"
+#include "libport/session/failures.hpp"
 #include "libport/session/session_end.hpp"
 
 namespace porttape {
@@ -29,9 +30,10 @@ namespace porttape {
 // | device      | what it means                       | driver is read     | leads out                    |
 // |-------------|-------------------------------------|--------------------|------------------------------|
 // | closed      | no driver, or the end               | none is there      | a driver comes: opening      |
-// | opening     | open() was called; a passive one    | no                 | on_up: up                    |
-// |             | waits for its peer, maybe the next  |                    | on_down: down                |
-// |             |                                     |                    | the driver goes: closed      |
+// | opening     | open() was called, or is about to   | no                 | on_up: up                    |
+// |             | be where it has just failed; a      |                    | on_down: down                |
+// |             | passive one waits for its peer,     |                    | the driver goes: closed      |
+// |             | maybe the next                      |                    |                              |
 // | up          | bytes go both ways                  | unless the device  | on_interrupted: interrupted  |
 // |             |                                     | is congested       | on_down: down; opening where |
 // |             |                                     |                    | a passive one's peer closed  |
@@ -68,6 +70,11 @@ class Session final : public Channel {
     if (recorder == nullptr) return make_error(Errc::usage, device_->name() + " is not recorded");
     return recorder->request(what);
   }
+  Result<void> request(const PlaybackRequest& what) override {
+    Playback* const playback = device_->playback_control();
+    if (playback == nullptr) return make_error(Errc::usage, device_->name() + " is no tape that is replayed");
+    return playback->request(what);
+  }
 
   // How it stands, for who asks from outside: `opening` the device for a driver that is there, `broken` where
   // the device's line has ended and the driver has yet to close.
@@ -80,6 +87,12 @@ class Session final : public Channel {
   [[nodiscard]] Port& device() { return *device_; }
 
  private:
+  // Of a driver that came while the device was the last one's.
+  struct EarlySettings {
+    SeenSettings seen;
+    SettingsOrder order;
+  };
+
   enum class DeviceState { closed, opening, up, interrupted, down, draining };
 
   struct Gate;
@@ -89,6 +102,7 @@ class Session final : public Channel {
   void driver_up();
   void trace(std::string_view arrow, ByteView data) const;
   void driver_data(ByteView data);
+  void driver_arrivals(ByteView data, std::span<const std::size_t> ends);
   PortListener::Answers driver_ended();
   PortListener::Answers device_ended();
   void let_driver(bool read);
@@ -111,9 +125,15 @@ class Session final : public Channel {
   void dropped_by_driver(std::uint64_t bytes, std::string_view why);
   void note_gap();
   void tell_dropped();
+  void open_device_now();
+  void device_works();
+  void device_failed(const LineDown& down, spdlog::level::level_enum level, std::string_view then);
+  [[nodiscard]] spdlog::level::level_enum about_driver() const;
+  void tell_failures();
   void finished(int exit_status);
   void driver_flushed(FlushQueue queue);
-  void driver_settings(const SeenSettings& seen);
+  void on_drain_timer();
+  void driver_settings(const SeenSettings& seen, SettingsOrder order);
   void show_settings();
   void device_complete(int exit_status);
   void driver_complete();
@@ -137,11 +157,18 @@ class Session final : public Channel {
   std::function<void(int)> on_end_;
   Timer end_timer_;
   Timer drain_timer_;
+  Instant drain_until_{};
+  std::optional<std::size_t> left_at_look_;  // that the device had not taken
+  std::optional<EarlySettings> early_settings_;
+  Timer open_timer_;  // for a device that has just failed
+  Failures failures_;
   Counters counters_;
   DropTally untold_;   // in the log
   DropTally unnoted_;  // on the tape: the driver's side
   int exit_status_ = 0;
   bool driver_up_ = false;
+  bool quiet_driver_ = false;  // it came while the device's line was failing
+  bool refusal_told_ = false;  // of settings, in this session
   DeviceState device_state_ = DeviceState::closed;
   SessionEnd end_;
   std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop

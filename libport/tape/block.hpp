@@ -114,6 +114,11 @@ class BlockDecoder {
   enum class Step : std::uint8_t { piece, need_bytes, past_end, damage };
 
   explicit BlockDecoder(Layout layout) : layout_(layout) {}
+  // From a block on whose header is at `offset` of its file, with so many payload bytes before it.
+  BlockDecoder(Layout layout, std::uint64_t offset, std::uint64_t stream_offset)
+      : layout_(layout), offset_(offset) {
+    piece_.stream_offset = stream_offset;
+  }
 
   // Where the file ends. A block that reaches further gives `past_end` and no piece of it is given.
   void set_end(std::uint64_t file_size) { end_ = file_size; }

@@ -15,8 +15,8 @@ BlockFile::BlockFile(std::unique_ptr<ByteSource> source, Layout layout, Blocks b
   decoder_.set_end(0);
 }
 
-void BlockFile::rewind() {
-  decoder_ = BlockDecoder(decoder_.layout());
+void BlockFile::seek(std::uint64_t offset, std::uint64_t stream_offset) {
+  decoder_ = BlockDecoder(decoder_.layout(), offset, stream_offset);
   decoder_.set_end(known_size_ = 0);
   begin_ = end_ = 0;
   torn_bytes_ = 0;

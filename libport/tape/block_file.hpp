@@ -39,7 +39,10 @@ class BlockFile {
   }
 
   // Starts again at the first block, also after an error.
-  void rewind();
+  void rewind() { seek(0, 0); }
+  // Starts at the block whose header is at `offset`, with so many payload bytes before it, as a piece has
+  // told of it.
+  void seek(std::uint64_t offset, std::uint64_t stream_offset);
   // After `end`: goes on there, for a file that may have grown since.
   void read_on();
 

@@ -4,14 +4,17 @@
 
 #include <array>
 #include <charconv>
+#include <limits>
 #include <span>
 #include <type_traits>
 #include <utility>
 
 #include <boost/json/parse.hpp>
+#include <boost/json/serialize.hpp>
 #include <boost/json/value.hpp>
 
 #include "libport/base/json_object.hpp"
+#include "libport/base/line_settings_text.hpp"
 
 namespace porttape {
 namespace {
@@ -24,9 +27,13 @@ constexpr int kVersion = 1;
 // The values that are words on the tape; the place is the value.
 using Words = std::span<const std::string_view>;
 constexpr auto kSides = std::to_array<std::string_view>({"driver", "device"});
+constexpr auto kDirs = std::to_array<std::string_view>({"r", "w"});
 constexpr auto kQueues = std::to_array<std::string_view>({"in", "out", "both"});
 constexpr auto kTransports = std::to_array<std::string_view>({"stream", "datagram"});
 constexpr auto kStamped = std::to_array<std::string_view>({"arrival", "read"});
+constexpr auto kOrders = std::to_array<std::string_view>({"exact", "sampled"});
+constexpr auto kParities =
+    std::to_array({Parity::none, Parity::even, Parity::odd, Parity::mark, Parity::space});
 
 template <class Value>
 std::optional<Value> value_of(std::string_view word, Words words) {
@@ -84,12 +91,26 @@ void put(JsonObject& line, const event::HalfClose& half_close) {
   put_word(line, "by", half_close.by, kSides);
 }
 void put(JsonObject& line, const event::Zero& zero) { put(line, zero.zero); }
+void put(JsonObject& line, const event::Settings& settings) {
+  put_word(line, "by", settings.by, kSides);
+  add_settings(line, settings.line);
+  put_word(line, "order", settings.order, kOrders);
+}
 void put(JsonObject& line, const event::Flush& flush) { put_word(line, "queue", flush.queue, kQueues); }
 void put(JsonObject& line, const event::Mark& mark) { put(line, "text", mark.text); }
 void put(JsonObject& line, const event::Gap& gap) {
   line.add("bytes", gap.bytes);
   if (gap.from) line.add("from_us", to_us(*gap.from));
   put(line, "why", gap.why);
+}
+void put(JsonObject& line, const event::Fault& event) {
+  const LineFault& fault = event.fault;
+  put(line, "kind", fault.kind);
+  put_word(line, "dir", fault.dir, kDirs);
+  if (fault.offset) line.add("offset", *fault.offset);
+  if (fault.count > 0) line.add("count", fault.count);
+  put_if(line, "spec", fault.spec);
+  if (fault.seed) line.add("seed", *fault.seed);
 }
 void put(JsonObject& line, const event::End& end) {
   put(line, "read", end.read);
@@ -127,9 +148,42 @@ const json::object* object_of(const json::object& object, std::string_view key) 
   return value == nullptr ? nullptr : value->if_object();
 }
 
-bool is_true(const json::object& object, std::string_view key) {
+std::optional<std::uint64_t> count_of(const json::object& object, std::string_view key) {
+  const auto number = number_of(object, key);
+  return number ? std::optional(static_cast<std::uint64_t>(*number)) : std::nullopt;
+}
+
+std::optional<unsigned> number_within(const json::object& object, std::string_view key, std::int64_t least,
+                                      std::int64_t most) {
+  const auto number = number_of(object, key);
+  if (!number || *number < least || *number > most) return std::nullopt;
+  return static_cast<unsigned>(*number);
+}
+
+std::optional<bool> flag_of(const json::object& object, std::string_view key) {
   const json::value* value = object.if_contains({key.data(), key.size()});
-  return value != nullptr && value->is_bool() && value->get_bool();
+  if (value == nullptr || !value->is_bool()) return std::nullopt;
+  return value->get_bool();
+}
+
+bool is_true(const json::object& object, std::string_view key) {
+  return flag_of(object, key).value_or(false);
+}
+
+std::optional<Parity> parity_of(const std::string& word) {
+  for (const Parity parity : kParities) {
+    if (to_string(parity) == word) return parity;
+  }
+  return std::nullopt;
+}
+
+SeenSettings settings_of(const json::object& line) {
+  return {.baud = number_within(line, "baud", 0, std::numeric_limits<unsigned>::max()),
+          .data_bits = number_within(line, "databits", 5, 8),
+          .parity = parity_of(text_of(line, "parity")),
+          .stop_bits = number_within(line, "stopbits", 1, 2),
+          .hw_flow = flag_of(line, "hwflowctrl"),
+          .sw_flow = flag_of(line, "swflowctrl")};
 }
 
 TapeZero zero_of(const json::object& object) {
@@ -163,14 +217,26 @@ void take(const json::object& line, event::HalfClose& half_close) {
   half_close.by = value_of<Side>(text_of(line, "by"), kSides);
 }
 void take(const json::object& line, event::Zero& zero) { zero.zero = zero_of(line); }
+void take(const json::object& line, event::Settings& settings) {
+  settings = {value_of<Side>(text_of(line, "by"), kSides), settings_of(line),
+              value_of<SettingsOrder>(text_of(line, "order"), kOrders)};
+}
 void take(const json::object& line, event::Flush& flush) {
   flush.queue = value_of<event::Flush::Queue>(text_of(line, "queue"), kQueues);
 }
 void take(const json::object& line, event::Mark& mark) { mark.text = text_of(line, "text"); }
 void take(const json::object& line, event::Gap& gap) {
-  gap.bytes = static_cast<std::uint64_t>(number_of(line, "bytes").value_or(0));
+  gap.bytes = count_of(line, "bytes").value_or(0);
   if (const auto from = number_of(line, "from_us")) gap.from = tape_time_us(*from);
   gap.why = text_of(line, "why");
+}
+void take(const json::object& line, event::Fault& event) {
+  event.fault = {.kind = text_of(line, "kind"),
+                 .spec = text_of(line, "spec"),
+                 .dir = value_of<LineDir>(text_of(line, "dir"), kDirs),
+                 .offset = count_of(line, "offset"),
+                 .count = count_of(line, "count").value_or(0),
+                 .seed = count_of(line, "seed")};
 }
 void take(const json::object& line, event::End& end) {
   end = {totals_of(object_of(line, "read")), totals_of(object_of(line, "write"))};
@@ -246,6 +312,12 @@ Result<TapeEvent> decode_event(std::string_view line) {
   std::string name = text_of(*object, "event");
   if (name.empty()) return damage("no event");
   return TapeEvent{tape_time_us(*at), event_of(std::move(name), *object, std::type_identity<Event>())};
+}
+
+std::string encode_again(std::string_view line, TapeTime at) {
+  json::value value = parse_line(line);
+  if (value.is_object()) value.get_object()["t_us"] = to_us(at);
+  return json::serialize(value) + '\n';
 }
 
 Result<TapeHeader> decode_header(std::string_view line) {

@@ -6,6 +6,8 @@
 #include <string_view>
 #include <variant>
 
+#include "libport/base/line_fault.hpp"
+#include "libport/base/line_settings.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
 #include "libport/tape/payload_totals.hpp"
@@ -60,6 +62,14 @@ struct Zero {
   friend bool operator==(const Zero&, const Zero&) = default;
 };
 
+struct Settings {
+  static constexpr std::string_view kName = "settings";
+  std::optional<Side> by;  // the device's own, or what the driver has set
+  SeenSettings line;
+  std::optional<SettingsOrder> order;
+  friend bool operator==(const Settings&, const Settings&) = default;
+};
+
 struct Flush {
   static constexpr std::string_view kName = "flush";
   enum class Queue : std::uint8_t { in, out, both };
@@ -81,6 +91,12 @@ struct Gap {
   friend bool operator==(const Gap&, const Gap&) = default;
 };
 
+struct Fault {
+  static constexpr std::string_view kName = "fault";
+  LineFault fault;
+  friend bool operator==(const Fault&, const Fault&) = default;
+};
+
 struct End {
   static constexpr std::string_view kName = "end";
   std::optional<PayloadTotals> read;  // what the r and w files hold; nothing where it does not say so
@@ -97,7 +113,8 @@ struct Unknown {
 }  // namespace event
 
 using Event = std::variant<event::Unknown, event::Open, event::Close, event::DeviceLost, event::DeviceBack,
-                           event::HalfClose, event::Zero, event::Flush, event::Mark, event::Gap, event::End>;
+                           event::HalfClose, event::Zero, event::Settings, event::Flush, event::Mark,
+                           event::Gap, event::Fault, event::End>;
 
 // An event in its place on a tape.
 struct TapeEvent {
@@ -111,6 +128,9 @@ std::string_view name_of(const Event& event);
 // A line of the events file, newline included; a long text is cut to kMaxEventText bytes.
 std::string encode(TapeTime at, const Event& event);
 std::string encode(const TapeHeader& header);
+// A line (without its newline) that was decoded, at another time; with its newline. Keys that this version
+// does not know stay.
+std::string encode_again(std::string_view line, TapeTime at);
 
 // A line without its newline. Unknown kinds and keys are no error. The error's message says what is wrong
 // with the line, without its file and number: Errc::damaged_tape; for the header Errc::not_a_tape, as in "an

@@ -121,4 +121,11 @@ EventFile::Step EventFile::take(std::string_view line) {
   return Step::event;
 }
 
+std::optional<TapeHeader> header_of(const TapePaths& tape) {
+  Result<std::unique_ptr<FileSource>> source = FileSource::open(tape.events);
+  if (!source) return std::nullopt;
+  const Result<EventFile> file = EventFile::create(std::move(*source));
+  return file ? file->header() : std::nullopt;
+}
+
 }  // namespace porttape

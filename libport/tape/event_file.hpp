@@ -8,6 +8,7 @@
 
 #include "libport/tape/byte_source.hpp"
 #include "libport/tape/event.hpp"
+#include "libport/tape/tape_name.hpp"
 
 namespace porttape {
 
@@ -62,5 +63,8 @@ class EventFile {
   bool torn_ = false;
   std::optional<Error> error_;
 };
+
+// The header of a tape's events file; nothing where it cannot be read.
+std::optional<TapeHeader> header_of(const TapePaths& tape);
 
 }  // namespace porttape

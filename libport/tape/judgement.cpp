@@ -16,7 +16,7 @@ std::string plural(std::uint64_t count, std::string_view what) {
   return std::to_string(count) + " " + std::string(what) + (count == 1 ? "" : "s");
 }
 
-std::string seconds(TapeTime time) {
+std::string in_seconds(TapeTime time) {
   std::array<char, 40> text{};
   const std::int64_t us = to_us(time);
   std::snprintf(text.data(), text.size(), "%" PRId64 ".%06" PRId64 " s", us / 1'000'000, us % 1'000'000);
@@ -82,7 +82,7 @@ void check_files(const Checked& read, const Checked& write, const std::string& e
 }
 
 std::string text_of(const GapSummary& gap, const std::string& events) {
-  std::string text = events + ": a gap from " + seconds(gap.from) + " to " + seconds(gap.at) + ", ";
+  std::string text = events + ": a gap from " + in_seconds(gap.from) + " to " + in_seconds(gap.at) + ", ";
   text += gap.bytes > 0 ? plural(gap.bytes, "byte") : "events or an unknown number of bytes";
   return gap.why.empty() ? text : text + ": " + to_printable(as_bytes(gap.why));
 }

@@ -28,15 +28,14 @@ WallTime wall_now() {
 }
 
 std::string rfc3339(WallTime time) {
-  const auto seconds = std::chrono::floor<std::chrono::seconds>(time);
-  const std::time_t whole = seconds.time_since_epoch().count();
+  const auto second = std::chrono::floor<std::chrono::seconds>(time);
+  const std::time_t whole = second.time_since_epoch().count();
   std::tm utc{};
   ::gmtime_r(&whole, &utc);
   std::array<char, 32> date{};
   std::strftime(date.data(), date.size(), "%FT%T", &utc);
   std::array<char, 48> text{};
-  std::snprintf(text.data(), text.size(), "%s.%06dZ", date.data(),
-                static_cast<int>((time - seconds).count()));
+  std::snprintf(text.data(), text.size(), "%s.%06dZ", date.data(), static_cast<int>((time - second).count()));
   return text.data();
 }
 

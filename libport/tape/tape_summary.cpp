@@ -15,8 +15,10 @@ namespace {
 
 constexpr std::size_t kMaxKinds = 64;
 constexpr std::size_t kMaxGaps = 64;
+constexpr std::size_t kMaxFaults = 64;
 constexpr std::size_t kMaxSessions = 1000;
 constexpr std::size_t kMaxMarks = 64;
+constexpr std::size_t kMaxSettings = 64;
 
 // Counts exchanges and measures answers, told the blocks in order.
 class ExchangeMeter {
@@ -197,6 +199,10 @@ class EventStream {
     if (const auto* gap = std::get_if<event::Gap>(&event)) note_gap(at, *gap);
     const auto* mark = std::get_if<event::Mark>(&event);
     if (mark != nullptr && summary_.marks.size() < kMaxMarks) summary_.marks.push_back({at, mark->text});
+    const auto* settings = std::get_if<event::Settings>(&event);
+    if (settings != nullptr && summary_.settings.size() < kMaxSettings)
+      summary_.settings.push_back({at, *settings});
+    if (const auto* fault = std::get_if<event::Fault>(&event)) note_fault(at, *fault);
     const auto* end = std::get_if<event::End>(&event);
     summary_.ended = end != nullptr;
     const bool tells = end != nullptr && end->read && end->write;
@@ -206,6 +212,14 @@ class EventStream {
   }
 
  private:
+  void note_fault(TapeTime at, const event::Fault& event) {
+    const LineFault& fault = event.fault;
+    if (summary_.faults.size() < kMaxFaults) summary_.faults.push_back({at, event});
+    const bool known = summary_.fault_kinds.size() < kMaxKinds || summary_.fault_kinds.contains(fault.kind);
+    if (fault.kind != LineFault::kPlan && known)
+      summary_.fault_kinds[fault.kind] += fault.kind == LineFault::kMore ? fault.count : 1;
+  }
+
   void note_gap(TapeTime at, const event::Gap& gap) {
     summary_.gap_bytes += gap.bytes;
     if (summary_.gaps.size() < kMaxGaps)

@@ -56,6 +56,16 @@ struct MarkSummary {
   std::string text;
 };
 
+struct SettingsSummary {
+  TapeTime at{};
+  event::Settings what;
+};
+
+struct FaultSummary {
+  TapeTime at{};
+  event::Fault what;
+};
+
 struct EventsSummary {
   std::string path;
   bool exists = false;
@@ -65,8 +75,11 @@ struct EventsSummary {
   std::uint64_t gap_bytes = 0;     // that the gap events say are missing
   std::vector<GapSummary> gaps;    // the first 64
   std::vector<MarkSummary> marks;  // the first 64
-  bool ended = false;              // the last event is `end`
-  std::optional<PayloadTotals> end_read;  // what it tells of the r and w files, both or none
+  std::vector<SettingsSummary> settings;             // the first 64
+  std::vector<FaultSummary> faults;                  // the first 64, plans among them
+  std::map<std::string, std::uint64_t> fault_kinds;  // how many were made of each; at most 64 kinds
+  bool ended = false;                                // the last event is `end`
+  std::optional<PayloadTotals> end_read;             // what it tells of the r and w files, both or none
   std::optional<PayloadTotals> end_write;
   std::optional<TapeTime> last;
   std::optional<std::string> torn_tail;

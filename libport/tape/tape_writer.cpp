@@ -319,6 +319,11 @@ void TapeWriter::event(TapeTime at, Event event) {
   impl_->event(us, encode(tape_time_us(us), event));
 }
 
+void TapeWriter::event_line(TapeTime at, std::string_view line) {
+  const std::int64_t us = impl_->stamp(at, false);
+  impl_->event(us, encode_again(line, tape_time_us(us)));
+}
+
 void TapeWriter::begin_batch() {
   if (!impl_->batch) impl_->batch.emplace();
 }

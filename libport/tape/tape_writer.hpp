@@ -78,6 +78,9 @@ class TapeWriter {
   }
   void event(TapeTime at, Event event);  // a gap that tells no `from` begins at its own time
 
+  // An event of another tape, as its line there (without a newline) has it; no gap.
+  void event_line(TapeTime at, std::string_view line);
+
   void begin_batch();
   void commit(const RunBoth& run_both = {});
 

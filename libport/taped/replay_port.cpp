@@ -9,12 +9,13 @@
 
 #include <spdlog/spdlog.h>
 
+#include "libport/base/line_settings_text.hpp"
 #include "libport/loop/file_events.hpp"
+#include "libport/replay/pieces.hpp"
 #include "libport/replay/replay_clock.hpp"
 #include "libport/replay/tape_count.hpp"
-#include "libport/tape/byte_source.hpp"
-#include "libport/tape/event_file.hpp"
 #include "libport/taped/report_file.hpp"
+#include "libport/taped/tape_facts.hpp"
 
 namespace porttape {
 namespace {
@@ -32,80 +33,14 @@ constexpr Nanos kReadOnLimit = std::chrono::seconds(3);
 constexpr Nanos kFinishLimit = std::chrono::seconds(5);
 // A program that waits in a call gets what is due in one go, up to so many steps.
 constexpr int kMostSteps = 1024;
+// Between two looks whether the driver has read a piece of chunks=bytes or random.
+constexpr Nanos kLook = std::chrono::microseconds(50);
 // Spinning takes at most this part of a core for all tapes together, else dense ones would keep it from the
 // drivers.
 constexpr int kSpinShare = 5;
 
-struct Known {
-  Engine::TapeFacts facts;
-  std::optional<TapeZero> zero;
-  TapePart part;
-};
-
-void add_fact(const TapeEvent& told, const SessionSearch& search, Engine::TapeFacts& facts) {
-  const auto& [at, event] = told;
-  if (const auto* end = std::get_if<event::End>(&event); end && end->read && end->write) {
-    facts.totals = TapeTotals{end->read->bytes, end->write->bytes};
-  }
-  if (!search.inside()) return;
-  if (const auto* lost = std::get_if<event::DeviceLost>(&event); lost && lost->hung_up) {
-    facts.hang_ups.push_back(at);
-  }
-  if (const auto* gap = std::get_if<event::Gap>(&event)) {
-    facts.gaps.push_back({gap->from.value_or(TapeTime{}), at, gap->bytes, gap->why});
-  }
-}
-
-// Of a part alone, counted from its beginning.
-void keep_part(const TapePart& part, Engine::TapeFacts& facts) {
-  if (part.whole()) return;
-  facts.opens = 1;
-  facts.totals.reset();
-  for (TapeTime& at : facts.hang_ups) at = part.shifted(at);
-  for (TapeGap& gap : facts.gaps) {
-    gap.from = part.shifted(std::max(gap.from, part.from));
-    gap.to = part.shifted(gap.to);
-  }
-}
-
-Error no_such_session(const TapePaths& tape, std::uint64_t session, std::uint64_t sessions) {
-  return make_error(Errc::usage,
-                    fmt::format("option 'session': tape '{}' has {} session{}, and no number {}; `porttape "
-                                "info` lists them",
-                                tape.name(), sessions, sessions == 1 ? "" : "s", session));
-}
-
-// What is to be known of a tape beforehand. The events file is small, so that it may be read through.
-Result<Known> known_of(const TapePaths& tape, std::uint64_t session) {
-  Known known;
-  Engine::TapeFacts& facts = known.facts;
-  SessionSearch search(session);
-  std::error_code unknown;
-  if (std::filesystem::exists(tape.events, unknown)) {
-    Result<std::unique_ptr<FileSource>> source = FileSource::open(tape.events);
-    if (!source) return source.error();
-    Result<EventFile> events = EventFile::create(std::move(*source));
-    if (!events) return events.error();
-    EventFile::Step step{};
-    while ((step = events->next()) == EventFile::Step::event) {
-      const TapeEvent& told = events->event();
-      if (std::holds_alternative<event::Open>(told.what)) search.on_open(told.at);
-      add_fact(told, search, facts);
-      if (std::holds_alternative<event::Close>(told.what)) search.on_close(told.at);
-    }
-    if (step == EventFile::Step::failed) return events->error();
-    if (const auto& header = events->header()) known.zero = header->zero;
-  }
-  facts.opens = search.opens();
-  const std::optional<TapePart> part = search.found();
-  if (!part) return no_such_session(tape, session, std::max<std::uint64_t>(1, search.opens()));
-  known.part = *part;
-  keep_part(known.part, facts);
-  return known;
-}
-
 // What a tape holds that is counted in no time; nothing for a larger one.
-std::optional<TapeTotals> count_small(const TapePaths& paths, RecordSource& tape) {
+std::optional<TapeTotals> count_small(const TapePaths& paths, RecordSource& tape, TapeTime start) {
   std::uintmax_t size = 0;
   for (const auto& path : {paths.read, paths.write}) {
     std::error_code absent;
@@ -113,29 +48,40 @@ std::optional<TapeTotals> count_small(const TapePaths& paths, RecordSource& tape
     if (!absent) size += bytes;
   }
   if (size > kSmallTape) return std::nullopt;
-  const std::optional<TapeTotals> totals = count_tape(tape);
+  const std::optional<TapeTotals> totals = count_tape(tape, {}, start);
   return tape.rewind() ? totals : std::nullopt;
 }
+
+double seconds_of(TapeTime time) { return static_cast<double>(to_us(time)) / 1e6; }
 
 }  // namespace
 
 ReplayPort::ReplayPort(const PortContext& context, Options options)
-    : context_(context), options_(std::move(options)), timer_(*context.loop, [this] { on_timer(); }) {
+    : context_(context),
+      options_(std::move(options)),
+      timer_(*context.loop, [this] { on_timer(); }),
+      silence_timer_(*context.loop, [this] { end_silence(); }) {
   if (!options_.clock) options_.clock = context_.replay_clock;
 }
 
 ReplayPort::~ReplayPort() = default;
 
 Result<void> ReplayPort::prepare() {
-  Result<TapeReader> schedule = TapeReader::open(options_.tape);
-  if (!schedule) return schedule.error();
-  Result<TapeReader> writes = TapeReader::open(options_.tape, TapeReader::Select::writes_only);
-  if (!writes) return writes.error();
-  Result<Known> known = known_of(options_.tape, options_.session);
+  const ReplayConfig& config = options_.config;
+  Result<TapeFacts> known = tape_facts(options_.tape, {options_.session, config.start, config.end});
   if (!known) return known.error();
+  const PlayedAs as{known->part, options_.config.writer};
+  played_as_ = as;
+  Result<std::unique_ptr<PlayedTape>> schedule = PlayedTape::open(options_.tape, as);
+  if (!schedule) return schedule.error();
+  Result<std::unique_ptr<PlayedTape>> writes =
+      PlayedTape::open(options_.tape, as, PlayedTape::Select::compared);
+  if (!writes) return writes.error();
+  if (known->flaw) return *known->flaw;
   Engine::TapeFacts& facts = known->facts;
-  if (!options_.report_file.empty()) {
-    if (Result<void> place = check_report_place(options_.report_file); !place) return place;
+  for (const std::string& file : {options_.report_file, options_.junit_file}) {
+    if (file.empty()) continue;
+    if (Result<void> place = check_report_place(file); !place) return place;
   }
   schedule_ = std::move(*schedule);
   writes_ = std::move(*writes);
@@ -144,31 +90,85 @@ Result<void> ReplayPort::prepare() {
                                             : header->device.starts_with("udp"));
   facts.stamped_at_arrival =
       header && header->stamped ? *header->stamped == Stamped::arrival : schedule_->has_events();
-  RecordSource* played = &*schedule_;
-  RecordSource* played_writes = &*writes_;
-  if (!known->part.whole()) {
-    played = &schedule_part_.emplace(*schedule_, known->part);
-    played_writes = &writes_part_.emplace(*writes_, known->part);
+  if (datagrams_ && Pieces(options_.config.chunks, 0).cut()) {
+    return make_error(Errc::usage,
+                      fmt::format("option 'chunks': tape '{}' is of datagrams, which come whole; leave it "
+                                  "out",
+                                  options_.tape.name()));
   }
+  line_ = std::move(known->line);
+  ended_ = known->ended;
+  own_settings_ = settings_ = own_settings(line_, header);
+  if (drives()) facts.totals.reset();  // what is compared is counted, and that may be less
+  if (Result<void> there = check_start(*schedule_, known->last); !there) return there;
   if (options_.brief && facts.opens <= 1) context_.loop->file_events().begin_after(kBrief);
-  if (const auto counted = count_small(options_.tape, *played)) facts.totals = counted;
-  reports_ = std::make_unique<ReplayReports>(
-      context_,
-      ReplayReports::Options{options_.tape, options_.report_file, facts.totals, known->part, options_.group},
-      [this](const RunReport& report) { publish(report); });
+  if (const auto counted = count_small(options_.tape, *schedule_, config.start)) facts.totals = counted;
+  reports_ = std::make_unique<ReplayReports>(context_,
+                                             ReplayReports::Options{.tape = options_.tape,
+                                                                    .file = options_.report_file,
+                                                                    .junit_file = options_.junit_file,
+                                                                    .totals = facts.totals,
+                                                                    .as = as,
+                                                                    .start = config.start,
+                                                                    .group = options_.group},
+                                             [this](const RunReport& report) { publish(report); });
   const bool has_place = options_.clock && known->zero;
   const Micros begin = has_place ? options_.clock->tape_begin(*known->zero) : Micros{};
-  engine_ = std::make_unique<Engine>(options_.config, facts, *played, *played_writes,
-                                     Engine::Parts{.expectation = options_.expectation.get(),
-                                                   .clock = options_.clock.get(),
-                                                   .tape_begin = begin + (known->part.from - TapeTime{}),
-                                                   .half_closes = listener().half_closes()});
+  Result<Engine::Parts> given = parts(as);
+  if (!given) return given.error();
+  given->tape_begin = begin + (known->part.from - TapeTime{});
+  engine_ = std::make_unique<Engine>(options_.config, facts, *schedule_, *writes_, *given);
+  if (options_.start_paused) engine_->stand(Loop::now(), true);
   return {};
+}
+
+// Whether the tape has anything from the start on.
+Result<void> ReplayPort::check_start(RecordSource& tape, TapeTime last_event) {
+  const TapeTime start = options_.config.start;
+  TapeTime last{};
+  while (start > TapeTime{}) {
+    const auto record = tape.next();
+    if (!record) return record.error();
+    if (!*record) {
+      return make_error(Errc::usage,
+                        fmt::format("option 'start' is {} s, and nothing of tape '{}' is there; accepted: a "
+                                    "time before its end, 0 to {:.6f} s",
+                                    seconds_of(start), options_.tape.name(), seconds_of(last)));
+    }
+    const bool is_block = (*record)->kind == RecordKind::read || (*record)->kind == RecordKind::write;
+    if (is_block) last = (*record)->at;
+    if (is_block && last >= start) break;
+  }
+  if (last_event > TapeTime{}) length_ = std::min(last_event, options_.config.end.value_or(last_event));
+  return start > TapeTime{} ? tape.rewind() : Result<void>();
+}
+
+Result<Engine::Parts> ReplayPort::parts(const PlayedAs& as) {
+  Engine::Parts parts{.expectation = options_.expectation.get(),
+                      .clock = options_.clock.get(),
+                      .half_closes = listener().half_closes()};
+  const bool resyncs = options_.config.on_mismatch == OnMismatch::resync && !drives();
+  if (options_.config.match == Match::sequence && !resyncs) return parts;
+  if (drives()) {
+    return make_error(Errc::usage,
+                      "option 'match': a tape that plays the driver asks in its own order; leave it out");
+  }
+  Result<std::unique_ptr<PlayedTape>> index = PlayedTape::open(options_.tape, as);
+  if (!index) return index.error();
+  index_ = std::move(*index);
+  Result<std::unique_ptr<TapeAnswers>> answers = TapeAnswers::open(options_.tape, as.part);
+  if (!answers) return answers.error();
+  answers_ = std::move(*answers);
+  parts.index = index_.get();
+  parts.answers = answers_.get();
+  return parts;
 }
 
 void ReplayPort::open() {
   open_ = true;
+  left_unread_.reset();
   reports_->begin_count();
+  if (drives()) return open_line();
   const Instant now = Loop::now();
   if (!run_begun_) run_begun_ = now;
   engine_->on_open(now);
@@ -179,24 +179,37 @@ void ReplayPort::open() {
 void ReplayPort::close() {
   if (!open_) return;
   open_ = false;
+  if (drives()) return;
+  settings_ = own_settings_;
+  if (aftermath_) aftermath_->finish();
   engine_->on_close(Loop::now());
   pump();
 }
 
 void ReplayPort::write(ByteView data) {
+  if (aftermath_) aftermath_->write(data);
   if (context_.pulled) pump();
-  engine_->on_write(Loop::now(), data);
+  last_heard_ = Loop::now();
+  engine_->on_write(last_heard_, data);
   congested_ = engine_->backlog() > kMostBacklog;
   pump();
 }
 
+// A device that ends its sending where the tape has not even an end of it has ended its line.
 bool ReplayPort::end_writing() {
+  if (drives() && engine_->line_may_end() == false) return false;
   engine_->on_writing_ended(Loop::now());
   pump();
   return true;
 }
 
 void ReplayPort::set_reading(bool on) {
+  last_heard_ = Loop::now();
+  blocked_ = !on;
+  if (on && std::exchange(coming_up_, false)) {
+    if (!run_begun_) run_begun_ = last_heard_;
+    engine_->on_open(last_heard_);
+  }
   engine_->set_blocked(!on);
   if (on) pump();
 }
@@ -213,6 +226,94 @@ void ReplayPort::peer_flushed(FlushQueue queue) {
   if (queue == FlushQueue::out || !schedule_->has_events()) return;
   engine_->on_flush(Loop::now());
   pump();
+}
+
+void ReplayPort::peer_set(const SeenSettings& settings, SettingsOrder) {
+  engine_->on_settings(Loop::now(), settings);
+  pump();
+}
+
+void ReplayPort::faulted(const LineFault& fault) {
+  if (fault.kind == LineFault::kPlan) {
+    faults_ = {.plan = fault.spec, .seed = fault.seed.value_or(0)};
+  } else if (faults_) {
+    faults_->add(fault);
+  }
+}
+
+Result<void> ReplayPort::apply(const LineSettings& settings) {
+  if (drives()) return {};  // what the driver found is on the tape
+  if (!settings_) return Port::apply(settings);
+  const std::optional<SeenSettings> answer = line_.taken_for(settings);
+  if (answer && answer->over(*settings_) == *settings_) {
+    return make_error(Errc::usage, fmt::format("{}: on the tape the device did not take {}", name(),
+                                               to_text(SeenSettings::of(settings))));
+  }
+  settings_ = answer ? answer->over(settings) : settings;
+  if (settings_ != settings) listener().on_settings(SeenSettings::of(*settings_), SettingsOrder::exact);
+  return {};
+}
+
+Result<void> ReplayPort::request(const PlaybackRequest& what) {
+  using Kind = PlaybackRequest::Kind;
+  const auto refused = [](std::string why) { return make_error(Errc::usage, std::move(why)); };
+  if (!engine_) return refused("the tape is not open yet");
+  if (options_.clock) return refused("it plays by a clock that other tapes have, too");
+  const Instant now = Loop::now();
+  const bool stands = engine_->playing(now).stands;
+  const bool moves = what.kind == Kind::seek || what.kind == Kind::step;
+  if (moves && index_) return refused("the tape's requests are looked up, whose order is the driver's");
+  if (moves && drives()) return refused("it plays the driver, whose line has its own course");
+  switch (what.kind) {
+    case Kind::pause:
+    case Kind::resume:
+      engine_->stand(now, what.kind == Kind::pause);
+      break;
+    case Kind::step:
+      if (!stands) return refused("it is not paused; pause it first");
+      if (!open_) return refused("no driver has the port open: there is nothing to step through");
+      engine_->step(now, what.exchanges);
+      break;
+    case Kind::seek:
+      if (Result<void> good = check_seek(what.to); !good) return good;
+      engine_->seek(now, TapeTime{what.to});
+      break;
+    case Kind::rate:
+      engine_->set_rate(now, what.rate);
+      break;
+  }
+  pump();
+  return {};
+}
+
+Result<void> ReplayPort::check_seek(Micros to) const {
+  if (!open_) {
+    return make_error(Errc::usage,
+                      "no driver has the port open: it begins at the start with its driver's open");
+  }
+  const TapeTime at{to};
+  const TapeTime first = options_.config.start;
+  const std::optional<TapeTime> last = length_ ? length_ : options_.config.end;
+  if (at >= first && (!last || at <= *last)) return {};
+  return make_error(
+      Errc::usage,
+      fmt::format("seek: {} s is not on what is played of the tape; accepted: {} to {} s", seconds_of(at),
+                  seconds_of(first), last ? fmt::format("{}", seconds_of(*last)) : "the tape's end"));
+}
+
+PlaybackStatus ReplayPort::playback() {
+  PlaybackStatus status;
+  status.paused = options_.start_paused;
+  status.rate = options_.config.rate;
+  status.loops = options_.config.loops == 0 ? std::nullopt : std::optional(options_.config.loops);
+  if (length_) status.length = length_->time_since_epoch();
+  if (!engine_) return status;
+  const Engine::Playing playing = engine_->playing(Loop::now());
+  status.paused = playing.stands;
+  status.rate = playing.rate;
+  status.loop = playing.loop;
+  if (playing.position) status.position = playing.position->time_since_epoch();
+  return status;
 }
 
 std::string ReplayPort::awaits() {
@@ -232,6 +333,7 @@ Instant ReplayPort::pump_time(Instant now) const {
 void ReplayPort::pump() {
   const Instant now = Loop::now();
   int steps = 0;
+  if (engine_->holds_piece() && listener().unread() == 0) engine_->on_taken(now);
   for (bool due = true; due;) {
     const Instant at = context_.pulled ? pump_time(now) : Loop::now();
     ReplayActions actions = engine_->advance(at);
@@ -242,6 +344,7 @@ void ReplayPort::pump() {
     due = !empty || (context_.pulled && next && *next <= now && ++steps < kMostSteps);
   }
   set_timer();
+  if (drives()) watch_silence();
   if (congested_ && engine_->backlog() <= kMostBacklog / 2) {
     congested_ = false;
     listener().on_drained();
@@ -251,30 +354,117 @@ void ReplayPort::pump() {
 
 void ReplayPort::perform(ReplayActions& actions) {
   if (!actions.deliver.empty() && !dropping_) listener().on_arrivals(actions.deliver, actions.block_ends);
+  if (actions.line_step) do_step(*actions.line_step);
   if (actions.end_sending) (void)listener().on_ended();
   for (const Mismatch& mismatch : actions.mismatches) {
-    context_.log->warn("{}: {}", options_.tape.name(), to_text(mismatch));
+    context_.log->warn("{}: {}", options_.tape.name(), to_text(mismatch, options_.config.writer));
   }
-  if (actions.hang_up) {
-    // At the tape's end and where it hangs up, the driver reads what is left first; at a mismatch that fails
-    // the run the line breaks where it stands.
-    const bool failed = options_.config.on_mismatch == OnMismatch::fail &&
-                        (!actions.mismatches.empty() || (actions.run_ended && actions.run_ended->mismatch));
-    Error error;
-    if (failed && !actions.mismatches.empty()) error.message = to_text(actions.mismatches.front());
-    listener().on_down(
-        {.reason = LineDown::Reason::hung_up, .error = std::move(error), .after_reading = !failed});
+  if (actions.hang_up && drives()) {
+    close_line(LineDown::Reason::hung_up);
+  } else if (actions.hang_up) {
+    hang_up_driver(actions);
   }
   for (const Mismatch& mismatch : actions.mismatches) reports_->look_for_hint(mismatch);
   const bool exit = actions.exit;
   const std::string trouble = actions.run_ended ? actions.run_ended->trouble.value_or("") : "";
   if (actions.run_ended) take_report(std::move(*actions.run_ended));
   if (exit && any_run_) listener().on_finished(exit_status::kPass);  // the verdict's comes with on_complete
-  if (!trouble.empty()) {
+  if (!trouble.empty() && !drives()) {
     listener().on_down({.reason = LineDown::Reason::lost,
                         .error = make_error(Errc::damaged_tape, trouble),
                         .after_reading = true});
   }
+}
+
+// Once: the line is there for as long as the tape goes on.
+void ReplayPort::open_line() {
+  last_heard_ = Loop::now();
+  line_open_ = coming_up_ = blocked_ = true;
+  const bool sets = own_settings_ && !options_.keeps_line;
+  if (sets) listener().on_settings(SeenSettings::of(*own_settings_), SettingsOrder::exact);
+  listener().on_up();
+  watch_silence();
+}
+
+void ReplayPort::close_line(LineDown::Reason reason) {
+  if (!std::exchange(line_open_, false)) return;
+  coming_up_ = false;
+  listener().on_down({.reason = reason, .error = {}});
+}
+
+void ReplayPort::do_step(const LineStep& step) {
+  using Queue = event::Flush::Queue;
+  switch (step.kind) {
+    case LineStep::Kind::open:
+      return open_line();
+    case LineStep::Kind::close:
+      return close_line(LineDown::Reason::closed);
+    case LineStep::Kind::settings:
+      return listener().on_settings(step.settings, SettingsOrder::exact);
+    case LineStep::Kind::flush:
+      break;
+  }
+  const Queue queue = step.queue.value_or(Queue::both);
+  listener().on_flush(queue == Queue::in    ? FlushQueue::in
+                      : queue == Queue::out ? FlushQueue::out
+                                            : FlushQueue::both);
+}
+
+void ReplayPort::hang_up(bool) {
+  if (!line_open_) return;
+  close_line(LineDown::Reason::hung_up);
+  ended_because_ = "the device ended the line, and the tape goes on";
+  engine_->on_line_ended(Loop::now());
+  pump();
+  ended_because_.clear();
+}
+
+// While nothing goes on by itself, the device is waited for.
+void ReplayPort::watch_silence() {
+  const bool waits_for_line = coming_up_ && !options_.waits_for_line;
+  const bool waits = waits_for_line || (run_begun_ && !coming_up_ && !engine_->next_deadline());
+  if (!options_.silence || !waits || finish_timer_) return silence_timer_.cancel();
+  const auto unsent = coming_up_ ? std::nullopt : engine_->first_unsent();
+  const Instant since = unsent ? std::max(last_heard_, unsent->due) : last_heard_;
+  silence_timer_.set(since + *options_.silence);
+}
+
+void ReplayPort::end_silence() {
+  const double limit = std::chrono::duration<double>(*options_.silence).count();
+  if (coming_up_) {
+    context_.log->error("the device's line did not come up within {:g} s", limit);
+    close_line(LineDown::Reason::closed);
+    return listener().on_finished(exit_status::kDevice);
+  }
+  ended_because_ = blocked_ ? fmt::format("the device's line took nothing for {:g} s", limit)
+                            : fmt::format("the device was silent for {:g} s", limit);
+  engine_->finish(Loop::now());
+  pump();
+}
+
+// At the tape's end and where it hangs up, the driver reads what is left first; at a mismatch that fails the
+// run the line breaks where it stands.
+void ReplayPort::hang_up_driver(ReplayActions& actions) {
+  const bool failed = options_.config.on_mismatch == OnMismatch::fail &&
+                      (!actions.mismatches.empty() || (actions.run_ended && actions.run_ended->mismatch));
+  LineDown down{.reason = LineDown::Reason::hung_up, .error = {}, .after_reading = !failed};
+  if (failed && !actions.mismatches.empty())
+    down.error.message = to_text(actions.mismatches.front(), options_.config.writer);
+  const bool look_on = options_.looks_on && open_ && failed && actions.run_ended &&
+                       actions.run_ended->mismatch &&
+                       actions.run_ended->mismatch->kind != MismatchKind::timing;
+  if (!look_on) return listener().on_down(down);
+  actions.mismatches.clear();
+  aftermath_ = std::make_unique<Aftermath>(
+      context_, Aftermath::Tape{options_.tape, played_as_}, *std::exchange(actions.run_ended, std::nullopt),
+      Aftermath::Calls{.deliver = [this](ByteView answer) { listener().on_data(answer); },
+                       .done = [this, down](RunReport report) { end_aftermath(std::move(report), down); }});
+}
+
+void ReplayPort::end_aftermath(RunReport report, const LineDown& down) {
+  reports_->look_for_hint(*report.mismatch);
+  if (open_) listener().on_down(down);
+  take_report(std::move(report));
 }
 
 void ReplayPort::take_report(RunReport report) {
@@ -287,23 +477,40 @@ void ReplayPort::take_report(RunReport report) {
   report.when = wall_text(begun, now);
   if (report.nobody_came) report.sessions_made = 0;
   if (options_.session > 0) report.session = options_.session;
+  if (report.closed) report.left_unread = left_unread_;
+  report.faults = faults_;
+  if (faults_) faults_ = {.plan = faults_->plan, .seed = faults_->seed};
+  if (ended_ == false && !report.nobody_came) {
+    report.doubts.push_back({Doubt::Kind::gap,
+                             "the tape has no end: its recorder was killed, or still writes; what came "
+                             "last may be missing"});
+  }
   add_stalls(report, begun);
+  if (report.verdict != Verdict::pass) report.outcome = std::exchange(ended_because_, {});
   const bool look = is_look(report);
   reports_->add(std::move(report));
   // The verdict's status comes with on_complete.
-  if (options_.once && !look) listener().on_finished(exit_status::kPass);
+  if (drives()) {
+    close_line(LineDown::Reason::closed);
+    listener().on_finished(exit_status::kPass);
+  } else if (options_.once && !look) {
+    listener().on_finished(exit_status::kPass);
+  }
 }
 
 void ReplayPort::add_stalls(RunReport& report, Instant begun) const {
+  const std::string_view open =
+      report.writer == Writer::driver ? "the driver's open" : roles_of(report.writer).open;
   const std::vector<Stall> stalls = context_.loop->stalls_since(begun);
   for (const Stall& stall : stalls) {
     const auto after = std::chrono::duration<double>(stall.begin - begun).count();
     const auto length = std::chrono::duration<double, std::milli>(stall.length).count();
     report.doubts.push_back(
         {Doubt::Kind::stall,
-         fmt::format("this machine or program stood still for {:.0f} ms, {:.3f} s after the "
-                     "driver's open: what came late, or too late, may be its doing",
-                     length, std::max(after, 0.0))});
+         fmt::format(
+             "this machine or program stood still for {:.0f} ms, {:.3f} s after {}: what came late, or "
+             "too late, may be its doing",
+             length, std::max(after, 0.0), open)});
   }
 }
 
@@ -337,6 +544,7 @@ void ReplayPort::set_timer() {
     return;
   }
   if (reading_on_) return timer_.set_after(kPause);
+  if (engine_->holds_piece()) return timer_.set(std::min(*due, Loop::now() + kLook));
   timer_.set(may_spin(*due) ? *due - kSpin : *due);
 }
 
@@ -355,6 +563,7 @@ void ReplayPort::on_timer() {
 
 void ReplayPort::finish() {
   if (!engine_) return listener().on_complete(0);
+  if (aftermath_) aftermath_->finish();
   const Instant now = Loop::now();
   // That no driver has come is a verdict too, but of no interest to a program that has the port to itself.
   if (!context_.pulled && !any_run_ && !run_begun_) engine_->on_open(now);

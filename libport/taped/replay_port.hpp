@@ -8,25 +8,31 @@
 #include "libport/loop/timer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
+#include "libport/replay/device_line.hpp"
 #include "libport/replay/engine.hpp"
-#include "libport/replay/tape_part.hpp"
 #include "libport/tape/tape_name.hpp"
-#include "libport/tape/tape_reader.hpp"
+#include "libport/taped/aftermath.hpp"
+#include "libport/taped/played_tape.hpp"
 #include "libport/taped/replay_reports.hpp"
+#include "libport/taped/tape_answers.hpp"
 
 namespace porttape {
 
-// A tape in the device's place: reads the tape and the clock, and does what the engine says. Each run's
-// report goes to the log and, when asked for, to a file; with `once` the session ends after the first run.
-// The exit status is that of the worst run.
-class ReplayPort final : public Port, private WaitingCalls {
+// A tape in the device's place, or the driver's (ReplayConfig::writer): reads the tape and the clock, and
+// does what the engine says. As a driver it opens, sets and closes its line as recorded, once, and is the
+// driver's port of a session whose other port is the device's. Each run's report goes to the log and, when
+// asked for, to a file; with `once` the session ends after the first run. The exit status is that of the
+// worst run.
+class ReplayPort final : public Port, public Playback, private WaitingCalls {
  public:
   struct Options {
     TapePaths tape;
     ReplayConfig config;
     bool once = false;
+    bool start_paused = false;
     std::uint64_t session = 0;  // only this one of the tape is played, 1-based; 0: all of them
     std::string report_file = {};
+    std::string junit_file = {};
     std::shared_ptr<const Expectation> expectation = {};  // what of a write may vary; null: nothing
     // That other ports play by too, with its rate instead of the one in `config`; null: the context's, or one
     // of its own. On a shared one tapes begin as their zeros lie, and one without a zero with the first.
@@ -35,9 +41,16 @@ class ReplayPort final : public Port, private WaitingCalls {
     std::optional<unsigned> connection = {};
     std::shared_ptr<ReplayReports::Group> group = {};
     std::function<void(const RunReport&)> on_report = {};  // each run's, or empty
+    // After a mismatch that fails the run the line hangs up a moment later, so that the report knows more.
+    bool looks_on = false;
     // The program ends soon, and has no other ports: where the tape has no reopen, opens are looked for in
     // the first 30 ms instead of being told by inotify, which takes the kernel some 15 ms to close.
     bool brief = false;
+    // Where it plays the driver: how long the device may be silent, beyond the time it took on the tape, or
+    // its line take nothing; none: for ever.
+    std::optional<Nanos> silence = {};
+    bool waits_for_line = false;  // to come up, however long
+    bool keeps_line = false;  // as the device's port has it: not as it was when the recorded driver opened it
   };
 
   ReplayPort(const PortContext& context, Options options);
@@ -55,14 +68,26 @@ class ReplayPort final : public Port, private WaitingCalls {
   // tape of another recorder (without events) holds what its driver read, and nothing that was flushed. A
   // flush on the tape has no effect: the driver makes its own.
   void peer_flushed(FlushQueue queue) override;
+  // As the tape's device has its line: its own when the session begins, then what the driver asks for, where
+  // the tape does not tell that it took something else, or refused. None where the tape tells of none.
+  [[nodiscard]] std::optional<LineSettings> settings() const override { return settings_; }
+  Result<void> apply(const LineSettings& settings) override;
+  void peer_set(const SeenSettings& settings, SettingsOrder order) override;
+  void peer_left_unread(std::uint64_t bytes) override { left_unread_ = bytes; }
   [[nodiscard]] WaitingCalls* waiting() override { return this; }
+  [[nodiscard]] Playback* playback_control() override { return this; }
+  Result<void> request(const PlaybackRequest& what) override;
+  [[nodiscard]] PlaybackStatus playback() override;
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return std::nullopt; }
   void read_pending() override {}
-  [[nodiscard]] bool passive() const override { return false; }
+  [[nodiscard]] bool passive() const override { return drives(); }
   // Each block of a tape of UDP was a datagram.
   [[nodiscard]] bool keeps_datagrams() const override { return datagrams_; }
   void set_reading(bool on) override;
-  void hang_up(bool) override {}
+  // The device of a tape has no line to break; the driver of one has, when its device has ended it.
+  void hang_up(bool after_reading) override;
+  // Each run's report has what was done to its line.
+  void faulted(const LineFault& fault) override;
   // Ends the run; the status is that of the worst verdict, and where no driver has come, or none that did
   // more than look, that of `incomplete`. Takes 5 s at most: what is not known or not written then is told.
   void finish() override;
@@ -85,12 +110,23 @@ class ReplayPort final : public Port, private WaitingCalls {
     return engine_ ? engine_->next_deadline() : std::nullopt;
   }
 
+  [[nodiscard]] bool drives() const { return options_.config.writer == Writer::device; }
+  void open_line();
+  void close_line(LineDown::Reason reason);
+  void do_step(const LineStep& step);
+  void watch_silence();
+  void end_silence();
+  Result<Engine::Parts> parts(const PlayedAs& as);
+  Result<void> check_start(RecordSource& tape, TapeTime last_event);
+  [[nodiscard]] Result<void> check_seek(Micros to) const;
   void pump();
   [[nodiscard]] Instant pump_time(Instant now) const;
   void perform(ReplayActions& actions);
   void set_timer();
   [[nodiscard]] bool may_spin(Instant due) const;
   void on_timer();
+  void hang_up_driver(ReplayActions& actions);
+  void end_aftermath(RunReport report, const LineDown& down);
   void take_report(RunReport report);
   void publish(const RunReport& report);
   void continue_finish();
@@ -99,14 +135,23 @@ class ReplayPort final : public Port, private WaitingCalls {
 
   PortContext context_;
   Options options_;
-  std::optional<TapeReader> schedule_;
-  std::optional<TapeReader> writes_;
-  std::optional<PartOfTape> schedule_part_;  // of those, where not all is played
-  std::optional<PartOfTape> writes_part_;
+  std::unique_ptr<PlayedTape> schedule_;
+  std::unique_ptr<PlayedTape> writes_;
+  PlayedAs played_as_;
+  std::unique_ptr<PlayedTape> index_;  // with match=lookup or on-mismatch=resync
+  std::unique_ptr<TapeAnswers> answers_;
+  DeviceLine line_;
+  std::optional<bool> ended_;       // see TapeFacts
+  std::optional<TapeTime> length_;  // of what is played, if known
+  std::optional<LineSettings> own_settings_;
+  std::optional<LineSettings> settings_;
   std::unique_ptr<Engine> engine_;
   Timer timer_;
   std::unique_ptr<ReplayReports> reports_;
   std::optional<RunReport> report_;
+  std::unique_ptr<Aftermath> aftermath_;
+  std::optional<std::uint64_t> left_unread_;  // by the driver that has just gone
+  std::optional<FaultsReport> faults_;        // of the run that goes on
   std::optional<Instant> run_begun_;
   std::optional<Timer> finish_timer_;
   Instant finish_limit_{};
@@ -117,6 +162,14 @@ class ReplayPort final : public Port, private WaitingCalls {
   bool open_ = false;
   bool dropping_ = false;
   bool datagrams_ = false;
+
+  // Of the driver that it plays.
+  Timer silence_timer_;
+  Instant last_heard_{};       // or the line took something
+  bool line_open_ = false;     // as its session knows it
+  bool coming_up_ = false;     // the device's line has not come up since
+  bool blocked_ = false;       // the device's line takes nothing
+  std::string ended_because_;  // for the report of the run that ends now
 };
 
 }  // namespace porttape

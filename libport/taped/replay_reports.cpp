@@ -7,12 +7,24 @@
 #include <spdlog/spdlog.h>
 
 #include "libport/base/printable.hpp"
+#include "libport/replay/diagnosis.hpp"
+#include "libport/replay/excerpt.hpp"
 #include "libport/replay/hint.hpp"
 #include "libport/replay/tape_count.hpp"
-#include "libport/tape/tape_reader.hpp"
+#include "libport/replay/test_case.hpp"
 #include "libport/taped/report_file.hpp"
 
 namespace porttape {
+namespace {
+
+// The worst run as the one test that a replay is.
+std::string junit_of(const RunList& runs) {
+  if (!runs.worst()) return {};
+  const TestCase test = test_case_of(*runs.worst(), runs.worst()->tape, "porttape");
+  return to_junit("porttape replay", {&test, 1}, test.seconds);
+}
+
+}  // namespace
 
 // Work on another thread. It and the loop share this and nothing else; `stop` asks it to end early.
 struct ReplayReports::Job {
@@ -29,6 +41,11 @@ struct ReplayReports::Search : Job {
   std::optional<std::string> hint;
 };
 
+// The tape around what is wrong, and what follows from it.
+struct ReplayReports::Diagnosing : Job {
+  RunReport report;
+};
+
 ReplayReports::ReplayReports(const PortContext& context, Options options, Publish publish)
     : context_(context),
       options_(std::move(options)),
@@ -42,6 +59,7 @@ ReplayReports::~ReplayReports() {
   for (const auto& search : searches_) search->stop = true;
   for (const Waiting& waiting : waiting_) {
     if (waiting.search) waiting.search->stop = true;
+    if (waiting.diagnosing) waiting.diagnosing->stop = true;
   }
 }
 
@@ -59,11 +77,11 @@ void ReplayReports::begin_count() {
   if (options_.totals || count_) return;
   count_ = std::make_shared<Count>();
   const auto found = std::make_shared<std::optional<TapeTotals>>();
-  const auto work = [count = count_, found, tape = options_.tape, part = options_.part] {
-    Result<TapeReader> reader = TapeReader::open(tape);
-    if (!reader) return;
-    PartOfTape played(*reader, part);
-    *found = count_tape(played, [&count] { return count->stop.load(); });
+  const auto work = [count = count_, found, tape = options_.tape, as = options_.as, start = options_.start] {
+    const auto played = PlayedTape::open(tape, as);
+    if (played)
+      *found = count_tape(
+          **played, [&count] { return count->stop.load(); }, start);
   };
   const bool begun = run(count_strand_, count_, work, [this, found] {
     count_->totals = *found;
@@ -78,11 +96,10 @@ void ReplayReports::look_for_hint(const Mismatch& mismatch) {
   auto search = std::make_shared<Search>();
   search->mismatch = mismatch;
   const auto found = std::make_shared<std::optional<std::string>>();
-  const auto work = [search, found, tape = options_.tape, part = options_.part] {
-    Result<TapeReader> reader = TapeReader::open(tape, TapeReader::Select::writes_only);
-    if (!reader) return;
-    PartOfTape played(*reader, part);
-    *found = find_hint(played, search->mismatch.tape_offset, search->mismatch.got,
+  const auto work = [search, found, tape = options_.tape, as = options_.as] {
+    const auto played = PlayedTape::open(tape, as, PlayedTape::Select::compared);
+    if (!played) return;
+    *found = find_hint(**played, search->mismatch.tape_offset, search->mismatch.got,
                        [&search] { return search->stop.load(); });
   };
   const bool begun = run(hint_strand_, search, work, [this, search, found] {
@@ -93,8 +110,9 @@ void ReplayReports::look_for_hint(const Mismatch& mismatch) {
 }
 
 void ReplayReports::hint_found(const Search& search) {
+  const Roles roles = roles_of(options_.as.writer);
   if (search.hint && !search.hint->empty()) {
-    context_.log->warn("{}: what the driver wrote at byte {} is {}", options_.tape.name(),
+    context_.log->warn("{}: what {} {} at byte {} is {}", options_.tape.name(), roles.one, roles.wrote,
                        search.mismatch.offset, *search.hint);
   }
   move_on();
@@ -102,7 +120,7 @@ void ReplayReports::hint_found(const Search& search) {
 
 void ReplayReports::add(RunReport report) {
   begin_count();
-  Waiting waiting{std::move(report), nullptr, Loop::now()};
+  Waiting waiting{.report = std::move(report), .ended = Loop::now()};
   const auto first = std::ranges::find_if(searches_, [&waiting](const auto& search) {
     return waiting.report.mismatch && search->mismatch.kind == waiting.report.mismatch->kind &&
            search->mismatch.offset == waiting.report.mismatch->offset;
@@ -124,14 +142,14 @@ void ReplayReports::move_on() {
     waiting_.pop_front();
     runs_.add(report);
     if (options_.group) options_.group->runs.add(report);
-    if (!options_.file.empty()) write_file();
+    if (!options_.file.empty() || !options_.junit_file.empty()) write_file();
     publish_(report);
   }
   set_timer();
   if (!done_ || !waiting_.empty() || (file_under_way_ && now < *limit_)) return;
   if (file_under_way_) {
     context_.log->error("report {} was not written in time: what it goes to takes nothing",
-                        in_quotes(options_.file));
+                        in_quotes(options_.file.empty() ? options_.junit_file : options_.file));
     file_failed_ = true;
   }
   timer_.cancel();
@@ -140,7 +158,44 @@ void ReplayReports::move_on() {
 
 bool ReplayReports::complete(Waiting& waiting, Instant now) {
   const bool hint = has_hint(waiting, now);
-  return has_totals(waiting, now) && hint;
+  return has_totals(waiting, now) && has_diagnosis(waiting, now) && hint;
+}
+
+// By its totals the report has its verdict.
+void ReplayReports::begin_diagnosis(Waiting& waiting, Instant now) {
+  waiting.settled = now;
+  const std::optional<std::uint64_t> place = place_of_fault(waiting.report);
+  if (!place) return diagnose(waiting.report);
+  auto job = std::make_shared<Diagnosing>();
+  const auto diagnosed = std::make_shared<RunReport>(waiting.report);
+  const auto work = [job, diagnosed, place, tape = options_.tape, as = options_.as] {
+    const auto played = PlayedTape::open(tape, as);
+    if (!played) return;
+    auto found = read_excerpt(**played, *place, kFrameGap, [&job] { return job->stop.load(); });
+    const PlaybackReport& playback = diagnosed->playback;
+    if (found && !playback.preroll) begin_at(*found, playback.start);
+    if (found) diagnosed->excerpt = std::make_shared<const TapeExcerpt>(*std::move(found));
+    diagnose(*diagnosed);
+  };
+  const bool begun = run(diagnosis_strand_, job, work, [this, job, diagnosed] {
+    job->report = std::move(*diagnosed);
+    move_on();
+  });
+  if (begun) waiting.diagnosing = std::move(job);
+}
+
+bool ReplayReports::has_diagnosis(Waiting& waiting, Instant now) {
+  if (!waiting.settled) begin_diagnosis(waiting, now);
+  if (!waiting.diagnosing) return true;
+  if (waiting.diagnosing->done) {
+    waiting.report.excerpt = waiting.diagnosing->report.excerpt;
+    waiting.report.diagnosis = std::move(waiting.diagnosing->report.diagnosis);
+  } else if (!late(*waiting.settled + kHintLimit, now)) {
+    return false;
+  }
+  waiting.diagnosing->stop = true;
+  waiting.diagnosing.reset();
+  return true;
 }
 
 bool ReplayReports::has_totals(Waiting& waiting, Instant now) {
@@ -171,11 +226,14 @@ bool ReplayReports::late(Instant limit, Instant now) const {
 void ReplayReports::write_file() {
   file_outdated_ = file_under_way_;
   if (file_under_way_) return;
-  std::string text = to_json(options_.group ? options_.group->runs : runs_);
+  const RunList& runs = options_.group ? options_.group->runs : runs_;
   const auto job = std::make_shared<Job>();
   const auto written = std::make_shared<Result<void>>();
-  const auto work = [written, file = options_.file, text = std::move(text)] {
-    *written = write_report(file, text);
+  const auto work = [written, file = options_.file, text = to_json(runs), junit_file = options_.junit_file,
+                     junit = junit_of(runs)] {
+    if (!file.empty()) *written = write_report(file, text);
+    if (junit_file.empty()) return;
+    if (const Result<void> other = write_report(junit_file, junit); *written) *written = other;
   };
   file_under_way_ = true;
   const bool begun = run(file_strand_, job, work, [this, written] {
@@ -208,6 +266,7 @@ void ReplayReports::set_timer() {
     const Waiting& first = waiting_.front();
     if (!options_.totals) at(first.ended + kCountLimit);
     if (first.search) at(first.ended + kHintLimit);
+    if (first.diagnosing) at(*first.settled + kHintLimit);
   }
   next ? timer_.set(*next) : timer_.cancel();
 }

@@ -13,15 +13,16 @@
 #include "libport/port/context.hpp"
 #include "libport/replay/report.hpp"
 #include "libport/replay/run_list.hpp"
-#include "libport/replay/tape_part.hpp"
 #include "libport/tape/tape_name.hpp"
+#include "libport/taped/played_tape.hpp"
 
 namespace porttape {
 
 // The way of each run's report from the end of the run to those who read it. What may take long is done on
 // other threads, by readers of their own: counting the tape, looking for where the bytes of a mismatch stand
-// elsewhere, writing the file. A report waits for the count and the hint, but not longer than the limits
-// below, and then says what is missing; the line waits for nothing.
+// elsewhere, finding the cause (diagnose()), writing the file. A report waits for the count, the hint and the
+// cause, but not longer than the limits below, and then says what is missing, or has no cause; the line waits
+// for nothing.
 //
 // Drive it: begin_count() when a run begins, look_for_hint() for each mismatch, add() at the end of a run,
 // and finish() once. Loop thread only. Destroying it gives up what is under way.
@@ -41,8 +42,10 @@ class ReplayReports {
   struct Options {
     TapePaths tape;
     std::string file;                   // for the latest run and the list of all, or empty
+    std::string junit_file;             // for the worst run as a test, or empty
     std::optional<TapeTotals> totals;   // if known without counting
-    TapePart part = {};                 // of the tape that is played
+    PlayedAs as = {};                   // what of the tape, and by whom
+    TapeTime start = {};                // from there on
     std::shared_ptr<Group> group = {};  // whose runs the file is to have; null: these alone
   };
   // In the order of the runs; the file follows.
@@ -67,10 +70,13 @@ class ReplayReports {
   struct Job;
   struct Count;
   struct Search;
+  struct Diagnosing;
   struct Waiting {
     RunReport report;
-    std::shared_ptr<Search> search;  // for the report's mismatch
+    std::shared_ptr<Search> search = {};  // for the report's mismatch
     Instant ended{};
+    std::optional<Instant> settled = {};  // since then its verdict is known
+    std::shared_ptr<Diagnosing> diagnosing = {};
   };
 
   [[nodiscard]] bool run(const Workers::Strand& strand, const std::shared_ptr<Job>& job,
@@ -80,6 +86,8 @@ class ReplayReports {
   bool complete(Waiting& waiting, Instant now);
   bool has_totals(Waiting& waiting, Instant now);
   bool has_hint(Waiting& waiting, Instant now);
+  void begin_diagnosis(Waiting& waiting, Instant now);
+  bool has_diagnosis(Waiting& waiting, Instant now);
   [[nodiscard]] bool late(Instant limit, Instant now) const;
   void write_file();
   void file_written(const Result<void>& written);
@@ -90,6 +98,7 @@ class ReplayReports {
   Publish publish_;
   Workers::Strand count_strand_;
   Workers::Strand hint_strand_;
+  Workers::Strand diagnosis_strand_;
   Workers::Strand file_strand_;
   std::shared_ptr<Count> count_;
   std::deque<std::shared_ptr<Search>> searches_;  // of the run that goes on

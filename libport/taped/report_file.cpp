@@ -95,10 +95,10 @@ int write_in_place(const ReportPlace& place, std::string_view text) {
   return ::close(fd.release()) == 0 ? 0 : errno;
 }
 
-Error cannot_write(const std::string& path, int error) {
+Error cannot_write(std::string_view what, const std::string& path, int error) {
   const std::string why =
       error == ETIMEDOUT || error == ENXIO ? "nobody reads what it leads to" : errno_text(error);
-  return make_error(Errc::io, fmt::format("report {} cannot be written: {}", in_quotes(path), why));
+  return make_error(Errc::io, fmt::format("{} {} cannot be written: {}", what, in_quotes(path), why));
 }
 
 // Errno of what would keep `file` from being replaced. A file without a name is the surest probe; not all
@@ -119,24 +119,24 @@ int probe_replace(const std::string& file) {
 
 }  // namespace
 
-Result<void> check_report_place(const std::string& path) {
+Result<void> check_report_place(const std::string& path, std::string_view what) {
   if (path == "-") return {};
   std::error_code error;
   if (fs::is_directory(path, error))
-    return make_error(Errc::usage, fmt::format("report {} is a folder; name a file", in_quotes(path)));
+    return make_error(Errc::usage, fmt::format("{} {} is a folder; name a file", what, in_quotes(path)));
   const Result<ReportPlace> place = find_report_place(path);
   if (!place)
-    return make_error(Errc::usage, fmt::format("report {}: {}", in_quotes(path), place.error().message));
+    return make_error(Errc::usage, fmt::format("{} {}: {}", what, in_quotes(path), place.error().message));
   const std::string folder = fs::path(place->file).parent_path().string();
   if (!fs::is_directory(folder, error)) {
-    return make_error(Errc::usage, fmt::format("report {}: its folder does not exist; type mkdir -p {}",
+    return make_error(Errc::usage, fmt::format("{} {}: its folder does not exist; type mkdir -p {}", what,
                                                in_quotes(path), shell_word(folder)));
   }
   const int why = place->kind == ReportPlace::Kind::replaced ? probe_replace(place->file)
                   : ::access(place->file.c_str(), W_OK) == 0 ? 0
                                                              : errno;
   if (why == 0) return {};
-  return make_error(Errc::usage, fmt::format("report {} cannot be written: {}; name another file",
+  return make_error(Errc::usage, fmt::format("{} {} cannot be written: {}; name another file", what,
                                              in_quotes(path), errno_text(why)));
 }
 
@@ -154,7 +154,7 @@ Result<void> check_report_apart(const std::string& path, const TapePaths& tape) 
   return {};
 }
 
-Result<void> write_report(const std::string& path, std::string_view text) {
+Result<void> write_report(const std::string& path, std::string_view text, std::string_view what) {
   int error = 0;
   if (path == "-") {
     error = write_with_patience(STDOUT_FILENO, text);
@@ -162,12 +162,12 @@ Result<void> write_report(const std::string& path, std::string_view text) {
     const Result<ReportPlace> place = find_report_place(path);
     if (!place)
       return make_error(
-          Errc::io, fmt::format("report {} cannot be written: {}", in_quotes(path), place.error().message));
+          Errc::io, fmt::format("{} {} cannot be written: {}", what, in_quotes(path), place.error().message));
     error = place->kind == ReportPlace::Kind::replaced ? replace(place->file, text)
                                                        : write_in_place(*place, text);
   }
   if (error == 0) return {};
-  return cannot_write(path, error);
+  return cannot_write(what, path, error);
 }
 
 }  // namespace porttape

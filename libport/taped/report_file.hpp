@@ -18,13 +18,14 @@ namespace porttape {
 // `-` is stdout.
 
 // Whether a report can be written there later. Errc::usage.
-Result<void> check_report_place(const std::string& path);
+// `what` it is, for messages.
+Result<void> check_report_place(const std::string& path, std::string_view what = "report");
 
 // Whether a report there would leave the tape alone, whatever name leads to its files. Errc::usage.
 Result<void> check_report_apart(const std::string& path, const TapePaths& tape);
 
 // Waits for the disk, and up to a second for the reader of a pipe or terminal: who has a line to serve calls
 // it from another thread.
-Result<void> write_report(const std::string& path, std::string_view text);
+Result<void> write_report(const std::string& path, std::string_view text, std::string_view what = "report");
 
 }  // namespace porttape

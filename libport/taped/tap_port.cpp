@@ -51,12 +51,14 @@ void TapPort::open() {
   tell_passed();
   open_ = true;
   writing_ended_ = false;
+  repeats_.begin_session();
   tell([now = now_()](LineObserver& observer) { observer.opened(now); });
   ForwardingPort::open();
 }
 
 void TapPort::on_up() {
   tell([now = now_()](LineObserver& observer) { observer.came_up(now); });
+  note_device_settings();
   ForwardingPort::on_up();
 }
 
@@ -116,6 +118,24 @@ void TapPort::peer_flushed(FlushQueue queue) {
   ForwardingPort::peer_flushed(queue);
 }
 
+void TapPort::peer_set(const SeenSettings& settings, SettingsOrder order) {
+  note_settings(Side::driver, settings, order);
+  ForwardingPort::peer_set(settings, order);
+}
+
+// A device that refuses has settings that the driver did not ask for.
+Result<void> TapPort::apply(const LineSettings& settings) {
+  tell_passed();
+  Result<void> applied = ForwardingPort::apply(settings);
+  if (!applied && open_) note_device_settings();
+  return applied;
+}
+
+void TapPort::on_settings(const SeenSettings& settings, SettingsOrder order) {
+  note_settings(Side::device, settings, order);
+  ForwardingPort::on_settings(settings, order);
+}
+
 void TapPort::note_gap(std::uint64_t bytes, std::string_view why) {
   note(event::Gap{bytes, std::nullopt, std::string(why)});
 }
@@ -149,12 +169,18 @@ void TapPort::on_interrupted(const LineDown& down) {
 
 void TapPort::on_resumed() {
   note(event::DeviceBack{});
+  note_device_settings();
   ForwardingPort::on_resumed();
 }
 
 void TapPort::on_dropped(std::uint64_t bytes, std::string_view why) {
   note_gap(bytes, why);
   ForwardingPort::on_dropped(bytes, why);
+}
+
+void TapPort::on_fault(const LineFault& fault) {
+  note(event::Fault{fault});
+  ForwardingPort::on_fault(fault);
 }
 
 Result<void> TapPort::request(const RecorderRequest& what) {
@@ -258,6 +284,7 @@ void TapPort::tell(const Tell& what) {
 }
 
 void TapPort::tell_blocks(const Blocks& blocks) {
+  if (!blocks.data.empty()) repeats_.on_bytes();
   if (over_) late_bytes_ += blocks.data.size();
   tell([&blocks](LineObserver& observer) {
     const auto tell_block = [&](ByteView data) {
@@ -276,9 +303,20 @@ void TapPort::note(const Event& event) {
 }
 
 void TapPort::note_flush(FlushQueue queue) {
+  tell_passed();
+  if (!repeats_.is_new(queue, now_())) return;
   using Queue = event::Flush::Queue;
   constexpr std::array queues = {Queue::in, Queue::out, Queue::both};
   note(event::Flush{queues.at(static_cast<std::size_t>(queue))});
+}
+
+void TapPort::note_settings(Side by, const SeenSettings& settings, SettingsOrder order) {
+  tell_passed();
+  if (repeats_.is_new(by, settings)) note(event::Settings{by, settings, order});
+}
+
+void TapPort::note_device_settings() {
+  if (const auto own = settings()) note_settings(Side::device, SeenSettings::of(*own), SettingsOrder::exact);
 }
 
 void TapPort::note_lost(const LineDown& down, bool hung_up) {

@@ -12,12 +12,14 @@
 #include "libport/port/context.hpp"
 #include "libport/port/forwarding_port.hpp"
 #include "libport/taped/line_observer.hpp"
+#include "libport/taped/repeat_filter.hpp"
 
 namespace porttape {
 
 // A port around another that tells observers what passes: stamps bytes and events, and passes them on first.
 // What is told while a block is being passed on (a listener that answers or closes from on_data, a port that
-// answers within write) comes behind that block. Owns the observers. With a TapeKeeper among them it records.
+// answers within write) comes behind that block. Of settings they are told what is new, and of flushes those
+// that may drop something (RepeatFilter). Owns the observers. With a TapeKeeper among them it records.
 // Bytes that come once they finish are told in the log alone.
 class TapPort final : public ForwardingPort, private Recorder {
  public:
@@ -42,6 +44,8 @@ class TapPort final : public ForwardingPort, private Recorder {
   void hang_up(bool after_reading) override;
   void read_pending() override;
   void peer_flushed(FlushQueue queue) override;
+  void peer_set(const SeenSettings& settings, SettingsOrder order) override;
+  Result<void> apply(const LineSettings& settings) override;
   void finish() override;
   [[nodiscard]] Recorder* recorder() override { return this; }
 
@@ -60,7 +64,9 @@ class TapPort final : public ForwardingPort, private Recorder {
   Answers on_ended() override;
   void on_interrupted(const LineDown& down) override;
   void on_resumed() override;
+  void on_settings(const SeenSettings& settings, SettingsOrder order) override;
   void on_dropped(std::uint64_t bytes, std::string_view why) override;
+  void on_fault(const LineFault& fault) override;
 
   struct Blocks;
   struct Observer {
@@ -81,6 +87,8 @@ class TapPort final : public ForwardingPort, private Recorder {
   void tell_blocks(const Blocks& blocks);
   void note(const Event& event);
   void note_flush(FlushQueue queue);
+  void note_settings(Side by, const SeenSettings& settings, SettingsOrder order);
+  void note_device_settings();
   void note_lost(const LineDown& down, bool hung_up);
 
   std::shared_ptr<spdlog::logger> log_;
@@ -95,6 +103,7 @@ class TapPort final : public ForwardingPort, private Recorder {
   int exit_status_ = 0;
   bool open_ = false;
   bool writing_ended_ = false;  // in this session
+  RepeatFilter repeats_;
 };
 
 }  // namespace porttape

@@ -6,15 +6,15 @@
 #include <utility>
 
 #include "libport/loop/loop.hpp"
+#include "libport/tape/event_file.hpp"
 #include "libport/tape/tape_lock.hpp"
-#include "libport/tape/tape_reader.hpp"
 
 namespace porttape {
 namespace {
 
 std::optional<TapeZero> zero_of(const TapePaths& tape) {
-  const Result<TapeReader> reader = TapeReader::open(tape);
-  return reader && reader->header() ? reader->header()->zero : std::nullopt;
+  const std::optional<TapeHeader> header = header_of(tape);
+  return header ? header->zero : std::nullopt;
 }
 
 }  // namespace

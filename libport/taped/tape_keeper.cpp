@@ -1,6 +1,7 @@
 #include "libport/taped/tape_keeper.hpp"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <utility>
 
@@ -77,6 +78,7 @@ void TapeKeeper::start() {
   if (open_since_) {
     tape_->note([at = tape_time(*open_since_)](TapeWriter& writer) { writer.event(at, event::Open{}); });
   }
+  note_held_settings();
   if (missed_bytes_ > 0) {
     tape_->lose(tape_time(*missed_since_), std::exchange(missed_bytes_, 0), missed_why_);
   }
@@ -97,7 +99,22 @@ void TapeKeeper::block(Direction direction, Instant at, ByteView data) {
   if (tape_->queued() && !watch_timer_.due()) watch_timer_.set_after(kWatchEvery);
 }
 
+// In the order in which they came.
+void TapeKeeper::note_held_settings() {
+  std::array held = {device_settings_, driver_settings_};
+  if (held[0] && held[1] && held[1]->since < held[0]->since) std::swap(held[0], held[1]);
+  for (const auto& settings : held) {
+    if (!settings) continue;
+    tape_->note([at = tape_time(settings->since), what = settings->what](TapeWriter& writer) {
+      writer.event(at, what);
+    });
+  }
+}
+
 void TapeKeeper::note(Instant at, const Event& event) {
+  if (const auto* settings = std::get_if<event::Settings>(&event)) {
+    (settings->by == Side::driver ? driver_settings_ : device_settings_) = HeldSettings{at, *settings};
+  }
   if (!tape_) return;
   tape_->note([event, time = tape_time(at)](TapeWriter& writer) { writer.event(time, event); });
 }
@@ -122,6 +139,7 @@ void TapeKeeper::came_up(Instant) {
 
 void TapeKeeper::closed(Instant at) {
   open_ = false;
+  driver_settings_.reset();
   if (!std::exchange(open_since_, std::nullopt)) return;
   note(at, event::Close{});
 }

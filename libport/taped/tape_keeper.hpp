@@ -62,6 +62,7 @@ class TapeKeeper final : public LineObserver {
   [[nodiscard]] Result<void> can_write() const;
   void start();
   void take_part(const TapeGroup::Part& part);
+  void note_held_settings();
   void end_current(Instant now);
   void tell_missed();
   void on_news();
@@ -81,8 +82,15 @@ class TapeKeeper final : public LineObserver {
   Instant zero_{};
   unsigned part_ = 0;  // of the group
   std::optional<Instant> open_since_;
-  bool open_ = false;   // by a driver
-  bool begun_ = false;  // the first tape
+  // The settings that hold, which each tape begins with.
+  struct HeldSettings {
+    Instant since{};
+    event::Settings what;
+  };
+  std::optional<HeldSettings> device_settings_;
+  std::optional<HeldSettings> driver_settings_;  // in this session
+  bool open_ = false;                            // by a driver
+  bool begun_ = false;                           // the first tape
   bool incomplete_ = false;
   bool finished_ = false;
   // Of the current tape.

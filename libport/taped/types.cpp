@@ -1,13 +1,18 @@
 #include "libport/taped/types.hpp"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <memory>
+#include <random>
 #include <string>
 #include <utility>
 
 #include "libport/base/whole_number.hpp"
+#include "libport/rules/rule_expectation.hpp"
 #include "libport/taped/replay_port.hpp"
 #include "libport/taped/report_file.hpp"
+#include "libport/taped/rules_file.hpp"
 #include "libport/taped/tap_port.hpp"
 #include "libport/taped/tape_keeper.hpp"
 
@@ -16,8 +21,8 @@ namespace {
 
 using Kind = OptionSpec::Kind;
 
-Micros milliseconds(double value) { return Micros(static_cast<std::int64_t>(value * 1e3)); }
-Micros seconds(double value) { return Micros(static_cast<std::int64_t>(value * 1e6)); }
+Micros from_milliseconds(double value) { return Micros(static_cast<std::int64_t>(value * 1e3)); }
+Micros from_seconds(double value) { return Micros(std::llround(value * 1e6)); }
 
 template <class Enum, std::size_t N>
 Enum choice(const std::string& value, const std::pair<std::string_view, Enum> (&choices)[N]) {
@@ -27,27 +32,89 @@ Enum choice(const std::string& value, const std::pair<std::string_view, Enum> (&
   return choices[0].second;
 }
 
+// `WORD:NUMBER`; where there is no number, one by chance.
+std::pair<std::string, std::uint32_t> split_number(const std::string& value) {
+  const std::size_t colon = value.find(':');
+  if (colon == std::string::npos) return {value, std::random_device{}()};
+  return {value.substr(0, colon),
+          whole_number<std::uint32_t>(std::string_view(value).substr(colon + 1)).value_or(0)};
+}
+
+// What is asked in any order has no time of its own.
+Result<void> check_lookup(const ReplayConfig& config) {
+  if (config.match == Match::sequence) return {};
+  if (config.timing == Timing::recorded) {
+    return make_error(
+        Errc::usage,
+        "option 'match': lookup answers what is asked, which timing=recorded does not wait for; use "
+        "timing=reactive or none");
+  }
+  if (config.strictness == 2) {
+    return make_error(
+        Errc::usage,
+        "option 'strictness': 2 checks when each write comes, and with match=lookup it may come at any "
+        "time; use strictness 1");
+  }
+  if (config.check_settings) {
+    return make_error(
+        Errc::usage,
+        "option 'check-settings': settings are made in the tape's order, which match=lookup does not "
+        "keep; leave one of them out");
+  }
+  return {};
+}
+
 Result<ReplayConfig> replay_config(const PortOptions& options) {
   ReplayConfig config;
   config.strictness = static_cast<int>(options.integer("strictness"));
   config.late_allowed = options.flag("early-only");
-  config.jitter = milliseconds(options.number("jitter"));
+  config.jitter = from_milliseconds(options.number("jitter"));
   config.timing = choice<Timing>(
       options.text("timing"),
       {{"reactive", Timing::reactive}, {"recorded", Timing::recorded}, {"none", Timing::none}});
   config.rate = options.number("rate");
-  config.on_mismatch = choice<OnMismatch>(options.text("on-mismatch"),
-                                          {{"warn", OnMismatch::warn}, {"fail", OnMismatch::fail}});
-  config.at_end = choice<AtEnd>(options.text("at-end"),
-                                {{"idle", AtEnd::idle}, {"hangup", AtEnd::hangup}, {"exit", AtEnd::exit}});
+  config.on_mismatch = choice<OnMismatch>(
+      options.text("on-mismatch"),
+      {{"warn", OnMismatch::warn}, {"fail", OnMismatch::fail}, {"resync", OnMismatch::resync}});
+  config.match =
+      choice<Match>(options.text("match"), {{"sequence", Match::sequence}, {"lookup", Match::lookup}});
+  config.at_end = choice<AtEnd>(
+      options.text("at-end"),
+      {{"idle", AtEnd::idle}, {"hangup", AtEnd::hangup}, {"exit", AtEnd::exit}, {"loop", AtEnd::idle}});
+  const bool loops = options.text("at-end") == "loop" || options.has("loops");
+  config.loops = loops ? static_cast<std::uint64_t>(options.integer("loops")) : 1;
+  config.start = TapeTime{from_seconds(options.number("start"))};
+  if (options.has("end")) config.end = TapeTime{from_seconds(options.number("end"))};
+  config.preroll = options.flag("preroll");
+  if (options.has("max-gap")) config.max_gap = from_seconds(options.number("max-gap"));
+  if (config.end && *config.end <= config.start) {
+    return make_error(Errc::usage, "option 'end' is '" + options.text("end") +
+                                       "', which is not behind the start (" + options.text("start") +
+                                       " s); accepted: a later time of the tape, in seconds");
+  }
+  const bool in_order = config.match == Match::sequence && config.on_mismatch != OnMismatch::resync;
+  if (!in_order && (config.start > TapeTime{} || config.loops != 1)) {
+    return make_error(Errc::usage,
+                      std::string("option '") + (config.loops != 1 ? "loops" : "start") +
+                          "': a tape whose requests are looked up has no order; leave it out, or "
+                          "match=lookup and on-mismatch=resync");
+  }
+  if (config.preroll && config.start == TapeTime{}) {
+    return make_error(Errc::usage, "option 'preroll' plays what precedes the option 'start', which is 0");
+  }
   config.on_reopen = choice<OnReopen>(
       options.text("on-reopen"),
       {{"auto", OnReopen::automatic}, {"rewind", OnReopen::rewind}, {"continue", OnReopen::continue_}});
-  config.chunks =
-      choice<Chunks>(options.text("chunks"),
-                     {{"auto", Chunks::automatic}, {"recorded", Chunks::recorded}, {"burst", Chunks::burst}});
+  const auto [chunks, seed] = split_number(options.text("chunks"));
+  config.chunks = choice<Chunks>(chunks, {{"auto", Chunks::automatic},
+                                          {"recorded", Chunks::recorded},
+                                          {"burst", Chunks::burst},
+                                          {"bytes", Chunks::bytes},
+                                          {"random", Chunks::random}});
+  config.chunk_seed = seed;
   config.burst_gap = Micros(options.integer("burst-gap"));
-  config.patience = seconds(options.number("patience"));
+  config.check_settings = options.flag("check-settings");
+  config.patience = from_seconds(options.number("patience"));
   if (options.flag("ignoretimes")) {
     config.timing = Timing::none;
     if (config.strictness == 2) config.strictness = 1;
@@ -57,6 +124,7 @@ Result<ReplayConfig> replay_config(const PortOptions& options) {
                       "option 'strictness': 2 checks timing, which timing=none has not; use strictness 1 or "
                       "another timing");
   }
+  if (const Result<void> possible = check_lookup(config); !possible) return possible.error();
   return config;
 }
 
@@ -75,6 +143,14 @@ Result<std::uint64_t> session_of(const std::string& written) {
                                      "'; accepted: all, or the number of one session of the tape, from 1 on");
 }
 
+// Of a rules file; null without one.
+Result<std::shared_ptr<const Expectation>> expectation_of(const std::string& rules_file) {
+  if (rules_file.empty()) return std::shared_ptr<const Expectation>();
+  Result<RuleSet> rules = read_rules_file(rules_file);
+  if (!rules) return rules.error();
+  return std::shared_ptr<const Expectation>(std::make_shared<const RuleExpectation>(std::move(*rules)));
+}
+
 Result<ReplayPort::Options> replay_options(const PortOptions& written) {
   const Result<TapePaths> tape = tape_of(written);
   if (!tape) return tape.error();
@@ -82,12 +158,19 @@ Result<ReplayPort::Options> replay_options(const PortOptions& written) {
   if (!session) return session.error();
   const Result<ReplayConfig> config = replay_config(written);
   if (!config) return config.error();
-  if (Result<void> apart = check_report_apart(written.text("report"), *tape); !apart) return apart.error();
+  for (const char* option : {"report", "junit"}) {
+    if (Result<void> apart = check_report_apart(written.text(option), *tape); !apart) return apart.error();
+  }
+  const Result<std::shared_ptr<const Expectation>> rules = expectation_of(written.text("rules"));
+  if (!rules) return rules.error();
   return ReplayPort::Options{.tape = *tape,
                              .config = *config,
                              .once = written.flag("once"),
+                             .start_paused = written.flag("start-paused"),
                              .session = *session,
-                             .report_file = written.text("report")};
+                             .report_file = written.text("report"),
+                             .junit_file = written.text("junit"),
+                             .expectation = *rules};
 }
 
 OnExisting on_existing(const PortOptions& written) {
@@ -144,9 +227,40 @@ constexpr std::array kReplayDefaults = {
     ReplayDefault{ReplayUse::test, "strictness", "1"},
     ReplayDefault{ReplayUse::test, "timing", "reactive"},
     ReplayDefault{ReplayUse::test, "on-mismatch", "fail"},
+    ReplayDefault{ReplayUse::drive, "strictness", "1"},
+    ReplayDefault{ReplayUse::drive, "timing", "reactive"},
+    ReplayDefault{ReplayUse::drive, "on-mismatch", "fail"},
     ReplayDefault{ReplayUse::in_process, "on-mismatch", "fail"},
     ReplayDefault{ReplayUse::drop_in, "on-mismatch", "fail"},
     ReplayDefault{ReplayUse::drop_in, "early-only", "1"},
+};
+
+struct ReplayHelp {
+  ReplayUse use;
+  std::string_view option;
+  std::string_view help;
+};
+
+// Where the tape plays the driver.
+constexpr std::array kReplayHelps = {
+    ReplayHelp{ReplayUse::drive, "strictness",
+               "0: what the device sends is not checked; 1: its bytes must be those recorded; 2: their times "
+               "too"},
+    ReplayHelp{ReplayUse::drive, "jitter",
+               "with strictness 2, how much earlier or later than recorded an answer may come"},
+    ReplayHelp{ReplayUse::drive, "early-only",
+               "with strictness 2, an answer may come as late as it likes, and only not too early"},
+    ReplayHelp{
+        ReplayUse::drive, "timing",
+        "reactive: a write is sent when the device has sent what is before it on the tape, with the "
+        "recorded delay; recorded: at the recorded times, whatever the device does; none: as reactive, "
+        "without delay"},
+    ReplayHelp{
+        ReplayUse::drive, "on-mismatch",
+        "fail: an answer that is not as recorded ends the run; warn: it is reported, and the tape goes "
+        "on"},
+    ReplayHelp{ReplayUse::drive, "patience",
+               "at strictness 0, how long a recorded answer is waited for before the tape goes on anyway"},
 };
 
 }  // namespace
@@ -184,18 +298,57 @@ PortType logreader_type() {
       {"on-mismatch",
        Kind::choice,
        "warn",
-       "fail: a write that is not as recorded hangs up the line; warn: it is reported, and the tape goes on",
+       "fail: a write that is not as recorded hangs up the line; warn: it is reported, and the tape goes on; "
+       "resync: it is reported, and the tape goes on where it has what the driver wrote",
        0,
        0,
-       {"fail", "warn"}},
+       {"fail", "warn", "resync"}},
+      {"match",
+       Kind::choice,
+       "sequence",
+       "sequence: the driver writes what is on the tape in the tape's order; lookup: any request on the tape "
+       "is "
+       "answered whenever it comes, in recorded order where it has several answers, then the last again",
+       0,
+       0,
+       {"sequence", "lookup"}},
       {"at-end",
        Kind::choice,
        "idle",
        "idle: behind the end of the tape the device says no more; hangup: it hangs up; exit: the program "
-       "ends (the default on udp with once)",
+       "ends (the default on udp with once); loop: the tape begins again, for ever or as often as loops says",
        0,
        0,
-       {"idle", "hangup", "exit"}},
+       {"idle", "hangup", "exit", "loop"}},
+      {.name = "loops",
+       .kind = Kind::integer,
+       .default_value = "0",
+       .help = "the tape is played so often in all, 0: for ever; with at-end=loop, or without: then at-end "
+               "follows the last. All are one run",
+       .max = 1e9},
+      {.name = "start",
+       .kind = Kind::number,
+       .default_value = "0",
+       .help = "plays the tape from there; what the driver wrote before is not expected",
+       .max = 1e9,
+       .value_name = "SEC",
+       .unit = "s"},
+      {.name = "end",
+       .kind = Kind::number,
+       .help = "plays it up to there; else to its end",
+       .max = 1e9,
+       .value_name = "SEC",
+       .unit = "s"},
+      {"preroll", Kind::flag, "",
+       "plays the handshake before start first, without waiting: what is between the open and the driver's "
+       "first pause of a second"},
+      {.name = "max-gap",
+       .kind = Kind::number,
+       .help = "idle gaps of the tape that are longer are cut to it",
+       .max = 1e9,
+       .value_name = "SEC",
+       .unit = "s"},
+      {"start-paused", Kind::flag, "", "the clock stands until `porttape ctl resume`, or step"},
       {"on-reopen",
        Kind::choice,
        "auto",
@@ -208,10 +361,13 @@ PortType logreader_type() {
        Kind::choice,
        "auto",
        "recorded: bytes come in the pieces on the tape; burst: all within burst-gap come at once; auto: "
-       "burst for tapes of a program's single reads (flexiport's), else recorded",
+       "burst for tapes of a program's single reads (flexiport's), else recorded; bytes: one by one, and "
+       "random: "
+       "in pieces by chance (the report has the seed, which gives the same cuts again), each as soon as the "
+       "driver has read the one before, at most 100 ms late",
        0,
        0,
-       {"auto", "recorded", "burst"}},
+       {"auto", "recorded", "burst", "bytes", "random[:SEED]"}},
       {.name = "burst-gap",
        .kind = Kind::integer,
        .default_value = "500",
@@ -224,18 +380,29 @@ PortType logreader_type() {
        .help = "at strictness 0, how long the device waits for a recorded write before it speaks anyway",
        .max = 1e9,
        .unit = "s"},
+      {"check-settings", Kind::flag, "",
+       "recorded line settings that the driver never makes are a mismatch, not a note"},
+      {.name = "rules",
+       .help = "what of a write may vary, and how the answer follows: a rules file (RULES.md)",
+       .value_name = "FILE"},
       {.name = "session",
        .default_value = "all",
        .help = "plays this session of the tape alone: 1, 2, …, or all",
        .value_name = "N|all"},
       {"once", Kind::flag, "", "ends after the driver's first run, with its verdict as exit status"},
       {.name = "report", .help = "writes the verdict there as JSON; - is stdout", .value_name = "FILE"},
+      {.name = "junit",
+       .help = "writes the verdict there as a JUnit file; - is stdout",
+       .value_name = "FILE"},
   });
   type.read = reads(replay_options);
   type.claims = [](const PortSpec& spec) {
-    const std::string& report = spec.get<ReplayPort::Options>()->report_file;
-    const bool is_file = !report.empty() && report != "-" && !report.starts_with("/dev/");
-    return is_file ? std::vector<PortType::Claim>{{"report", report}} : std::vector<PortType::Claim>();
+    const ReplayPort::Options& options = *spec.get<ReplayPort::Options>();
+    std::vector<PortType::Claim> claims;
+    for (const std::string& file : {options.report_file, options.junit_file}) {
+      if (!file.empty() && file != "-" && !file.starts_with("/dev/")) claims.emplace_back("report", file);
+    }
+    return claims;
   };
   type.make = makes<ReplayPort::Options>([](const auto& context, const auto&, const auto& options) {
     return std::make_unique<ReplayPort>(context, options);
@@ -283,11 +450,43 @@ PortType recording_type(const PortType& inner) {
   return type;
 }
 
+Result<PortSpec> recorded_replay(const PortSpec& replay, const TapePaths& tape) {
+  static const PortType plain = logreader_type();
+  static const PortType type = [] {
+    PortType made = recording_type(plain);
+    made.name = "recorded replay";
+    made.read = reads([](const PortOptions& written) -> Result<RecordingOptions> {
+      Result<PortSpec> inner = PortSpec::read(PortOptions{&plain, written.values});
+      if (!inner) return inner.error();
+      return RecordingOptions{.inner = std::move(*inner), .tape = {}};
+    });
+    return made;
+  }();
+  Result<PortSpec> spec = PortSpec::read(PortOptions{&type, replay.written().values});
+  if (spec) spec->set(RecordingOptions{.inner = replay, .tape = tape});
+  return spec;
+}
+
 std::string_view replay_default(ReplayUse use, std::string_view option, std::string_view general) {
   for (const ReplayDefault& row : kReplayDefaults) {
     if (row.use == use && row.option == option) return row.value;
   }
   return general;
+}
+
+std::string_view replay_help(ReplayUse use, std::string_view option, std::string_view general) {
+  for (const ReplayHelp& row : kReplayHelps) {
+    if (row.use == use && row.option == option) return row.help;
+  }
+  return general;
+}
+
+bool is_of_device(std::string_view option, std::string_view choice) {
+  constexpr std::array<std::string_view, 6> of_device = {"at-end", "check-settings", "loops",
+                                                         "match",  "on-reopen",      "once"};
+  // It looks for the request that the driver went on with.
+  if (option == "on-mismatch" && choice == "resync") return true;
+  return std::ranges::find(of_device, option) != of_device.end();
 }
 
 void set_replay_defaults(ReplayUse use, std::map<std::string, std::string>& values) {

@@ -32,11 +32,18 @@ std::vector<OptionSpec> tape_options();
 // The type that records ports of `inner`, which has a recorded_as; makes a TapPort with a TapeKeeper.
 PortType recording_type(const PortType& inner);
 
+// A replay with a tape of what passes in it. Refuses a tape that is there.
+Result<PortSpec> recorded_replay(const PortSpec& replay, const TapePaths& tape);
+
 // Where a tape is played decides some defaults; the others are the type's, which are flexiport's.
-enum class ReplayUse { verb, test, in_process, drop_in };
+enum class ReplayUse { verb, test, drive, in_process, drop_in };
 // The option's default there, or `general`.
 std::string_view replay_default(ReplayUse use, std::string_view option, std::string_view general);
-// Puts them where nothing was given.
+// What the option does there, for --help, or `general`.
+std::string_view replay_help(ReplayUse use, std::string_view option, std::string_view general);
+// Whether it, or this choice of it, is about the device that a tape plays, so that `drive` has no use for it.
+bool is_of_device(std::string_view option, std::string_view choice = {});
+// Puts the defaults where nothing was given.
 void set_replay_defaults(ReplayUse use, std::map<std::string, std::string>& values);
 
 }  // namespace porttape

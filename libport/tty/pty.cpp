@@ -64,6 +64,14 @@ bool bring_in(int slave) {
   return ::poll(&state, 1, 0) > 0;
 }
 
+// The bytes that a program would find to read; nothing where the kernel does not tell.
+std::optional<std::size_t> input_of(int slave) {
+  int bytes = 0;
+  bring_in(slave);
+  if (::ioctl(slave, FIONREAD, &bytes) != 0) return std::nullopt;
+  return static_cast<std::size_t>(bytes);
+}
+
 }  // namespace
 
 Result<Pty> Pty::create(FileEvents& events, const Access& access) {
@@ -103,33 +111,55 @@ bool Pty::occupied() const {
 
 bool Pty::open_now() const { return (poll_master(master()) & POLLHUP) == 0; }
 
-Result<void> Pty::settle() {
+Result<void> Pty::settle(const std::optional<LineSettings>& settings) {
+  left_unread_.reset();
   // Our own open and flush are no news: not to inotify, not as a packet.
   Result<void> settled;
   watch_->unnoticed([&] {
     settled = packet_mode(false);
-    if (settled) settled = freshen();
+    if (settled) settled = freshen(settings);
     if (Result<void> packets = packet_mode(true); settled) settled = packets;
   });
   return settled;
 }
 
-Result<void> Pty::freshen() const {
+Result<void> Pty::freshen(const std::optional<LineSettings>& settings) {
+  const Result<TtyState> state = tty_state(master());
+  if (!state) return state.error();
+  const bool next_is_there = open_now();
   const Result<UniqueFd> slave = open_slave();
   if (!slave) return slave.error();
+  left_unread_ = next_is_there ? std::nullopt : input_of(slave->get());
   (void)::ioctl(slave->get(), TIOCNXCL);
   if (::tcflush(slave->get(), TCIFLUSH) != 0) return pty_error("flushing " + slave_path_);
-  return make_pty_raw(slave->get());
+  return next_is_there ? Result<void>() : make_pty_fresh(master(), *state, settings);
+}
+
+bool Pty::has_input() const {
+  int bytes = 0;
+  // Looking for them brings in what the kernel has not handed over yet.
+  return (poll_master(master()) & POLLIN) != 0 && ::ioctl(master(), FIONREAD, &bytes) == 0 && bytes > 0;
+}
+
+void Pty::drop_backlog(bool more) {
+  constexpr int kFull = 4095;
+  watch_->unnoticed([&] {
+    const UniqueFd slave(::open(slave_path_.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    int bytes = 0;
+    if (!slave) return;
+    bring_in(slave.get());
+    if (!more && (::ioctl(slave.get(), FIONREAD, &bytes) != 0 || bytes < kFull)) return;
+    if (!packet_mode(false)) return;  // our own flush is no news
+    (void)::tcflush(slave.get(), TCIFLUSH);
+    (void)packet_mode(true);
+  });
 }
 
 std::optional<std::size_t> Pty::unread() {
   std::optional<std::size_t> unread;
   watch_->unnoticed([&] {
     const UniqueFd slave(::open(slave_path_.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-    int bytes = 0;
-    if (!slave) return;
-    bring_in(slave.get());
-    if (::ioctl(slave.get(), FIONREAD, &bytes) == 0) unread = static_cast<std::size_t>(bytes);
+    if (slave) unread = input_of(slave.get());
   });
   return unread;
 }

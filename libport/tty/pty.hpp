@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "libport/base/line_settings.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/file_events.hpp"
@@ -49,9 +50,20 @@ class Pty {
   [[nodiscard]] bool exact() const { return watch_->exact(); }
 
   // Makes the line fresh for the next driver, as a real tty is: unread input gone, exclusive use given up,
-  // raw. Call after the last close. Fails when a driver left TIOCEXCL set and we are not root, or when no
+  // raw, with these settings (none: as they are). Where the next driver has it already, what that has set
+  // stays. Call after the last close. Fails when a driver left TIOCEXCL set and we are not root, or when no
   // descriptor is to be had: what the last driver left is still there.
-  Result<void> settle();
+  Result<void> settle(const std::optional<LineSettings>& settings);
+
+  // How much unread input that took away; nothing where it is not known whose it was.
+  [[nodiscard]] std::optional<std::size_t> left_unread() const { return left_unread_; }
+
+  // Whether the driver has written bytes that are not read here.
+  [[nodiscard]] bool has_input() const;
+
+  // For a driver that has flushed what came to it. TCSAFLUSH leaves what the line discipline had no room for:
+  // that goes too, if there is as much (4095 bytes) or `more` was waiting here.
+  void drop_backlog(bool more);
 
   // Bytes written to the driver that it has not read yet; counts at most what the line discipline holds
   // (4095), so that 0 alone is exact. Unknown when the slave cannot be looked at: the driver keeps it to
@@ -64,10 +76,11 @@ class Pty {
   Pty() = default;
   Result<void> packet_mode(bool on);
   Result<UniqueFd> open_slave() const;
-  Result<void> freshen() const;
+  Result<void> freshen(const std::optional<LineSettings>& settings);
 
   UniqueFd master_;
   std::string slave_path_;
+  std::optional<std::size_t> left_unread_;
   std::unique_ptr<FileEvents::Watch> watch_;
 };
 

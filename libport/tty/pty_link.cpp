@@ -3,7 +3,6 @@
 #include <array>
 #include <cerrno>
 #include <cstdio>
-#include <ctime>
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
@@ -14,36 +13,19 @@
 #include <utility>
 
 #include "libport/base/printable.hpp"
+#include "libport/tty/own_mark.hpp"
 
 namespace porttape {
 namespace {
 
 namespace fs = std::filesystem;
 
-// The nanoseconds within kEvery of the modification time of our links: nothing else tells them from other
-// programs' links.
-constexpr long kMark = 4'545'450;
-constexpr long kEvery = 10'000'000;
-constexpr long kSecond = 1'000'000'000;
-
-// Gives a link its mark, in a time not before now: what it points to is older.
-void mark(const std::string& path) {
-  std::array<timespec, 2> times{};
-  ::clock_gettime(CLOCK_REALTIME, &times[1]);
-  times[1].tv_nsec += (kMark - times[1].tv_nsec % kEvery + kEvery) % kEvery;
-  times[1].tv_sec += times[1].tv_nsec / kSecond;
-  times[1].tv_nsec %= kSecond;
-  times[0] = times[1];
-  (void)::utimensat(AT_FDCWD, path.c_str(), times.data(), AT_SYMLINK_NOFOLLOW);
-}
-
 // Whether it is a link of ours whose pty has gone and whose number another program's pty has got since: a
 // program that was killed left it.
 bool stale(const std::string& path) {
   struct stat link {};
   struct stat node {};
-  if (::lstat(path.c_str(), &link) != 0 || ::stat(path.c_str(), &node) != 0 ||
-      link.st_mtim.tv_nsec % kEvery != kMark)
+  if (::lstat(path.c_str(), &link) != 0 || ::stat(path.c_str(), &node) != 0 || !is_marked_as_own(link))
     return false;
   return std::pair(node.st_ctim.tv_sec, node.st_ctim.tv_nsec) >
          std::pair(link.st_mtim.tv_sec, link.st_mtim.tv_nsec);
@@ -59,7 +41,7 @@ std::string temporary_name(const std::string& path) {
 Result<void> make_link(const std::string& path, const std::string& target) {
   const std::string temporary = temporary_name(path);
   const bool linked = ::symlink(target.c_str(), temporary.c_str()) == 0;
-  if (linked) mark(temporary);
+  if (linked) mark_as_own(temporary);
   if (!linked || std::rename(temporary.c_str(), path.c_str()) != 0) {
     const int error = errno;
     if (linked) (void)::unlink(temporary.c_str());

@@ -4,7 +4,6 @@
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
-#include <iostream>
 #include <sys/ioctl.h>
 #include <unistd.h>
 #include <utility>
@@ -23,7 +22,8 @@ constexpr Nanos kUnreadPoll =
 // Where that cannot be seen, it has this long to read and close.
 constexpr Nanos kUnknownLimit = std::chrono::seconds(5);
 
-// A driver that is not read: how often it is looked at, and how long what it left is kept once it has closed.
+// A driver that is not read and has closed: how long what it left is kept, and how often it is looked whether
+// another one has come.
 constexpr Nanos kLookUnread = std::chrono::milliseconds(250);
 constexpr Nanos kRestLimit = std::chrono::seconds(10);
 
@@ -31,13 +31,17 @@ constexpr std::size_t kMostHeld = std::size_t{128} * 1024;
 
 // A pty that could not be made (too many open files, say) is tried again.
 constexpr Nanos kRenewAgain = std::chrono::milliseconds(500);
+constexpr Nanos kRenewSeldom = std::chrono::seconds(5);
 
 }  // namespace
 
 PtyPort::Line::Line(PtyPort& port, Pty made)
     : pty(std::move(made)),
+      settings(pty.master()),
+      clocal_watch(port.context_.loop->urgent_events().watch(pty.master(), clear_clocal)),
       master_watch(
-          *port.context_.loop, pty.master(), [&port] { port.on_readable(); }, [this] { outbox.flush(); }),
+          *port.context_.loop, pty.master(), [&port] { port.on_readable(); }, [this] { outbox.flush(); },
+          [&port] { port.look_unread(); }),
       // A write fails only when the driver is gone; the read side sees to that.
       outbox(
           pty.master(), Outbox::Kind::file, master_watch,
@@ -50,9 +54,11 @@ PtyPort::Line::Line(PtyPort& port, Pty made)
 
 PtyPort::PtyPort(const PortContext& context, PtyOptions options)
     : context_(context),
-      options_(std::move(options)),
+      access_(options.access),
+      names_(context, std::move(options.link), std::move(options.bind)),
       hang_up_timer_(*context.loop, [this] { on_hang_up_timer(); }),
       renew_timer_(*context.loop, [this] { renew_line(); }),
+      renew_wait_(kRenewAgain, kRenewSeldom),
       unread_timer_(*context.loop, [this] { on_unread_timer(); }) {}
 
 PtyPort::~PtyPort() {
@@ -61,35 +67,21 @@ PtyPort::~PtyPort() {
 
 Result<void> PtyPort::prepare() {
   if (Result<void> made = make_line(); !made) return made;
-  if (const std::string& path = options_.link; !path.empty()) {
-    Result<PtyLink> link = PtyLink::publish(path, line_->pty.slave_path());
-    if (!link) {
-      line_.reset();
-      return link.error();
-    }
-    link_ = std::move(*link);
-  }
-  announce_path();
-  return {};
+  Result<void> named = names_.publish(line_->pty.slave_path());
+  if (!named) line_.reset();
+  return named;
 }
 
 Result<void> PtyPort::make_line() {
-  Result<Pty> pty = Pty::create(context_.loop->file_events(), options_.access);
+  Result<Pty> pty = Pty::create(context_.loop->file_events(), access_);
   if (!pty) return pty.error();
   auto line = std::make_unique<Line>(*this, std::move(*pty));
   drop_line();
   line_ = std::move(line);
+  show_home();
   if (const std::string trouble = context_.loop->file_events().take_trouble(); !trouble.empty())
     context_.log->warn("{}", trouble);
   return {};
-}
-
-void PtyPort::announce_path() const {
-  if (link_) {
-    context_.log->info("{} is there ({})", link_->path(), line_->pty.slave_path());
-  } else if (context_.announces) {
-    std::cout << line_->pty.slave_path() << std::endl;
-  }
 }
 
 // One of the old line's callbacks may be running: it goes on the next turn of the loop.
@@ -107,24 +99,57 @@ void PtyPort::replace_line() {
   peer_ = false;
   context_.loop->sampler().remove(this);
   drop_line();
-  renew_line();
+  if (make_line()) return line_renewed();
+  // Where descriptors are short, the old line's are what the new one can have: they are free on the next
+  // turn.
+  context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
+    if (!alive.expired() && !line_) renew_line();
+  });
 }
 
 void PtyPort::renew_line() {
   if (Result<void> made = make_line(); !made) {
-    context_.log->error("{}; {} is dead until that is mended", made.error().message, name());
-    renew_timer_.set_after(kRenewAgain);
+    if (renew_wait_.is_first())
+      context_.log->error("{}; {} is dead until that is mended", made.error().message, name());
+    renew_timer_.set_after(renew_wait_.next());
     return;
   }
-  publish_line();
+  line_renewed();
 }
 
-void PtyPort::publish_line() {
-  if (link_) {
-    if (Result<void> moved = link_->retarget(line_->pty.slave_path()); !moved)
-      context_.log->error("{}", moved.error().message);
+void PtyPort::line_renewed() {
+  if (!renew_wait_.is_first()) context_.log->info("{}: there is a pty for it again", name());
+  renew_wait_.reset();
+  names_.retarget(line_->pty.slave_path());
+}
+
+Result<void> PtyPort::apply(const LineSettings& settings) {
+  if (!peer_) {
+    if (home_ == settings) return {};  // shown already; a driver may be there that nothing has told of
+    home_ = settings;
   }
-  if (!link_) announce_path();
+  return line_ ? line_->settings.show(settings) : Result<void>();
+}
+
+void PtyPort::show_home() {
+  if (!home_) return line_->settings.take_as_known();
+  if (Result<void> shown = line_->settings.show(*home_); !shown)
+    context_.log->warn("{}: {}", name(), shown.error().message);
+}
+
+void PtyPort::look_at_settings(bool moved_on) {
+  if (!up_ || !line_) return;
+  if (const auto seen = line_->settings.look(moved_on))
+    tell_settings(*seen, line_->pty.has_input() ? SettingsOrder::sampled : SettingsOrder::exact);
+}
+
+void PtyPort::tell_settings(const SeenSettings& seen, SettingsOrder order) {
+  watch_settings();  // where one change is, another may follow
+  listener().on_settings(seen, order);
+}
+
+void PtyPort::watch_settings() {
+  context_.loop->sampler().add(this, [this] { look_at_settings(false); });
 }
 
 void PtyPort::open() {
@@ -156,27 +181,34 @@ void PtyPort::close() {
 // Between close() and open() a peer's bytes wait for the next session.
 void PtyPort::watch_reading() {
   line_->master_watch.watch_readable(may_deliver());
+  line_->master_watch.watch_hang_up(peer_ && accepting_ && !reading_);
   gone_since_.reset();
-  if (peer_ && accepting_ && !reading_) {
-    unread_timer_.set_after(kLookUnread);
-  } else {
-    unread_timer_.cancel();
-  }
+  unread_timer_.cancel();
 }
 
 // Without reading, its end is not seen behind the bytes that it left.
-void PtyPort::on_unread_timer() {
+void PtyPort::look_unread() {
   if (!peer_ || !line_ || !accepting_ || reading_) return;
   const Instant now = Loop::now();
-  if (line_->pty.open_now()) {
+  line_->master_watch.watch_hang_up(false);  // it would be told again and again
+  if (line_->pty.open_now()) {  // another one has come, or a flush is to be read: it looks the same
     gone_since_.reset();
-  } else if (!gone_since_) {
-    gone_since_ = now;
+    return unread_timer_.set_after(kLookUnread);
   }
-  const bool kept = !gone_since_ || (listener().wants_rest() && now - *gone_since_ < kRestLimit);
-  if (kept) return unread_timer_.set_after(kLookUnread);
+  if (!gone_since_) gone_since_ = now;
+  const bool left_bytes = line_->pty.occupied() || !held_.empty();
+  if (left_bytes && listener().wants_rest() && now - *gone_since_ < kRestLimit)
+    return unread_timer_.set_after(kLookUnread);
   drop_rest("the driver had closed before the device could take them");
   master_ended();
+}
+
+void PtyPort::on_unread_timer() {
+  if (gone_since_) {
+    look_unread();
+  } else if (line_) {
+    watch_reading();
+  }
 }
 
 // What it has written and nobody has read.
@@ -206,6 +238,7 @@ void PtyPort::drop_held() {
 void PtyPort::write(ByteView data) {
   if (peer_ && line_) {
     line_->outbox.write(data);
+    context_.loop->sampler().touch(this);
   } else {
     listener().on_dropped(data.size(), "no driver had it open");
   }
@@ -240,7 +273,7 @@ void PtyPort::peer_arrived(Openers openers) {
   openers_ = openers;
   context_.log->debug("{}: opened", name());
   watch_reading();
-  context_.loop->sampler().add(this, [this] { set_echonl_again(line_->pty.master()); });
+  watch_settings();
   set_up(true);
 }
 
@@ -254,24 +287,31 @@ void PtyPort::master_ended() {
   const Line* const line = line_.get();
   peer_left();
   if (line_.get() == line) handle_events({next, events.end()});
-  // Inotify makes one event of two opens at the same moment: a driver's, and ours of settle().
   if (line_) handle_events(line_->pty.take_events());
-  if (!peer_ && line_ && line_->pty.occupied()) peer_arrived(std::nullopt);
+  // Inotify makes one event of two opens at the same moment: a driver's, and ours of settle().
+  if (!peer_ && line_ && line_->pty.occupied()) peer_arrived(line_->pty.exact() ? Openers(1) : std::nullopt);
   events_lost_ = false;
 }
 
 void PtyPort::peer_left() {
+  look_at_settings(true);
+  if (!peer_ || !line_) return;  // hung up from within
   peer_ = false;
   openers_ = 0;
   hang_up_timer_.cancel();
   context_.loop->sampler().remove(this);
   context_.log->debug("{}: closed", name());
   line_->master_watch.watch_readable(false);
+  const std::size_t unsent = line_->outbox.pending();
   drop_unsent();
-  if (Result<void> settled = line_->pty.settle(); !settled) {
+  if (Result<void> settled = line_->pty.settle(home_); settled) {
+    line_->settings.assume(home_);
+    if (const auto left = line_->pty.left_unread()) listener().on_left_unread(*left + unsent);
+  } else {
     if (Result<void> made = make_line(); made) {
-      context_.log->info("{}; a new pty takes its place", settled.error().message);
-      publish_line();
+      context_.log->log(std::exchange(told_replaced_, true) ? spdlog::level::debug : spdlog::level::info,
+                        "{}; a new pty takes its place", settled.error().message);
+      names_.retarget(line_->pty.slave_path());
     } else {
       context_.log->warn("{}; what the last driver did not read may reach the next", settled.error().message);
     }
@@ -285,8 +325,12 @@ void PtyPort::peer_left() {
 void PtyPort::peer_reopened() {
   context_.log->debug("{}: closed and opened again", name());
   drop_unsent();
+  // And what the last one left unread, as a close does; nothing has come for the new one yet.
+  (void)line_->pty.read_away();
   hang_up_timer_.cancel();
   set_up(false);
+  line_->settings.assume(home_);
+  watch_settings();
   set_up(true);
 }
 
@@ -346,15 +390,30 @@ void PtyPort::on_readable() {
 }
 
 bool PtyPort::read_once() {
-  const std::span<Byte> buffer = context_.loop->read_buffer().first(kReadSize);
-  const ssize_t size = ::read(line_->pty.master(), buffer.data(), buffer.size());
-  if (size > 0) {
-    take_packet(ByteView(buffer).first(static_cast<std::size_t>(size)));
-    return static_cast<std::size_t>(size) == buffer.size();
-  }
+  const ssize_t size = read_packet();
+  if (size > 0) return static_cast<std::size_t>(size) == kReadSize;
   if (size < 0 && (errno == EAGAIN || errno == EINTR)) return false;
   master_ended();
   return false;
+}
+
+// As ::read(), what came of it passed on. The settings are looked at just before and just after.
+ssize_t PtyPort::read_packet() {
+  const std::span<Byte> buffer = context_.loop->read_buffer().first(kReadSize);
+  const Line* const line = line_.get();
+  look_at_settings(false);
+  if (line_.get() != line) {  // hung up from within
+    errno = EAGAIN;
+    return -1;
+  }
+  const ssize_t size = ::read(line_->pty.master(), buffer.data(), buffer.size());
+  if (size <= 0) return size;
+  const std::optional<SeenSettings> changed = up_ ? line_->settings.look(true) : std::nullopt;
+  const bool has_data = size > 1 && buffer.front() == TIOCPKT_DATA;
+  context_.loop->sampler().touch(this);
+  take_packet(ByteView(buffer).first(static_cast<std::size_t>(size)));
+  if (changed && up_) tell_settings(*changed, has_data ? SettingsOrder::sampled : SettingsOrder::exact);
+  return size;
 }
 
 // A reopen may have come before these bytes without having woken us yet. A session that has just begun is not
@@ -385,11 +444,14 @@ void PtyPort::handle_packet(ByteView packet) {
     if (packet.size() > 1) listener().on_data(packet.subspan(1));
     return;
   }
-  const bool in = (status & TIOCPKT_FLUSHREAD) != 0;
-  const bool out = (status & TIOCPKT_FLUSHWRITE) != 0;
+  driver_flushed((status & TIOCPKT_FLUSHREAD) != 0, (status & TIOCPKT_FLUSHWRITE) != 0);
+}
+
+void PtyPort::driver_flushed(bool in, bool out) {
   if (in) {
     const bool was_congested = congested();
     line_->outbox.discard();
+    line_->pty.drop_backlog(was_congested);
     if (was_congested && up_) listener().on_drained();
   }
   if (in || out) listener().on_flush(in && out ? FlushQueue::both : in ? FlushQueue::in : FlushQueue::out);
@@ -400,11 +462,9 @@ void PtyPort::read_pending() {
   deliver_held();
   // What a pty can hold, so that a driver that goes on writing does not keep us.
   for (std::size_t left = kMostHeld; left > 0 && line_ && may_deliver();) {
-    const std::span<Byte> buffer = context_.loop->read_buffer().first(kReadSize);
-    const ssize_t size = ::read(line_->pty.master(), buffer.data(), buffer.size());
+    const ssize_t size = read_packet();
     if (size <= 0) break;
     left -= std::min(left, static_cast<std::size_t>(size));
-    take_packet(ByteView(buffer).first(static_cast<std::size_t>(size)));
   }
 }
 
@@ -454,10 +514,7 @@ std::string PtyPort::name() const {
   return path.empty() ? "pty" : "pty:" + path;
 }
 
-PortPlace PtyPort::place() const {
-  if (link_) return {.path = link_->path()};
-  return {.path = line_ ? line_->pty.slave_path() : std::string()};
-}
+PortPlace PtyPort::place() const { return names_.place(peer_node()); }
 
 std::string PtyPort::peer_node() const { return line_ ? line_->pty.slave_path() : std::string(); }
 

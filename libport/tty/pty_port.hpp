@@ -4,26 +4,31 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <sys/types.h>
 #include <vector>
 
+#include "libport/loop/backoff.hpp"
 #include "libport/loop/fd_watch.hpp"
 #include "libport/loop/outbox.hpp"
 #include "libport/loop/timer.hpp"
+#include "libport/loop/urgent_events.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
 #include "libport/tty/pty.hpp"
-#include "libport/tty/pty_link.hpp"
+#include "libport/tty/pty_names.hpp"
+#include "libport/tty/pty_settings.hpp"
 
 namespace porttape {
 
 struct PtyOptions {
-  std::string link = {};  // none: the slave's path is printed
+  std::string link = {};  // none of both: the slave's path is printed
+  std::string bind = {};
   Pty::Access access = {};
 };
 
 // A pseudo-terminal that a program opens as if it were the device. Passive: up while a program has the slave
-// open. Owns the pty and its link. One peer at a time: a second program that opens it shares the line, as on
-// a real tty.
+// open. Owns the pty and its names. One peer at a time: a second program that opens it shares the line, as
+// on a real tty.
 //
 // Sessions are made of what is known of the openers:
 //
@@ -45,6 +50,11 @@ struct PtyOptions {
 // Their number is exact where each open and close is told (Pty::exact). It is unknown after an open that may
 // stand for several, after lost events, and for a session that was found without an event. HUP, which the
 // kernel shows while nobody has the slave open, is always true, and with it the number is 0.
+//
+// Settings. Each driver finds the line as apply() has it. What one makes different is seen by looking: around
+// each read, when it opens and closes, and by the loop's sampler; the kernel tells of no change. So a change
+// and bytes that are found together may have come in either order: told first is the one that was seen first,
+// a change before bytes that wait with it, and the order as `sampled`.
 class PtyPort final : public Port {
  public:
   PtyPort(const PortContext& context, PtyOptions options);
@@ -53,6 +63,7 @@ class PtyPort final : public Port {
   Result<void> prepare() override;
   void open() override;
   void close() override;
+  Result<void> apply(const LineSettings& settings) override;
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
@@ -78,25 +89,33 @@ class PtyPort final : public Port {
   struct Line {
     Line(PtyPort& port, Pty made);
     Pty pty;
+    PtySettings settings;
+    std::unique_ptr<UrgentEvents::Watch> clocal_watch;  // keeps it cleared; null: the looks alone do
     FdWatch master_watch;
     Outbox outbox;
   };
 
   Result<void> make_line();
-  void announce_path() const;
-  void publish_line();
   void replace_line();
   void drop_line();
   void renew_line();
+  void line_renewed();
   void look();
+  void show_home();
+  void watch_settings();
+  void look_at_settings(bool moved_on);
+  void tell_settings(const SeenSettings& seen, SettingsOrder order);
+  void driver_flushed(bool in, bool out);
   void on_event();
   void handle_events(const std::vector<Pty::Event>& events);
   void handle_event(Pty::Event event);
   void count(Pty::Event event);
   void watch_reading();
+  void look_unread();
   void on_unread_timer();
   void drop_rest(std::string_view why);
   void on_readable();
+  ssize_t read_packet();
   bool read_once();  // true when there may be more
   [[nodiscard]] bool may_deliver() const { return peer_ && accepting_ && reading_; }
   void take_packet(ByteView packet);
@@ -114,17 +133,20 @@ class PtyPort final : public Port {
   void tell_waiting();
 
   PortContext context_;
-  PtyOptions options_;
-  std::optional<PtyLink> link_;
-  std::unique_ptr<Line> line_;  // null before prepare(), and while no new pty can be made
+  Pty::Access access_;
+  PtyNames names_;
+  std::optional<LineSettings> home_;  // what the next driver finds; none: what the last one left
+  std::unique_ptr<Line> line_;        // null before prepare(), and while no new pty can be made
   Timer hang_up_timer_;
-  Timer renew_timer_;                     // while there is no line
-  Timer unread_timer_;                    // while the driver is not read
+  Timer renew_timer_;  // while there is no line
+  Backoff renew_wait_;
+  Timer unread_timer_;                    // while bytes of one that has gone are not read
   std::optional<Instant> gone_since_;     // not read, and seen to have closed
   std::optional<Instant> unknown_since_;  // hanging up, without seeing whether the driver has read everything
   Bytes held_;  // a packet that was read when the session began or reading stopped: delivered first
   Openers openers_ = 0;
-  bool events_lost_ = false;  // since HUP was seen last
+  bool events_lost_ = false;    // since HUP was seen last
+  bool told_replaced_ = false;  // that a pty which could not be made fresh gave way to a new one
   bool accepting_ = false;
   bool peer_ = false;
   bool up_ = false;

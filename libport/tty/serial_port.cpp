@@ -24,7 +24,7 @@ namespace {
 
 Error missing(std::string message) { return make_error(Errc::device_missing, std::move(message)); }
 
-constexpr std::size_t kMostHeld = std::size_t{64} * 1024;
+constexpr std::size_t kMostUnread = std::size_t{64} * 1024;
 
 std::string advice_for(int error_number) {
   switch (error_number) {
@@ -39,6 +39,36 @@ std::string advice_for(int error_number) {
   }
 }
 
+// As long as the kernel waits at a close for a device that takes nothing (closing_wait).
+constexpr Nanos kClosingWait = std::chrono::seconds(30);
+
+// A line that is to be closed.
+struct LineToLeave {
+  UniqueFd fd;
+  std::vector<LineSettings> to_make;  // in turn
+  bool waits = true;                // until the device has sent what was written; never on the loop's thread
+  std::atomic<bool> hurry = false;  // somebody waits for it
+  std::size_t lost = 0;             // bytes that the device did not take
+};
+
+// Makes the settings and closes it, with the modem lines as the close leaves them before the last settings
+// are made. What a device does not take it would take against its flow control then, and is dropped.
+void leave(LineToLeave& line) {
+  const int fd = line.fd.get();
+  for (const LineSettings& settings : line.to_make) {
+    int left = 0;
+    if (line.waits && !wait_until_sent(fd, kClosingWait, line.hurry) && ::ioctl(fd, TIOCOUTQ, &left) == 0 &&
+        left > 0) {
+      (void)::tcflush(fd, TCOFLUSH);
+      line.lost += static_cast<std::size_t>(left);
+    }
+    if (&settings == &line.to_make.back()) lower_modem_lines(fd);
+    (void)apply_settings(fd, settings);
+  }
+  if (!line.to_make.empty()) lower_modem_lines(fd);
+  line.fd.reset();
+}
+
 int access_mode(const CommonOptions& common) {
   return !common.writes ? O_RDONLY : !common.reads ? O_WRONLY : O_RDWR;
 }
@@ -48,28 +78,34 @@ int access_mode(const CommonOptions& common) {
 SerialPort::Line::Line(SerialPort& port, UniqueFd opened)
     : fd(std::move(opened)),
       watch(
-          *port.context_.loop, fd.get(), [&port] { port.on_readable(); }, [this] { outbox.flush(); }),
+          *port.context_.loop, fd.get(), [&port] { port.on_readable(); }, [this] { outbox.flush(); },
+          [&port] { port.lost(EIO); }),
       outbox(
-          fd.get(), Outbox::Kind::file, watch,
-          [&port] {
-            if (port.up_) port.listener().on_drained();
-          },
+          fd.get(), Outbox::Kind::file, watch, [this] { changes.outbox_drained(); },
           [&port](int error_number, std::size_t lost) {
             port.listener().on_dropped(lost, "they could not be sent");
             // From within a write of the caller's, who must not see the line vanish under it.
             port.context_.loop->post([&port, error_number, alive = std::weak_ptr<int>(port.alive_)] {
               if (!alive.expired()) port.lost(error_number);
             });
+          }),
+      changes(
+          *port.context_.loop, {fd.get(), outbox, port.strand_}, port.current_,
+          [&port](const LineSettings& wanted, const Result<TakenSettings>& taken) {
+            port.change_made(wanted, taken);
+          },
+          [&port] {
+            if (port.up_) port.listener().on_drained();
           }) {}
 
 SerialPort::SerialPort(const PortContext& context, const CommonOptions& common, SerialOptions options)
-    : context_(context), common_(common), options_(std::move(options)) {}
+    : context_(context), common_(common), options_(std::move(options)), current_(options_.settings) {}
 
 SerialPort::~SerialPort() {
   if (!line_) return;
   line_->watch.stop();
   try {
-    close_elsewhere(std::move(line_->fd));
+    close_elsewhere(std::move(line_->fd), {});
   } catch (const std::exception&) {  // no memory: it is closed here
   }
 }
@@ -101,7 +137,12 @@ Result<void> SerialPort::prepare() {
         error == EACCES ? access_advice(device_access(options_.device, wanted)) : advice_for(error);
     return missing(fmt::format("device {}: {}; {}", in_quotes(options_.device), errno_text(error), advice));
   }
-  if (!common_.always_open) return {};
+  Result<void> free = check_free();
+  if (!free && options_.wait) {
+    context_.log->warn("{}; waiting for it", free.error().message);
+    return {};
+  }
+  if (!free || !common_.always_open) return free;
   Result<UniqueFd> fd = open_device();
   if (!fd) return fd.error();
   begin_line(std::move(*fd));
@@ -110,6 +151,7 @@ Result<void> SerialPort::prepare() {
 
 void SerialPort::begin_line(UniqueFd fd) {
   line_ = std::make_unique<Line>(*this, std::move(fd));
+  line_began_ = Loop::now();
   watch_reading();
   context_.log->debug("{}: open", name());
 }
@@ -123,7 +165,11 @@ void SerialPort::open() {
   }
   if (interrupted_) return;
   open_waits_ = closing_ > 0;
-  if (!open_waits_) try_open();
+  if (open_waits_) {
+    *hurry_ = true;
+  } else {
+    try_open();
+  }
 }
 
 void SerialPort::try_open() {
@@ -134,23 +180,48 @@ void SerialPort::try_open() {
       listener().on_down({.reason = LineDown::Reason::failed, .error = fd.error()});
     } else if (!waiting_) {
       if (!interrupted_) context_.log->warn("{}; waiting for it", fd.error().message);
-      waiting_ = std::make_unique<PathWatch>(*context_.loop, options_.device, [this] { try_open(); });
+      wait_for_device(PathWatch::kFirst);
     }
     return;
   }
   // The watch may be what called us.
   if (waiting_) context_.loop->post([old = std::shared_ptr<PathWatch>(std::move(waiting_))] {});
   begin_line(std::move(*fd));
-  if (std::exchange(interrupted_, false)) {
-    context_.log->info("device {} is there again", in_quotes(options_.device));
-    listener().on_resumed();
+  if (std::exchange(interrupted_, false)) listener().on_resumed();
+  if (opened_ && !up_) {
+    up_ = true;
+    listener().on_up();
   }
-  if (!opened_ || up_) return;
-  up_ = true;
-  listener().on_up();
+  if (std::exchange(untold_, false)) listener().on_settings(SeenSettings::of(current_), SettingsOrder::exact);
 }
 
+Result<void> SerialPort::check_free() const {
+  const auto holder = uucp_holder(options_.lock_folder, options_.device);
+  if (!holder) return {};
+  return missing(fmt::format("device {} is busy: {}", in_quotes(options_.device), to_text(*holder)));
+}
+
+// One that cannot be made costs no line.
+Result<void> SerialPort::lock() {
+  if (!options_.uucp_lock || lock_) return {};
+  Result<UucpLock> lock = UucpLock::take(options_.lock_folder, options_.device);
+  if (lock) {
+    lock_.emplace(std::move(*lock));
+  } else if (lock.error().code == Errc::device_missing) {
+    return missing(fmt::format("device {} is busy: {}", in_quotes(options_.device), lock.error().message));
+  } else {
+    warn_once(fmt::format("{}: option 'uucplock': {}", name(), lock.error().message));
+  }
+  return {};
+}
+
+void SerialPort::warn_once(const std::string& text) {
+  if (told_.insert(text).second) context_.log->warn("{}", text);
+}
+
+// Looks at locks before it touches the device: that raises DTR.
 Result<UniqueFd> SerialPort::open_device() {
+  if (Result<void> free = check_free(); !free) return free.error();
   UniqueFd fd(::open(options_.device.c_str(), access_mode(common_) | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   if (!fd)
     return missing(
@@ -160,10 +231,11 @@ Result<UniqueFd> SerialPort::open_device() {
   if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
     return missing(fmt::format("device {} is busy; {}", in_quotes(options_.device), advice_for(EBUSY)));
   }
+  if (Result<void> locked = lock(); !locked) return locked.error();
   (void)::ioctl(fd.get(), TIOCEXCL);
   if (Result<void> set = set_line(fd.get()); !set) {
-    return make_error(set.error().code,
-                      fmt::format("device {}: {}", in_quotes(options_.device), set.error().message));
+    lock_.reset();
+    return in_device(set.error());
   }
   return fd;
 }
@@ -172,84 +244,116 @@ Result<UniqueFd> SerialPort::open_device() {
 void SerialPort::try_settings(int fd) {
   const std::optional<LineSettings> wanted = std::exchange(untried_, std::nullopt);
   if (!wanted) return;
-  if (const Result<std::string> set = apply_settings(fd, *wanted); set) {
-    options_.settings = *wanted;
+  if (const Result<TakenSettings> set = apply_settings(fd, *wanted); set) {
+    current_ = set->settings;
   } else {
     context_.log->warn("{}: {}; it keeps its settings", name(), set.error().message);
+    untold_ = true;
   }
 }
 
 Result<void> SerialPort::set_line(int fd) {
   try_settings(fd);
-  const Result<std::string> not_taken = apply_settings(fd, options_.settings);
-  if (!not_taken) return not_taken.error();
-  if (!not_taken->empty()) context_.log->warn("{}: the device did not take: {}", name(), *not_taken);
+  const Result<TakenSettings> taken = apply_settings(fd, current_);
+  if (!taken) return taken.error();
+  current_ = taken->settings;
+  tell_not_taken(taken->not_taken);
   set_modem(fd, "dtr", TIOCM_DTR, options_.dtr);
   set_modem(fd, "rts", TIOCM_RTS, options_.rts);
   (void)::tcflush(fd, TCIFLUSH);
   return {};
 }
 
-void SerialPort::set_modem(int fd, const char* option, int line, std::optional<bool> on) const {
+void SerialPort::set_modem(int fd, const char* option, int line, std::optional<bool> on) {
   if (!on) return;
   if (Result<void> set = set_modem_line(fd, line, *on); !set)
-    context_.log->warn("{}: option '{}': {}", name(), option, set.error().message);
+    warn_once(fmt::format("{}: option '{}': {}", name(), option, set.error().message));
 }
 
 void SerialPort::close() {
   opened_ = up_ = open_waits_ = false;
+  told_refused_ = false;
   if (!interrupted_) waiting_.reset();
-  if (!line_) return;
+  untried_.reset();
+  if (!line_) {
+    current_ = options_.settings;
+    return;
+  }
   discard_unsent();
-  if (!common_.always_open) drop_line();
+  if (!common_.always_open) {
+    drop_line(settings_to_leave());
+    current_ = options_.settings;
+  } else if (*settings() != options_.settings) {
+    line_->changes.change(options_.settings);
+  }
+}
+
+// What a line that is closed still has to get: changes under way, and the user's own settings again.
+std::vector<LineSettings> SerialPort::settings_to_leave() const {
+  std::vector<LineSettings> left = line_->changes.left();
+  if (line_->changes.settings() != options_.settings) left.push_back(options_.settings);
+  return left;
 }
 
 void SerialPort::discard_unsent() {
-  if (const std::size_t bytes = line_->outbox.pending(); bytes > 0)
+  if (const std::size_t bytes = line_->changes.pending(); bytes > 0)
     listener().on_dropped(bytes, "they were not sent");
-  line_->outbox.discard();
+  line_->changes.discard();
 }
 
-void SerialPort::drop_line() {
+void SerialPort::drop_line(std::vector<LineSettings> to_make) {
   discard_unsent();
+  current_ = line_->changes.settings();
+  line_->changes.stop();
   // A tty that another program holds open would keep it, against this one too.
   (void)::ioctl(line_->fd.get(), TIOCNXCL);
   // The rest goes on the next turn of the loop, since one of its callbacks may be running.
   line_->watch.stop();
-  close_elsewhere(std::move(line_->fd));
+  close_elsewhere(std::move(line_->fd), std::move(to_make));
+  if (closing_ == 0) lock_.reset();
   context_.loop->post([old = std::shared_ptr<Line>(std::move(line_))] {});
 }
 
-void SerialPort::close_elsewhere(UniqueFd fd) {
+// The device is left as the user has it, behind what was written. Its modem lines fall before its rate
+// changes, since there are devices that reset when they fall at 1200 baud.
+void SerialPort::close_elsewhere(UniqueFd fd, std::vector<LineSettings> to_make) {
   if (context_.pulled) return;  // its program waits in its calls, and has closed it when they return
   // Unplugged: nothing can be sent, and while it is held the device gets another name when it comes back.
   pollfd state{fd.get(), 0, 0};
   if (::poll(&state, 1, 0) > 0 && (state.revents & POLLHUP) != 0) return;
-  const auto held = std::make_shared<UniqueFd>(std::move(fd));
+  const auto line = std::make_shared<LineToLeave>();
+  line->fd = std::move(fd);
+  line->to_make = std::move(to_make);
+  hurry_ = {line, &line->hurry};
   ++closing_;
   const bool taken = context_.loop->run_elsewhere(
-      closing_strand_, [held] { held->reset(); },
-      [this, alive = std::weak_ptr<int>(alive_)] {
-        if (!alive.expired()) closed();
+      strand_, [line] { leave(*line); },
+      [this, line, alive = std::weak_ptr<int>(alive_)] {
+        if (!alive.expired()) closed(line->lost);
       });
   if (taken) return;
   --closing_;
   int unsent = 0;
-  if (::ioctl(held->get(), TIOCOUTQ, &unsent) != 0) unsent = 0;
-  (void)::tcflush(held->get(), TCOFLUSH);
+  if (::ioctl(line->fd.get(), TIOCOUTQ, &unsent) != 0) unsent = 0;
+  (void)::tcflush(line->fd.get(), TCOFLUSH);
+  line->waits = false;
+  leave(*line);
   if (unsent > 0) {
     listener().on_dropped(static_cast<std::uint64_t>(unsent),
                           "no thread was to be had to wait until the device has sent them");
   }
 }
 
-void SerialPort::closed() {
-  if (--closing_ == 0 && std::exchange(open_waits_, false)) try_open();
+void SerialPort::closed(std::size_t lost) {
+  if (lost > 0) listener().on_dropped(lost, "the device did not take them before it was closed");
+  if (--closing_ > 0) return;
+  if (!line_) lock_.reset();
+  if (std::exchange(open_waits_, false)) try_open();
 }
 
 void SerialPort::write(ByteView data) {
   if (line_ && !!common_.writes) {
-    line_->outbox.write(data);
+    line_->changes.write(data);
   } else {
     listener().on_dropped(data.size(), line_ ? "the device is open for reading only" : "the line is not up");
   }
@@ -257,38 +361,58 @@ void SerialPort::write(ByteView data) {
 
 std::size_t SerialPort::write_some(ByteView data) {
   if (!line_) return 0;
-  return !common_.writes ? data.size() : line_->outbox.write_some(data);
+  return !common_.writes ? data.size() : line_->changes.write_some(data);
 }
 
 std::optional<std::size_t> SerialPort::unread_by_peer() const {
   if (!line_) return 0;
   int queued = 0;
   const bool known = ::ioctl(line_->fd.get(), TIOCOUTQ, &queued) == 0 && queued > 0;
-  return line_->outbox.pending() + (known ? static_cast<std::size_t>(queued) : 0);
+  return line_->changes.pending() + (known ? static_cast<std::size_t>(queued) : 0);
 }
 
 bool SerialPort::discard() {
   if (!line_) return true;
-  line_->outbox.discard();
+  line_->changes.discard();
   (void)::tcflush(line_->fd.get(), TCIOFLUSH);
   return true;
 }
 
 Result<void> SerialPort::apply(const LineSettings& settings) {
+  if (!options_.follow || settings == *this->settings()) return {};
   if (!line_) {
     untried_ = settings;
     return {};
   }
-  Result<std::string> set = apply_settings(line_->fd.get(), settings);
-  if (!set) {
-    const Error error = make_error(
-        set.error().code, fmt::format("device {}: {}", in_quotes(options_.device), set.error().message));
-    (void)apply_settings(line_->fd.get(), options_.settings);
-    return error;
+  if (!context_.pulled) {
+    line_->changes.change(settings);
+    return {};
   }
-  if (!set->empty()) context_.log->warn("{}: the device did not take: {}", name(), *set);
-  options_.settings = settings;
+  // Its program waits: nothing else would be done meanwhile.
+  const Result<TakenSettings> taken = line_->changes.change_at_once(settings);
+  if (!taken) return in_device(taken.error());
+  current_ = taken->settings;
+  tell_not_taken(taken->not_taken);
   return {};
+}
+
+void SerialPort::change_made(const LineSettings& wanted, const Result<TakenSettings>& taken) {
+  if (taken) {
+    current_ = taken->settings;
+    tell_not_taken(taken->not_taken);
+  } else if (!std::exchange(told_refused_, true)) {
+    context_.log->warn("{}; the device keeps its settings (told once)", in_device(taken.error()).message);
+  }
+  if (current_ != wanted && line_->changes.settings() == current_)
+    listener().on_settings(SeenSettings::of(current_), SettingsOrder::exact);
+}
+
+void SerialPort::tell_not_taken(const std::string& what) {
+  if (!what.empty()) warn_once(fmt::format("{}: the device did not take: {}", name(), what));
+}
+
+Error SerialPort::in_device(const Error& error) const {
+  return make_error(error.code, fmt::format("device {}: {}", in_quotes(options_.device), error.message));
 }
 
 void SerialPort::set_reading(bool on) {
@@ -296,7 +420,13 @@ void SerialPort::set_reading(bool on) {
   if (line_) watch_reading();
 }
 
-void SerialPort::watch_reading() { line_->watch.watch_readable(reading_ && common_.reads); }
+// One that is gone is closed at once, whether it is read or not (the kernel has dropped what was unread). A
+// program that waits in its calls learns of it by its next one.
+void SerialPort::watch_reading() {
+  const bool reads = reading_ && common_.reads;
+  line_->watch.watch_readable(reads);
+  line_->watch.watch_hang_up(!reads && !context_.pulled);
+}
 
 void SerialPort::on_readable() {
   while (line_ && reading_ && read_once()) {
@@ -319,7 +449,7 @@ void SerialPort::read_pending() {
   int there = 0;
   // Where it cannot be seen how much there is, what a tty holds at most.
   const bool known = line_ && ::ioctl(line_->fd.get(), FIONREAD, &there) == 0;
-  std::size_t left = known ? static_cast<std::size_t>(std::max(there, 0)) : kMostHeld;
+  std::size_t left = known ? static_cast<std::size_t>(std::max(there, 0)) : kMostUnread;
   while (line_ && reading_ && left > 0) {
     const std::span<Byte> buffer = context_.loop->read_buffer();
     const ssize_t size = ::read(line_->fd.get(), buffer.data(), buffer.size());
@@ -331,7 +461,7 @@ void SerialPort::read_pending() {
 
 void SerialPort::lost(int error_number) {
   if (!line_) return;
-  drop_line();
+  drop_line({});
   const Error error =
       make_error(Errc::device_lost, fmt::format("device {} is lost ({}); plug it in again",
                                                 in_quotes(options_.device), errno_text(error_number)));
@@ -339,15 +469,20 @@ void SerialPort::lost(int error_number) {
   if (common_.always_open) {
     interrupted_ = true;
     listener().on_interrupted(down);
-    if (!waiting_)
-      waiting_ = std::make_unique<PathWatch>(*context_.loop, options_.device, [this] { try_open(); });
+    if (Loop::now() - line_began_ >= kLineHeld) reopen_wait_.reset();
+    if (!waiting_) wait_for_device(reopen_wait_.next());
   } else if (std::exchange(up_, false)) {
     listener().on_down(down);
   }
 }
 
+void SerialPort::wait_for_device(Nanos first) {
+  waiting_ = std::make_unique<PathWatch>(
+      *context_.loop, options_.device, [this] { try_open(); }, first);
+}
+
 void SerialPort::hang_up(bool) {
-  if (line_) drop_line();
+  if (line_) drop_line(settings_to_leave());
   if (!std::exchange(up_, false)) return;
   context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
     if (!alive.expired()) listener().on_down({.reason = LineDown::Reason::hung_up, .error = {}});

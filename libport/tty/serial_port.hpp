@@ -1,8 +1,11 @@
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
+#include <vector>
 
 #include "libport/base/unique_fd.hpp"
 #include "libport/base/workers.hpp"
@@ -12,7 +15,9 @@
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
 #include "libport/port/port_options.hpp"
+#include "libport/tty/settings_queue.hpp"
 #include "libport/tty/tty.hpp"
+#include "libport/tty/uucp_lock.hpp"
 
 namespace porttape {
 
@@ -21,14 +26,21 @@ struct SerialOptions {
   LineSettings settings = {};
   std::optional<bool> dtr = {};  // set after opening; none: as the kernel leaves it
   std::optional<bool> rts = {};
-  bool wait = false;  // for a device that is missing, instead of failing
+  bool wait = false;   // for a device that is missing, instead of failing
+  bool follow = true;  // what apply() asks for; else it does nothing
+  bool uucp_lock = false;
+  std::string lock_folder = kUucpLockFolder;
 };
 
-// A serial device, opened raw, exclusive (TIOCEXCL and flock), with any baud rate, read back. `alwaysopen`
+// A serial device, opened raw, exclusive (TIOCEXCL and flock; UUCP's lock files are honoured, and made where
+// that is asked for), with any baud rate, read back. `alwaysopen`
 // opens it in prepare(), keeps it open and opens it again when it was unplugged and comes back; `wait` waits
 // for a device that is missing instead of failing. A device that goes away is closed at once, so that it
 // comes back under its own name. Any other close may wait for unsent output (up to 30 s in the kernel): it is
 // done on another thread, and an open() that follows waits for it.
+//
+// Settings. apply() changes the line in turn with what is written (SettingsQueue). The settings of `options`
+// return at close().
 class SerialPort final : public Port, private WaitingCalls {
  public:
   SerialPort(const PortContext& context, const CommonOptions& common, SerialOptions options);
@@ -40,7 +52,7 @@ class SerialPort final : public Port, private WaitingCalls {
   void open() override;
   void close() override;
   void write(ByteView data) override;
-  [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
+  [[nodiscard]] bool congested() const override { return line_ && line_->changes.congested(); }
   bool end_writing() override { return false; }
   // What has not left this machine.
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
@@ -48,7 +60,7 @@ class SerialPort final : public Port, private WaitingCalls {
   [[nodiscard]] bool passive() const override { return false; }
   [[nodiscard]] bool keeps_datagrams() const override { return false; }
   [[nodiscard]] std::optional<LineSettings> settings() const override {
-    return untried_.value_or(options_.settings);
+    return line_ ? line_->changes.settings() : untried_.value_or(current_);
   }
   Result<void> apply(const LineSettings& settings) override;
   void set_reading(bool on) override;
@@ -67,31 +79,49 @@ class SerialPort final : public Port, private WaitingCalls {
     UniqueFd fd;
     FdWatch watch;
     Outbox outbox;
+    SettingsQueue changes;
   };
 
+  void change_made(const LineSettings& wanted, const Result<TakenSettings>& taken);
+  void tell_not_taken(const std::string& what);
+  [[nodiscard]] Error in_device(const Error& error) const;
+  [[nodiscard]] std::vector<LineSettings> settings_to_leave() const;
   Result<UniqueFd> open_device();
+  [[nodiscard]] Result<void> check_free() const;
+  Result<void> lock();
+  void warn_once(const std::string& text);
   Result<void> set_line(int fd);
   void try_settings(int fd);
-  void set_modem(int fd, const char* option, int line, std::optional<bool> on) const;
+  void set_modem(int fd, const char* option, int line, std::optional<bool> on);
   void begin_line(UniqueFd fd);
   void try_open();
   void watch_reading();
   void on_readable();
   bool read_once();
   void lost(int error_number);
+  void wait_for_device(Nanos first);
   void discard_unsent();
-  void drop_line();
-  void close_elsewhere(UniqueFd fd);
-  void closed();
+  void drop_line(std::vector<LineSettings> to_make);
+  void close_elsewhere(UniqueFd fd, std::vector<LineSettings> to_make);
+  void closed(std::size_t lost);
 
   PortContext context_;
   const CommonOptions common_;
-  SerialOptions options_;                // with the last settings that a line took
-  std::optional<LineSettings> untried_;  // given while there was none
+  SerialOptions options_;
+  LineSettings current_;                 // the last that the line took
+  std::optional<LineSettings> untried_;  // given while there was no line
+  bool untold_ = false;                  // the device has refused what it was to come up with
+  bool told_refused_ = false;            // in this session
+  std::optional<UucpLock> lock_;         // until the device is closed
+  std::set<std::string> told_;           // by warn_once()
   std::unique_ptr<Line> line_;
   std::unique_ptr<PathWatch> waiting_;
-  Workers::Strand closing_strand_;
-  int closing_ = 0;  // closes under way
+  // Of a device that dies as soon as it is open.
+  Backoff reopen_wait_{PathWatch::kFirst, PathWatch::kLongest};
+  Instant line_began_{};
+  Workers::Strand strand_;                    // for changes and closes
+  int closing_ = 0;                           // closes under way
+  std::shared_ptr<std::atomic<bool>> hurry_;  // of the last of them: somebody waits for it
   bool opened_ = false;
   bool open_waits_ = false;  // for a close that is under way
   bool up_ = false;

@@ -24,13 +24,16 @@ Result<SerialOptions> serial_options(const PortOptions& written) {
                        .settings = line_settings(written),
                        .dtr = on_or_off(written, "dtr"),
                        .rts = on_or_off(written, "rts"),
-                       .wait = written.flag("wait")};
+                       .wait = written.flag("wait"),
+                       .follow = written.text("settings") == "follow",
+                       .uucp_lock = written.flag("uucplock")};
 }
 
 Result<PtyOptions> pty_options(const PortOptions& written) {
   const Result<unsigned> mode = written.mode("mode");
   if (!mode) return mode.error();
   return PtyOptions{.link = written.text("link"),
+                    .bind = written.text("bind"),
                     .access = {*mode, written.text("owner"), written.text("group")}};
 }
 
@@ -57,7 +60,16 @@ PortType serial_type() {
        0,
        0,
        {"on", "off"}},
+      {"settings",
+       Kind::choice,
+       "follow",
+       "follow: what the driver sets on its port reaches the device; keep: it does not",
+       0,
+       0,
+       {"follow", "keep"}},
       {"wait", Kind::flag, "", "waits for a device that is missing, else that is an error"},
+      {"uucplock", Kind::flag, "",
+       "makes lock files in /var/lock while it is open; others' are always honoured"},
   });
   std::ranges::copy(rest, std::back_inserter(type.options));
   type.read = reads(serial_options);
@@ -74,6 +86,10 @@ PortType pty_type() {
       {.name = "link",
        .help = "where the driver finds it, a symbolic link; else the path to open is printed",
        .value_name = "PATH"},
+      {.name = "bind",
+       .help =
+           "a file on which it is mounted, for containers, where a link leads nowhere; needs CAP_SYS_ADMIN",
+       .value_name = "PATH"},
       {.name = "mode",
        .default_value = "0600",
        .help = "who may open it: permissions, octal",
@@ -86,8 +102,12 @@ PortType pty_type() {
     return std::make_unique<PtyPort>(context, options);
   });
   type.claims = [](const PortSpec& spec) {
-    const std::string& link = spec.get<PtyOptions>()->link;
-    return link.empty() ? std::vector<PortType::Claim>() : std::vector<PortType::Claim>{{"link", link}};
+    const PtyOptions& options = *spec.get<PtyOptions>();
+    std::vector<PortType::Claim> claims;
+    for (const std::string& path : {options.link, options.bind}) {
+      if (!path.empty()) claims.emplace_back("link", path);
+    }
+    return claims;
   };
   return type;
 }

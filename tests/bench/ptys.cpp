@@ -16,18 +16,18 @@ namespace po = boost::program_options;
 namespace {
 
 constexpr std::size_t kPiece = 64;
-constexpr int kStartMs = 20'000;
+constexpr int kLinkMs = 20'000;
 
-struct Channel {
+struct PtyChannel {
   Pty device;
   UniqueFd driver;
   std::string link, tape;
 };
 
-void write_config(const std::vector<Channel>& channels, const std::filesystem::path& dir) {
+void write_config(const std::vector<PtyChannel>& channels, const std::filesystem::path& dir) {
   std::ofstream out(dir / "config");
   for (std::size_t n = 0; n < channels.size(); ++n) {
-    const Channel& channel = channels[n];
+    const PtyChannel& channel = channels[n];
     out << "[channel c" << n << "]\ndevice = serial:" << channel.device.slave
         << "\ndriver = pty:" << channel.link << "\ntape = " << channel.tape << "\n";
   }
@@ -35,7 +35,7 @@ void write_config(const std::vector<Channel>& channels, const std::filesystem::p
 }
 
 // `files`: the daemon's soft limit of descriptors.
-Child start_daemon(const std::string& program, std::size_t files, const std::vector<Channel>& channels,
+Child start_daemon(const std::string& program, std::size_t files, const std::vector<PtyChannel>& channels,
                    const std::filesystem::path& dir) {
   write_config(channels, dir);
   const std::string limit = "ulimit -S -n " + std::to_string(files) + "; exec \"$@\"";
@@ -44,16 +44,17 @@ Child start_daemon(const std::string& program, std::size_t files, const std::vec
       (dir / "output").string());
 }
 
-Child start_bare(const std::vector<Channel>& channels) {
+Child start_bare(const std::vector<PtyChannel>& channels) {
   std::vector<BareLine> lines;
-  for (const Channel& channel : channels) lines.push_back({channel.device.slave, channel.link, channel.tape});
+  for (const PtyChannel& channel : channels)
+    lines.push_back({channel.device.slave, channel.link, channel.tape});
   return Child::fork([lines = std::move(lines)] { relay_bare(lines); });
 }
 
 // One byte each way: the channel has opened its device and moves bytes.
-void open_driver(Channel& channel) {
+void open_driver(PtyChannel& channel) {
   for (int waited = 0; !std::filesystem::exists(channel.link); waited += 10) {
-    if (waited > kStartMs) throw BenchError("no " + channel.link + " was made");
+    if (waited > kLinkMs) throw BenchError("no " + channel.link + " was made");
     sleep_ms(10);
   }
   channel.driver = open_port(channel.link);
@@ -147,7 +148,7 @@ int ptys_command(const Arguments& arguments) {
   const bool together = line.get<bool>("together");
   const std::uint64_t bytes = baud * seconds / 10 / kPiece * kPiece;
   const ScratchDir dir;
-  std::vector<Channel> channels(line.get<std::size_t>("channels"));
+  std::vector<PtyChannel> channels(line.get<std::size_t>("channels"));
   for (std::size_t n = 0; n < channels.size(); ++n) {
     const std::string name = (dir.path() / ("c" + std::to_string(n))).string();
     channels[n] = {make_pty(), {}, name, name + ".log"};
@@ -157,7 +158,7 @@ int ptys_command(const Arguments& arguments) {
                       : start_daemon(line.get<std::string>("daemon"), line.get<std::size_t>("files"),
                                      channels, dir.path());
   const Watchdog watchdog(static_cast<unsigned>(60 + 4 * seconds), "ptys");
-  for (Channel& channel : channels) open_driver(channel);
+  for (PtyChannel& channel : channels) open_driver(channel);
   const Idle idle = watch_idle(daemon.pid(), line.get<double>("idle"));
   std::vector<int> ends;
   for (std::size_t n = 0; n < talking; ++n) {

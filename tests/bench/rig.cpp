@@ -11,7 +11,7 @@
 namespace porttape::bench {
 namespace {
 
-constexpr int kStartMs = 10'000;
+constexpr int kPortMs = 10'000;
 
 std::string filled(std::string text, const std::string& key, const std::string& value) {
   for (std::size_t at = 0; (at = text.find(key, at)) != std::string::npos; at += value.size()) {
@@ -83,12 +83,12 @@ void Rig::start() {
   if (tcp_) return;
   for (int waited = 0; !std::filesystem::exists(driver_path()); waited += 2) {
     if (relay_.poll()) throw BenchError(name() + " ended at start: " + output_tail());
-    if (waited > kStartMs) throw BenchError(name() + " made no driver port: " + output_tail());
+    if (waited > kPortMs) throw BenchError(name() + " made no driver port: " + output_tail());
     sleep_ms(2);
   }
 }
 
-void Rig::open_driver() { driver_ = tcp_ ? connect_tcp(driver_port_, kStartMs) : open_port(driver_path()); }
+void Rig::open_driver() { driver_ = tcp_ ? connect_tcp(driver_port_, kPortMs) : open_port(driver_path()); }
 
 int Rig::device() {
   if (!tcp_) return device_.master.get();

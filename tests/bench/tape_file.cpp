@@ -15,7 +15,7 @@ namespace po = boost::program_options;
 namespace {
 
 constexpr std::size_t kHeader = 12;
-constexpr std::int64_t kSecond = 1'000'000;
+constexpr std::int64_t kMicrosASecond = 1'000'000;
 
 void put_u32(Byte* out, std::uint32_t value) {
   for (int i = 0; i < 4; ++i) out[i] = static_cast<Byte>(value >> (24 - 8 * i));
@@ -39,8 +39,8 @@ BlockFile::~BlockFile() {
 
 void BlockFile::put(std::int64_t time_us, const Byte* data, std::size_t size) {
   Byte header[kHeader];
-  put_u32(header, static_cast<std::uint32_t>(time_us / kSecond));
-  put_u32(header + 4, static_cast<std::uint32_t>(time_us % kSecond));
+  put_u32(header, static_cast<std::uint32_t>(time_us / kMicrosASecond));
+  put_u32(header + 4, static_cast<std::uint32_t>(time_us % kMicrosASecond));
   put_u32(header + 8, static_cast<std::uint32_t>(size));
   if (std::fwrite(header, 1, kHeader, file_) != kHeader || std::fwrite(data, 1, size, file_) != size) {
     throw_errno(path_);
@@ -56,7 +56,7 @@ bool BlockFile::get(Block& block) {
   const std::size_t n = std::fread(header, 1, kHeader, file_);
   if (n == 0 && std::feof(file_) != 0) return false;
   if (n != kHeader) throw BenchError(path_ + ": torn block header");
-  block.time_us = std::int64_t{get_u32(header)} * kSecond + get_u32(header + 4);
+  block.time_us = std::int64_t{get_u32(header)} * kMicrosASecond + get_u32(header + 4);
   const std::uint32_t size = get_u32(header + 8);
   if (size > (1U << 24)) throw BenchError(path_ + ": a block of " + std::to_string(size) + " bytes");
   block.data.resize(size);

@@ -10,6 +10,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "libport/base/line_settings_text.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "tests/blocking/blocking_rig.hpp"
@@ -90,7 +91,7 @@ TEST_F(BlockingReplayTest, AWrongWriteFailsWithWhatIsWrong) {
   EXPECT_EQ(told(port->write(as_bytes("as"))), "2 ");
   const std::string error = told(port->write(as_bytes("XX")));
   EXPECT_THAT(error, HasSubstr("byte 2 of all it wrote"));
-  EXPECT_THAT(error, HasSubstr("61 73 6b"));
+  EXPECT_THAT(error, HasSubstr("61 73 -- 6b"));
   EXPECT_THAT(error, HasSubstr("61 73 58 58"));
   EXPECT_FALSE(port->is_open());
   ASSERT_TRUE(port->open().has_value()) << "a new run";
@@ -185,6 +186,94 @@ TEST(BlockingTape, ATapeRecordedInProcessReplaysInProcess) {
   EXPECT_EQ(told((*replay)->write(as_bytes("bye"))), "3 ");
   (*replay)->close();
   EXPECT_EQ((*replay)->finish(), 0);
+}
+
+// Asks at 19200 baud, and once more at 57600.
+class BlockingSettings : public testing::Test {
+ public:
+  BlockingSettings() {
+    ::grantpt(device.get());
+    ::unlockpt(device.get());
+  }
+  void record() {
+    auto port = BlockingPort::create(fmt::format("type=seriallog,file={},device={},baud=19200,timeout=5",
+                                                 dir / "t.log", ::ptsname(device.get())));
+    ASSERT_TRUE(port.has_value());
+    ASSERT_TRUE((*port)->open().has_value());
+    ask(**port);
+    ASSERT_TRUE((*port)->set_baud(57600).has_value());
+    ASSERT_TRUE((*port)->set_baud(57600).has_value());
+    ask(**port);
+    (*port)->close();
+    ASSERT_EQ((*port)->finish(), 0);
+  }
+  void ask(BlockingPort& port) {
+    EXPECT_EQ(told(port.write(as_bytes("ask"))), "3 ");
+    ASSERT_EQ(::write(device.get(), "answer", 6), 6);
+    EXPECT_EQ(read_some(port), "6 answer");
+  }
+  // The exit status of a replay that sets `baud` before its second question; 0: it does not.
+  int replay(unsigned baud) {
+    auto port = BlockingPort::create(
+        "type=logreader,strictness=1,timing=reactive,timeout=5,check-settings,file=" + (dir / "t.log"));
+    EXPECT_TRUE(port.has_value() && (*port)->open().has_value());
+    for (int question = 1; question <= 2; ++question) {
+      if (question == 2 && baud > 0) {
+        EXPECT_TRUE((*port)->set_baud(baud).has_value());
+      }
+      EXPECT_EQ(told((*port)->write(as_bytes("ask"))), "3 ");
+      EXPECT_EQ(read_some(**port), "6 answer");
+    }
+    (*port)->close();
+    return (*port)->finish();
+  }
+  std::string events() {
+    std::string text;
+    auto tape = TapeReader::open(literal_tape(dir / "t.log"));
+    for (auto record = tape->next(); record && *record; record = tape->next()) {
+      const Event* const event = (**record).event;
+      const auto* settings = event == nullptr ? nullptr : std::get_if<event::Settings>(event);
+      if (settings != nullptr) {
+        text +=
+            fmt::format("{} {}{}, ", settings->by == Side::driver ? "driver" : "device",
+                        to_text(settings->line), settings->order == SettingsOrder::exact ? "" : " (sampled)");
+      } else if ((**record).kind == RecordKind::write) {
+        text += "ask, ";
+      }
+    }
+    return text;
+  }
+
+  test::TempDir dir;
+  UniqueFd device{::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK)};
+};
+
+TEST_F(BlockingSettings, AreOnTheTapeAndHeldAgainstItAtTheReplay) {
+  ASSERT_NO_FATAL_FAILURE(record());
+  EXPECT_EQ(events(), "device 19200 baud, 8N1, ask, driver 57600 baud, 8N1, ask, ");
+  EXPECT_EQ(replay(57600), exit_status::kPass);
+  EXPECT_EQ(replay(0), exit_status::kDataMismatch);
+  EXPECT_EQ(replay(300), exit_status::kDataMismatch);
+}
+
+TEST_F(BlockingSettings, ATapeThatTellsOfNoneTakesAny) {
+  test::write_file(dir / "t.logr", test::block_bytes({{0, "answer"}}));
+  auto port = BlockingPort::create("type=logreader,check-settings,timeout=5,file=" + (dir / "t.log"));
+  ASSERT_TRUE(port.has_value());
+  EXPECT_TRUE((*port)->set_baud(300).has_value());
+  ASSERT_TRUE((*port)->open().has_value());
+  EXPECT_TRUE((*port)->set_baud(600).has_value());
+  EXPECT_EQ(read_some(**port), "6 answer");
+  (*port)->close();
+  EXPECT_EQ((*port)->finish(), 0);
+}
+
+TEST_F(BlockingSettings, ALineWithoutThemSaysSo) {
+  auto port = BlockingPort::create("type=udp,timeout=1");
+  ASSERT_TRUE(port.has_value() && (*port)->open().has_value());
+  const Result<void> set = (*port)->set_baud(300);
+  ASSERT_FALSE(set.has_value());
+  EXPECT_THAT(set.error().message, HasSubstr("has no baud rate"));
 }
 
 TEST(BlockingTape, ALineThatCannotBeOpenedLeavesTheOldTape) {

@@ -7,7 +7,6 @@
 namespace porttape {
 namespace {
 
-using End = LoopWait::End;
 using std::chrono::milliseconds;
 
 constexpr Micros kForever{-1};
@@ -22,24 +21,24 @@ TEST_F(LoopWaitTest, EndsWhenTheConditionHolds) {
   bool rung = false;
   Timer bell(loop, [&] { rung = true; });
   bell.set_after(milliseconds(1));
-  EXPECT_EQ(wait.until([&] { return rung; }, kForever), End::ready);
+  EXPECT_EQ(wait.until([&] { return rung; }, kForever), LoopWait::End::ready);
 }
 
 TEST_F(LoopWaitTest, DoesWhatIsDueEvenWithoutTime) {
   bool done = false;
   loop.post([&] { done = true; });
-  EXPECT_EQ(wait.until([&] { return done; }, Micros{0}), End::ready);
-  EXPECT_EQ(wait.until([] { return false; }, Micros{0}), End::timed_out);
+  EXPECT_EQ(wait.until([&] { return done; }, Micros{0}), LoopWait::End::ready);
+  EXPECT_EQ(wait.until([] { return false; }, Micros{0}), LoopWait::End::timed_out);
 }
 
 TEST_F(LoopWaitTest, TimesOut) {
   const Instant start = Loop::now();
-  EXPECT_EQ(wait.until([] { return false; }, milliseconds(2)), End::timed_out);
+  EXPECT_EQ(wait.until([] { return false; }, milliseconds(2)), LoopWait::End::timed_out);
   EXPECT_GE(Loop::now() - start, milliseconds(2));
 }
 
 TEST_F(LoopWaitTest, StallsWhereNothingCanHappen) {
-  EXPECT_EQ(wait.until([] { return false; }, kForever), End::stalled);
+  EXPECT_EQ(wait.until([] { return false; }, kForever), LoopWait::End::stalled);
 }
 
 TEST_F(LoopWaitTest, ProgressBeginsTheTimeoutAgain) {
@@ -50,13 +49,13 @@ TEST_F(LoopWaitTest, ProgressBeginsTheTimeoutAgain) {
     if (++beats < 3) beat.set_after(milliseconds(5));
   });
   beat.set_after(milliseconds(5));
-  EXPECT_EQ(wait.until_or_quiet([] { return false; }, milliseconds(200)), End::timed_out);
+  EXPECT_EQ(wait.until_or_quiet([] { return false; }, milliseconds(200)), LoopWait::End::timed_out);
   EXPECT_GE(Loop::now() - start, milliseconds(210));
 }
 
 TEST_F(LoopWaitTest, LooksAtAConditionThatNoEventTellsOf) {
   int looks = 0;
-  EXPECT_EQ(wait.until_seen([&] { return ++looks > 3; }, kForever), End::ready);
+  EXPECT_EQ(wait.until_seen([&] { return ++looks > 3; }, kForever), LoopWait::End::ready);
 }
 
 }  // namespace

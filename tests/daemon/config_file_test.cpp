@@ -18,7 +18,7 @@ auto read(const std::string& text) {
   return read_config(in, "test.conf");
 }
 
-std::string error_of(const std::string& text) {
+std::string errors_of(const std::string& text) {
   const auto channels = read(text);
   EXPECT_FALSE(channels.has_value()) << text;
   if (channels) return {};
@@ -56,45 +56,45 @@ TEST(ConfigFile, CommentsAndSpaceAreNothing) {
 }
 
 TEST(ConfigFile, ErrorsNameFileAndLine) {
-  EXPECT_THAT(error_of(""), HasSubstr("test.conf:1: there is no section"));
-  EXPECT_THAT(error_of("device = /dev/x\n"), HasSubstr("test.conf:1: 'device' is in no section"));
-  EXPECT_THAT(error_of(std::string("\x7F"
-                                   "ELF\0",
-                                   5)),
+  EXPECT_THAT(errors_of(""), HasSubstr("test.conf:1: there is no section"));
+  EXPECT_THAT(errors_of("device = /dev/x\n"), HasSubstr("test.conf:1: 'device' is in no section"));
+  EXPECT_THAT(errors_of(std::string("\x7F"
+                                    "ELF\0",
+                                    5)),
               HasSubstr("test.conf:1: is not text"));
   const std::string good = "driver=pty\ndevice=/dev/x\n";
-  EXPECT_THAT(error_of("\n[channel a]\n" + good + "device = /dev/y\n"),
+  EXPECT_THAT(errors_of("\n[channel a]\n" + good + "device = /dev/y\n"),
               HasSubstr("test.conf:5: option 'device' is there twice, first in line 4"));
-  EXPECT_THAT(error_of("[channel a]\n" + good + "[channel a]\n" + good),
+  EXPECT_THAT(errors_of("[channel a]\n" + good + "[channel a]\n" + good),
               HasSubstr("test.conf:4: channel 'a' is there twice, first in line 1"));
-  EXPECT_THAT(error_of("[channel a]\nnonsense\n"), HasSubstr("test.conf:2: 'nonsense' is neither"));
-  EXPECT_THAT(error_of("[channel a]\n%invalid_line%\n"), HasSubstr("'%invalid_line%' is neither"));
+  EXPECT_THAT(errors_of("[channel a]\nnonsense\n"), HasSubstr("test.conf:2: 'nonsense' is neither"));
+  EXPECT_THAT(errors_of("[channel a]\n%invalid_line%\n"), HasSubstr("'%invalid_line%' is neither"));
 }
 
 TEST(ConfigFile, ASectionOfAnotherNameIsNamedAndItsKeysAreNot) {
-  EXPECT_EQ(error_of("[laser]\ndevice = /dev/x\n"),
+  EXPECT_EQ(errors_of("[laser]\ndevice = /dev/x\n"),
             "test.conf:1: '[laser]' is no section; did you mean '[channel laser]'?");
-  EXPECT_THAT(error_of("[chanel laser]\n"), HasSubstr("did you mean '[channel laser]'?"));
-  EXPECT_THAT(error_of("[channel]\n"), HasSubstr("accepted: [channel NAME]"));
+  EXPECT_THAT(errors_of("[chanel laser]\n"), HasSubstr("did you mean '[channel laser]'?"));
+  EXPECT_THAT(errors_of("[channel]\n"), HasSubstr("accepted: [channel NAME]"));
 }
 
 TEST(ConfigFile, AKeyWithADotIsNoOtherChannel) {
-  EXPECT_THAT(error_of("[channel a]\nb.device=x\ndriver=pty\ndevice=/dev/x\n"),
+  EXPECT_THAT(errors_of("[channel a]\nb.device=x\ndriver=pty\ndevice=/dev/x\n"),
               HasSubstr("test.conf:2: unknown option 'b.device' of bridge"));
 }
 
 TEST(ConfigFile, EverythingThatIsWrongIsToldAtOnceInOrder) {
   EXPECT_EQ(
-      error_of("[channel b]\n"
-               "driver = pty:/tmp/b\n"
-               "tape = laser\n"
-               "strictnes = 2\n"
-               "jitter = 5ms\n"
-               "[channel a]\n"
-               "driver = /tmp/a\n"
-               "device = serial:/dev/x,bau=1\n"
-               "[channel c]\n"
-               "driver = pty:/tmp/../tmp/b\n"),
+      errors_of("[channel b]\n"
+                "driver = pty:/tmp/b\n"
+                "tape = laser\n"
+                "strictnes = 2\n"
+                "jitter = 5ms\n"
+                "[channel a]\n"
+                "driver = /tmp/a\n"
+                "device = serial:/dev/x,bau=1\n"
+                "[channel c]\n"
+                "driver = pty:/tmp/../tmp/b\n"),
       "test.conf:4: unknown option 'strictnes' of replay; did you mean 'strictness'?\n"
       "test.conf:5: option 'jitter': '5ms' is not valid; accepted: milliseconds, 0 to 1000000000; did you "
       "mean '5'?\n"
@@ -106,14 +106,14 @@ TEST(ConfigFile, EverythingThatIsWrongIsToldAtOnceInOrder) {
 }
 
 TEST(ConfigFile, ATapeIsOfOneChannel) {
-  EXPECT_THAT(error_of("[channel a]\ndevice=/dev/x\ndriver=pty\ntape=t\n"
-                       "[channel b]\ndevice=/dev/y\ndriver=pty\ntape=t.log\n"),
+  EXPECT_THAT(errors_of("[channel a]\ndevice=/dev/x\ndriver=pty\ntape=t\n"
+                        "[channel b]\ndevice=/dev/y\ndriver=pty\ntape=t.log\n"),
               MatchesRegex("test.conf:8: tape '.*/t.log' is that of channel 'a'; name another"));
 }
 
 TEST(ConfigFile, AReportIsOfOneChannelToo) {
   const std::string replays = "driver=pty\ntape=t\nreport=";
-  EXPECT_THAT(error_of("[channel a]\n" + replays + "/r.json\n[channel b]\n" + replays + "/./r.json\n"),
+  EXPECT_THAT(errors_of("[channel a]\n" + replays + "/r.json\n[channel b]\n" + replays + "/./r.json\n"),
               HasSubstr("test.conf:8: report '/r.json' is that of channel 'a'; name another"));
   EXPECT_TRUE(read("[channel a]\n" + replays + "-\n[channel b]\n" + replays + "-\n").has_value());
 }
@@ -121,7 +121,7 @@ TEST(ConfigFile, AReportIsOfOneChannelToo) {
 TEST(ConfigFile, OfWhatIsNoConfigurationTwentyLinesAreTold) {
   std::string text;
   for (int n = 0; n < 100; ++n) text += "word\n";
-  EXPECT_THAT(error_of(text),
+  EXPECT_THAT(errors_of(text),
               HasSubstr("test.conf:20: 'word' is neither KEY = VALUE nor [channel NAME]\nand 80 "
                         "more of the kind"));
 }

@@ -24,6 +24,17 @@ TEST(ControlProtocol, EachVerbReachesItsTarget) {
   EXPECT_EQ(target.calls, "mark(x,a \"b\") stop() ");
 }
 
+TEST(ControlReply, APlaybackRequestIsPassedOnAsNumbers) {
+  ToldTarget target;
+  for (const std::string_view line :
+       {R"({"verb":"pause"})", R"({"verb":"resume","channel":"x"})", R"({"verb":"step"})",
+        R"({"verb":"step","count":"3"})", R"({"verb":"seek","to":"12.5"})", R"({"verb":"rate","rate":"0.5"})"})
+    EXPECT_NE(control_reply(target, line).find(R"("ok":true)"), std::string::npos) << line;
+  EXPECT_EQ(target.calls,
+            "pause(,1,0,1.000000) resume(x,1,0,1.000000) step(,1,0,1.000000) step(,3,0,1.000000) "
+            "seek(,1,12500000,1.000000) rate(,1,0,0.500000) ");
+}
+
 TEST(ControlProtocol, WhatCannotBeDoneIsSaidWithItsReason) {
   ToldTarget target;
   target.error = make_error(Errc::io, "tape t.log has not begun");
@@ -41,12 +52,19 @@ TEST(ControlProtocol, WrongRequestsDoNothingAndSayWhatIsKnown) {
       {"stop", "JSON object"},
       {"[]", "JSON object"},
       {R"({"verb":"stop"} x)", "JSON object"},
-      {R"({})", "known: status, mark, stop"},
-      {R"({"verb":"stopp"})", "unknown verb 'stopp'; known: status, mark, stop"},
+      {R"({})", "known: status, mark, pause, resume, step, seek, rate, stop"},
+      {R"({"verb":"stopp"})", "unknown verb 'stopp'; known: status, mark, pause, resume, step, seek, rate, stop"},
       {R"({"verb":"stop","chanel":"x"})", "stop has no 'chanel'; it has: channel"},
       {R"({"verb":"status","channel":"x"})", "status has no 'channel'"},
       {R"({"verb":"stop","channel":5})", "'channel' must be a text"},
       {R"({"verb":"mark"})", "text is missing"},
+      {R"({"verb":"pause","to":"1"})", "pause has no 'to'; it has: channel"},
+      {R"({"verb":"step","count":"0"})", "'0'; accepted: 1 to 1000000"},
+      {R"({"verb":"step","count":"-1"})", "'-1'; accepted: 1 to 1000000"},
+      {R"({"verb":"seek"})", "seek: the time is missing"},
+      {R"({"verb":"seek","to":"-1"})", "seek: the time is '-1'; accepted: seconds, 0 to 1000000000"},
+      {R"({"verb":"seek","to":"later"})", "'later'; accepted: seconds"},
+      {R"({"verb":"rate","rate":"0"})", "rate: the rate is '0'"},
       {R"({"verb":"mark","text":")" + std::string(kMaxEventText + 1, 'x') + R"("})", "at most 4096"},
       {std::string(10'000, '['), "JSON object"}};
   for (const auto& [line, why] : wrong) {

@@ -52,7 +52,7 @@ TEST(Invocation, EveryVerbHasHelpWithAnExample) {
 
 TEST(Invocation, EveryReplayOptionOfTheContractIsThere) {
   for (const char* option : {"strictness", "jitter", "timing", "rate", "on-mismatch", "at-end", "on-reopen",
-                             "chunks", "burst-gap", "patience", "once", "report"}) {
+                             "chunks", "burst-gap", "match", "patience", "check-settings", "once", "report"}) {
     EXPECT_THAT(parse({"replay", "--help"})->print.value_or(""), HasSubstr(std::string("--") + option));
   }
 }

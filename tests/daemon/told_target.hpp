@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <optional>
 #include <string>
@@ -17,6 +18,14 @@ class ToldTarget final : public ControlTarget {
   }
   Result<Outcome> mark(const std::string& channel, const std::string& text) override {
     calls += "mark(" + channel + "," + text + ") ";
+    if (error) return *error;
+    return Outcome{{channel.empty() ? "all" : channel}, {}};
+  }
+  Result<Outcome> play(const std::string& channel, const PlaybackRequest& what) override {
+    constexpr const char* kNames[] = {"pause", "resume", "step", "seek", "rate"};
+    calls += kNames[static_cast<std::size_t>(what.kind)];
+    calls += "(" + channel + "," + std::to_string(what.exchanges) + "," + std::to_string(what.to.count()) +
+             "," + std::to_string(what.rate) + ") ";
     if (error) return *error;
     return Outcome{{channel.empty() ? "all" : channel}, {}};
   }

@@ -1,8 +1,9 @@
-"""The block files of a tape, read by code that shares nothing with the project's own reader.
+"""The files of a tape, read and written by code that shares nothing with the project's own.
 
 As a program: `tapefile.py payload FILE` writes the bytes of a block file to stdout; a torn tail is left out.
 """
 
+import json
 import struct
 import sys
 
@@ -41,6 +42,20 @@ def exchanges(write_path, read_path):
         else:
             found[-1][0] += data
     return [tuple(pair) for pair in found]
+
+
+def block(at, data):
+    """One block, at so many microseconds."""
+    return struct.pack(">III", *divmod(at, 1_000_000), len(data)) + data
+
+
+def write(name, reads, events, transport="stream"):
+    """Makes the tape NAMEr and NAMEe of [(microseconds, bytes)] that its device sent and of [(microseconds, event)]."""
+    with open(name + "r", "wb") as file:
+        file.writelines(block(at, data) for at, data in reads)
+    header = {"format": "porttape-events", "version": 1, "transport": transport, "stamped": "arrival"}
+    with open(name + "e", "w", encoding="utf-8") as file:
+        file.writelines(json.dumps(line) + "\n" for line in [header, *({"t_us": at, **event} for at, event in events)])
 
 
 if __name__ == "__main__":

@@ -118,23 +118,23 @@ if [[ -n ${SANITIZE:-} ]]; then
   exit 0
 fi
 
-# Descriptors for some channels only: those that are up stay exact.
+# Descriptors for some channels only: those that are up work, however the number comes out.
 for ((n = 0; n < 40; n++)); do
   printf '[channel c%d]\ndevice = unix:%s/device.socket\ndriver = pty:%s/c%d\n' "$n" "$work" "$work" "$n"
 done >many.conf
-start prlimit --nofile=30:30 "$PORTTAPED" run many.conf 2>log
-daemon=$started
-until_true 20 grep -q 'trying again' log || die "30 descriptors are enough for 40 channels?"
-mapfile -t up < <(find . -name 'c*' -type l | sort)
-[[ ${#up[@]} -gt 4 ]] || die "only ${#up[@]} channels are up: $(cat log)"
-alive "$daemon" || die "it has ended: $(cat log)"
-n=0
-for name in "${up[@]}"; do
-  ((n++ < 3)) || break
-  talk "$work/$name" "on $name"
+for limit in 30 31; do
+  start prlimit "--nofile=$limit:$limit" "$PORTTAPED" run many.conf 2>log
+  daemon=$started
+  until_true 20 grep -q 'trying again' log || die "$limit descriptors are enough for 40 channels?"
+  mapfile -t up < <(find . -name 'c*' -type l | sort)
+  [[ ${#up[@]} -gt 4 ]] || die "only ${#up[@]} channels are up: $(cat log)"
+  alive "$daemon" || die "it has ended: $(cat log)"
+  for name in "${up[@]:0:3}"; do
+    talk "$work/$name" "on $name"
+  done
+  kill -TERM "$daemon"
+  ended "$daemon" 10 || die "SIGTERM does not end it: $(cat log)"
+  status_of "$daemon"
+  [[ $status == 0 ]] || die "exit $status: $(tail log)"
+  say "$limit descriptors: ${#up[@]} of 40 channels are up and work"
 done
-kill -TERM "$daemon"
-ended "$daemon" 10 || die "SIGTERM does not end it: $(cat log)"
-status_of "$daemon"
-[[ $status == 0 ]] || die "exit $status: $(tail log)"
-say "few descriptors: ${#up[@]} of 40 channels are up and work"

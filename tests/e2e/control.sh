@@ -22,7 +22,7 @@ wait_for "$work/port" log
 until_true 10 test -S "control/$record.sock" || die "no control socket: $(cat log)"
 [[ $(stat -c %a "control/$record.sock") == 600 ]] || die "the socket is not its owner's alone"
 fails 1 "no driver has opened the port yet" ctl mark early
-fails 2 "accepted: mark, stop" ctl frobnicate
+fails 2 "accepted: mark, pause, resume, step, seek, rate, stop" ctl frobnicate
 fails 1 "is no porttaped" ctl -p 1 stop
 own status || die "status: $(cat err)"
 grep -q "waits for a driver" out || die "a line without a driver: $(cat out)"

@@ -7,21 +7,11 @@ line_pair line
 cd "$work"
 
 record() { start "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/port" --tape "$1" 2>>"$work/log"; wait_for "$work/port" "$work/log"; }
-# One exchange over the port; the device end sends everything back.
+# The device end sends everything back.
 start socat "FILE:$work/line.far,raw,echo=0" PIPE
-talk() {
-  "$PYTHON" -c 'import sys
-sys.path.insert(0, sys.argv[1])
-from line import Line
-line = Line(sys.argv[2])
-line.write(sys.argv[3].encode() + b"\n")
-got = line.read_until(b"\n", 10)
-sys.exit(got != sys.argv[3].encode() + b"\n")' "$devices" "$work/port" "$1" || die "no answer to $1: $(cat "$work/log")"
-}
-
 for signal in TERM INT; do
   record "$work/$signal.log"
-  talk hello
+  talk "$work/port" hello
   kill "-$signal" "$started"
   ended "$started" 10 || die "SIG$signal does not end porttaped"
   status_of "$started"
@@ -32,11 +22,11 @@ done
 say "SIGTERM and SIGINT: exit 0, no link, tape closed"
 
 record "$work/turn.log"
-talk first
+talk "$work/port" first
 find . -name '*.logr' | sort >before
 kill -USR1 "$started"
 until_true 10 grep -q "turn.log is complete" "$work/log" || die "SIGUSR1 does not end the tape: $(cat "$work/log")"
-talk second
+talk "$work/port" second
 kill -TERM "$started"
 status_of "$started"
 [[ $status == 0 ]] || die "after SIGUSR1: exit $status: $(cat "$work/log")"
@@ -53,7 +43,7 @@ kill -KILL "$started"
 status_of "$started"
 [[ -L $work/port ]] || die "expected the killed daemon's link to be still there"
 record "$work/again.log"
-talk hello
+talk "$work/port" hello
 stop "$started"
 say "a killed daemon's dangling link is taken over"
 

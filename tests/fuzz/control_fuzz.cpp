@@ -26,6 +26,10 @@ class Target final : public ControlTarget {
     require(!text.empty() && text.size() <= kMaxEventText, "a mark has a text of its size");
     return outcome(channel);
   }
+  Result<Outcome> play(const std::string& channel, const PlaybackRequest& what) override {
+    require(what.rate > 0 && what.exchanges > 0 && what.to >= Micros{}, "only good requests come through");
+    return outcome(channel);
+  }
   Result<Outcome> stop(const std::string& channel) override { return outcome(channel); }
 
   mutable int calls = 0;

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "libport/replay/engine.hpp"
+#include "libport/replay/tape_part.hpp"
 #include "tests/fuzz/fuzz.hpp"
 #include "tests/support/memory_tape.hpp"
 #include "tests/support/random_tape.hpp"
@@ -21,12 +22,27 @@ ReplayConfig make_config(Choices& input) {
   ReplayConfig config;
   config.strictness = static_cast<int>(input(3));
   config.timing = static_cast<Timing>(input(3));
-  config.on_mismatch = static_cast<OnMismatch>(input(2));
+  config.on_mismatch = static_cast<OnMismatch>(input(3));
   config.at_end = static_cast<AtEnd>(input(3));
   config.on_reopen = static_cast<OnReopen>(input(3));
-  config.chunks = static_cast<Chunks>(input(3));
+  config.chunks = static_cast<Chunks>(input(5));
+  config.chunk_seed = input(100);
   constexpr double kRates[] = {1, 0.5, 3, 1000};
   config.rate = kRates[input(4)];
+  config.check_settings = input(2) == 1;
+  if (input(3) == 0) {
+    config.match = Match::lookup;
+    config.strictness = std::min(config.strictness, 1);
+    if (config.timing == Timing::recorded) config.timing = Timing::reactive;
+    config.check_settings = false;
+  }
+  if (config.match == Match::lookup || config.on_mismatch == OnMismatch::resync) return config;
+  constexpr std::uint64_t kLoops[] = {1, 1, 1, 2, 0};
+  config.loops = kLoops[input(5)];
+  if (input(4) == 0) config.start = tape_time_us(input(200'000));
+  if (input(4) == 0) config.end = config.start + Micros{1 + input(300'000)};
+  if (input(4) == 0) config.max_gap = Micros{input(9'000)};
+  config.preroll = input(4) == 0;
   return config;
 }
 
@@ -35,18 +51,26 @@ class Play {
   Play(const MemoryTape& tape, const ReplayConfig& config, bool sessions, std::size_t piece)
       : tape_(tape),
         config_(config),
+        part_{.until = config.end.value_or(TapeTime::max())},
+        steered_(config.loops != 1 || config.start > TapeTime{} || config.end || config.preroll),
         sessions_(sessions),
         reads_(tape.all(RecordKind::read)),
         writes_(tape.all(RecordKind::write)),
-        schedule_(tape, MemorySource::Select::merged, piece),
-        write_source_(tape, MemorySource::Select::writes_only, piece),
+        merged_(tape, MemorySource::Select::merged, piece),
+        writes_alone_(tape, MemorySource::Select::writes_only, piece),
+        schedule_(merged_, part_),
+        write_source_(writes_alone_, part_),
+        index_(tape, MemorySource::Select::merged, piece),
+        answers_(tape, piece),
         engine_(config,
                 {.stamped_at_arrival = sessions,
                  .opens = tape.opens(),
                  .hang_ups = tape.hang_ups(),
                  .gaps = tape.gaps(),
+                 .preroll_from = config.preroll ? tape.open_before(to_us(config.start)) : std::nullopt,
                  .totals = TapeTotals{reads_.size(), writes_.size()}},
-                schedule_, write_source_, {.half_closes = sessions}) {}
+                schedule_, write_source_, {.index = &index_, .answers = &answers_, .half_closes = sessions}) {
+  }
 
   void run(Choices& input) {
     while (!input.done()) {
@@ -90,7 +114,15 @@ class Play {
         write(writes_.substr(std::min(written_.size(), writes_.size()), 1 + input(9)));
         break;
       case 5:
-        engine_.set_blocked(blocked_ = !blocked_);
+        if (input(3) == 0) {
+          steer(input);
+        } else if (engine_.holds_piece() && input(2) == 0) {
+          engine_.on_taken(now_);
+        } else if (input(3) == 0) {
+          engine_.on_settings(now_, {.baud = 300 * (1 + input(3))});
+        } else {
+          engine_.set_blocked(blocked_ = !blocked_);
+        }
         break;
       case 6:
         now_ += Micros{input(65536)};
@@ -99,6 +131,25 @@ class Play {
         until(now_ + Micros{input(65536) * 30});
         break;
     }
+  }
+
+  void steer(Choices& input) {
+    constexpr double kRates[] = {0.25, 1, 7};
+    switch (input(4)) {
+      case 0:
+        engine_.stand(now_, stands_ = !stands_);
+        break;
+      case 1:
+        engine_.step(now_, input(3));
+        break;
+      case 2:
+        steered_ = true;
+        engine_.seek(now_, tape_time_us(input(400'000)));
+        break;
+      default:
+        engine_.set_rate(now_, kRates[input(3)]);
+    }
+    (void)engine_.playing(now_);
   }
 
   void write(const std::string& text) {
@@ -137,8 +188,12 @@ class Play {
       require(open_ && !blocked_, "bytes go to an open, unblocked line");
       session_ += as_text(actions.deliver);
       delivered_ += actions.deliver.size();
-      require(reads_.find(session_) != std::string::npos, "a session gets a stretch of the tape");
-      if (!sessions_ && config_.on_reopen != OnReopen::continue_ && tape_.gaps().empty()) check_gates();
+      if (!ordered()) check_parts(actions);
+      require(!ordered() || steered_ || reads_.find(session_) != std::string::npos,
+              "a session gets a stretch of the tape");
+      if (ordered() && !steered_ && !sessions_ && config_.on_reopen != OnReopen::continue_ &&
+          tape_.gaps().empty())
+        check_gates();
     }
     for (const Mismatch& mismatch : actions.mismatches) {
       require(config_.strictness > 0, "strictness 0 has no mismatches");
@@ -166,14 +221,49 @@ class Play {
     }
   }
 
+  [[nodiscard]] bool lookup() const { return config_.match == Match::lookup; }
+  // What comes to the driver comes in the tape's order.
+  [[nodiscard]] bool ordered() const { return !lookup() && config_.on_mismatch != OnMismatch::resync; }
+
+  void check_parts(const ReplayActions& actions) {
+    std::size_t begin = 0;
+    for (const std::size_t end : actions.block_ends) {
+      const std::string_view part = as_text(actions.deliver).substr(begin, end - begin);
+      require(reads_.find(part) != std::string::npos, "an arrival is a stretch of the tape");
+      begin = end;
+    }
+  }
+
+  void check_lookup(const RunReport& report) {
+    const LookupReport& told = *report.lookup;
+    require(told.asked <= told.requests && told.asked <= told.answered, "what was asked for is on the tape");
+    require(told.never_asked.size() ==
+                std::min<std::uint64_t>(told.requests - told.asked, LookupReport::kMostListed),
+            "what was never asked for is listed");
+    require(report.verdict != Verdict::pass || config_.strictness == 0 || told.unknown == 0,
+            "a pass has nothing unknown");
+  }
+
   void check(const RunReport& report) {
     require(report.from_driver_matched <= report.from_driver_bytes, "what matched was written");
-    require(report.from_driver_matched <= report.from_driver_of, "what matched is on the tape");
-    require(report.to_driver_of == reads_.size() && report.from_driver_of == writes_.size(),
+    require(lookup() || steered_ || report.from_driver_matched <= report.from_driver_of,
+            "what matched is on the tape");
+    require(report.lookup.has_value() == lookup(), "what was asked for is told under lookup");
+    if (lookup()) check_lookup(report);
+    require(steered_ || (report.to_driver_of == reads_.size() && report.from_driver_of == writes_.size()),
             "totals are the tape's");
     require(report.to_driver_bytes == delivered_, "every delivery is counted");
-    require(config_.strictness > 0 || report.verdict == Verdict::pass, "strictness 0 passes");
-    require(report.verdict != Verdict::pass || config_.strictness == 0 ||
+    const SettingsReport& settings = report.settings;
+    const std::uint64_t missing = settings.recorded - settings.made;
+    require(settings.made <= settings.recorded, "what was made was recorded");
+    require(settings.missing.size() == std::min<std::uint64_t>(missing, SettingsReport::kMostMissing),
+            "what was not made is told");
+    require(report.verdict != Verdict::settings_mismatch || (config_.check_settings && missing > 0),
+            "only settings that are checked and missing are a mismatch");
+    require(config_.strictness > 0 || report.verdict == Verdict::pass ||
+                report.verdict == Verdict::settings_mismatch,
+            "strictness 0 passes");
+    require(report.verdict != Verdict::pass || config_.strictness == 0 || lookup() || steered_ ||
                 report.from_driver_matched == writes_.size(),
             "a pass has all writes");
     require((report.mismatches > 0) == report.mismatch.has_value(), "the first mismatch is there");
@@ -188,11 +278,18 @@ class Play {
 
   const MemoryTape& tape_;
   ReplayConfig config_;
+  TapePart part_;
+  bool steered_;  // not all of the tape once and in order
+  bool stands_ = false;
   bool sessions_;
   std::string reads_;
   std::string writes_;
-  MemorySource schedule_;
-  MemorySource write_source_;
+  MemorySource merged_;
+  MemorySource writes_alone_;
+  PartOfTape schedule_;
+  PartOfTape write_source_;
+  MemorySource index_;
+  MemoryAnswers answers_;
   Engine engine_;
   Instant now_{Micros{1'000'000}};
   bool open_ = false;

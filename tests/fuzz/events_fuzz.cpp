@@ -28,7 +28,7 @@ class Maker {
   explicit Maker(Input& input) : input_(input) {}
 
   Event event() {
-    switch (input_(11)) {
+    switch (input_(13)) {
       case 0:
         return event::Open{};
       case 1:
@@ -49,6 +49,10 @@ class Maker {
         return event::Gap{number(), flag() ? std::optional(time()) : std::nullopt, text()};
       case 9:
         return event::End{totals(), totals()};
+      case 10:
+        return event::Settings{word<Side>(2), settings(), word<SettingsOrder>(2)};
+      case 11:
+        return event::Fault{fault()};
       default:
         return event::Unknown{"x" + text()};  // no kind begins so
     }
@@ -92,6 +96,28 @@ class Maker {
   std::optional<Word> word(std::uint32_t words) {
     const std::uint32_t chosen = input_(words + 1);
     return chosen == words ? std::nullopt : std::optional(static_cast<Word>(chosen));
+  }
+
+  SeenSettings settings() {
+    SeenSettings line;
+    if (flag()) line.baud = static_cast<unsigned>(number());
+    if (flag()) line.data_bits = 5 + input_(4);
+    line.parity = word<Parity>(5);
+    if (flag()) line.stop_bits = 1 + input_(2);
+    if (flag()) line.hw_flow = flag();
+    if (flag()) line.sw_flow = flag();
+    return line;
+  }
+
+  LineFault fault() {
+    LineFault fault;
+    fault.kind = text();
+    fault.spec = text();
+    fault.dir = word<LineDir>(2);
+    if (flag()) fault.offset = number();
+    fault.count = number();
+    if (flag()) fault.seed = number();
+    return fault;
   }
 
   TapeZero zero() { return {text(), to_us(time()), text()}; }

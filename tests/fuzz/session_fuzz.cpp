@@ -238,6 +238,7 @@ class Schedule {
     side.up = side.ended = side.interrupted = false;
     side.peer.congested = false;  // what was queued went with the line, and no drain is told
     if (&side == &driver_ && !side.peer.passive) ending_ = true;
+    troubles_ += &side == &device_ ? 1 : 0;
     side.peer.down(reason);
   }
 
@@ -259,6 +260,7 @@ class Schedule {
     if (!side.always_open || side.interrupted || side.finishes > 0) return;
     if (&side == &driver_ && !side.up) return;
     side.interrupted = true;
+    troubles_ += &side == &device_ ? 1 : 0;
     side.peer.up_at_once = false;
     side.peer.congested = false;
     side.peer.interrupt();
@@ -284,8 +286,12 @@ class Schedule {
     if (input_(2) == 1) return driver_.peer.flush(static_cast<FlushQueue>(input_(3)));
     const SeenSettings seen{.baud = 300U << input_(4)};
     const auto before = device_.peer.settings;
+    const Session::State state = session_->state();
     driver_.peer.set(seen);
-    require(device_.peer.settings == (before && device_.peer.takes_settings ? seen.over(*before) : before),
+    const auto followed = before && device_.peer.takes_settings ? seen.over(*before) : before;
+    const bool not_yet = state == Session::State::draining;  // the line is the last driver's
+    const bool may_wait = state == Session::State::ending && device_.peer.settings == before;
+    require(device_.peer.settings == (not_yet ? before : followed) || may_wait,
             "the device's line follows the driver's");
   }
 
@@ -319,6 +325,11 @@ class Schedule {
     const MemoryPort::Peer& device = device_.peer;
     if (!driver_.up) {
       require(!device_.open || device.congested, "without a driver the device is closed once it has all");
+      return;
+    }
+    // A device that has failed in quick succession is opened later.
+    if (!device_.open && troubles_ > 0 && session_->state() == Session::State::opening) {
+      require(!driver.reading, "a driver waits for the device to be opened");
       return;
     }
     require(device_.open, "a driver has a device");
@@ -365,6 +376,7 @@ class Schedule {
   bool stopped_ = false;
   int opens_at_stop_ = 0;
   int ends_ = 0;
+  int troubles_ = 0;  // of the device
 };
 
 }  // namespace

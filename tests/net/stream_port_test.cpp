@@ -128,6 +128,21 @@ TEST_F(ConnectingPort, AlwaysOpenConnectsAtOnceAndAgainAfterADrop) {
   until_got(second, "still here");
 }
 
+TEST_F(ConnectingPort, APeerThatClosesAtOnceIsCalledAgainEverLater) {
+  make_connecting(",alwaysopen");
+  const auto called = [this] {
+    run_until(loop, [this] { return server.readable(); });
+    return server.accept();
+  };
+  port->open();
+  const Instant begin = Loop::now();
+  for (int n = 0; n < 4; ++n) called().close();
+  EXPECT_GE(Loop::now() - begin, std::chrono::milliseconds(100 + 200 + 400));
+  Socket talks = called();
+  talks.send("hello");
+  until_data("hello");
+}
+
 TEST_F(ConnectingPort, AlwaysOpenKeepsTheConnectionThroughClose) {
   make_connecting(",alwaysopen");
   port->open();

@@ -25,11 +25,13 @@ class Delays final : public FilterPort {
   Nanos in{};
   Nanos out{};
   bool loses = false;
+  bool closes_behind_first = false;
 
  private:
   void incoming(ByteView arrival) override {
     if (loses) return drop(arrival.size(), "a test wants it");
     deliver(arrival, Loop::now() + in);
+    if (closes_behind_first) close();
   }
   void outgoing(ByteView data) override {
     if (loses) return drop(data.size(), "a test wants it");
@@ -77,6 +79,16 @@ TEST_F(FilterPortTest, PassesOnAtOnceWhatIsDue) {
   EXPECT_EQ(log.data, "abc");
   EXPECT_EQ(device.written, "d");
   EXPECT_FALSE(port.congested());
+}
+
+TEST_F(FilterPortTest, ArrivalsThatCameTogetherStayTogether) {
+  device.arrive("abc", {1, 3});
+  EXPECT_EQ(log.arrivals, 2U);
+  EXPECT_EQ(log.calls, 1);
+  port.in = hours(1);
+  device.arrive("de", {1, 2});
+  port.read_pending();
+  EXPECT_EQ(log.data, "abcde");
 }
 
 TEST_F(FilterPortTest, PassesOnWhenItIsTime) {
@@ -442,26 +454,10 @@ TEST_F(FilterOfEager, WhatComesWhenItIsReadAgainOvertakesNothing) {
 }
 
 TEST_F(FilterOfEager, AfterACloseMidwayTheOtherArrivalsAreDropped) {
-  struct Closer final : PortListener {
-    void on_up() override {}
-    void on_data(ByteView bytes) override {
-      data += as_text(bytes);
-      port->close();
-    }
-    void on_drained() override {}
-    void on_down(const LineDown&) override {}
-    void on_finished(int) override {}
-    void on_complete(int) override {}
-    void on_dropped(std::uint64_t bytes, std::string_view) override { dropped += bytes; }
-    Port* port = nullptr;
-    std::string data;
-    std::uint64_t dropped = 0;
-  } closer;
-  closer.port = &port;
-  port.listen(closer);
+  port.closes_behind_first = true;
   device->say("abc", {1, 2, 3});
-  EXPECT_EQ(closer.data, "a");
-  EXPECT_EQ(closer.dropped, 2U);
+  EXPECT_EQ(log.data, "a");
+  EXPECT_EQ(log.dropped, 2U);
 }
 
 }  // namespace

@@ -14,7 +14,7 @@ namespace porttape {
 namespace {
 
 // Says of each call that it came; what it gives is never a default.
-class ToldPort final : public Port, private WaitingCalls, private Recorder {
+class ToldPort final : public Port, private WaitingCalls, private Recorder, private Playback {
  public:
   explicit ToldPort(std::vector<std::string>& calls) : calls_(&calls) {}
   Result<void> prepare() override {
@@ -37,9 +37,12 @@ class ToldPort final : public Port, private WaitingCalls, private Recorder {
   void hang_up(bool after_reading) override { say(after_reading ? "hang up later" : "hang up"); }
   void read_pending() override { say("read pending"); }
   void peer_flushed(FlushQueue) override { say("peer flushed"); }
+  void peer_set(const SeenSettings&, SettingsOrder) override { say("peer set"); }
+  void faulted(const LineFault& fault) override { say("faulted " + fault.kind); }
   void finish() override { say("finish"); }
   [[nodiscard]] WaitingCalls* waiting() override { return this; }
   [[nodiscard]] Recorder* recorder() override { return this; }
+  [[nodiscard]] Playback* playback_control() override { return this; }
   [[nodiscard]] bool passive() const override { return true; }
   [[nodiscard]] bool keeps_datagrams() const override { return true; }
   [[nodiscard]] std::string name() const override { return "told"; }
@@ -54,6 +57,8 @@ class ToldPort final : public Port, private WaitingCalls, private Recorder {
   [[nodiscard]] std::string awaits() override { return "told"; }
   [[nodiscard]] std::optional<Instant> next_due() override { return Instant{}; }
   Result<void> request(const RecorderRequest&) override { return {}; }
+  Result<void> request(const PlaybackRequest&) override { return {}; }
+  [[nodiscard]] PlaybackStatus playback() override { return {}; }
   void note_gap(std::uint64_t, std::string_view) override {}
   void say(std::string call) { calls_->push_back(std::move(call)); }
 
@@ -82,11 +87,13 @@ TEST_F(ForwardingPortTest, PassesOnEveryCallToTheInnerPort) {
   wrapper.hang_up(true);
   wrapper.read_pending();
   wrapper.peer_flushed(FlushQueue::in);
+  wrapper.peer_set({}, SettingsOrder::exact);
+  wrapper.faulted({.kind = "drop"});
   wrapper.close();
   wrapper.finish();
-  EXPECT_EQ(calls,
-            (std::vector<std::string>{"prepare", "open", "write x", "apply 300", "not reading",
-                                      "hang up later", "read pending", "peer flushed", "close", "finish"}));
+  EXPECT_EQ(calls, (std::vector<std::string>{"prepare", "open", "write x", "apply 300", "not reading",
+                                             "hang up later", "read pending", "peer flushed", "peer set",
+                                             "faulted drop", "close", "finish"}));
   EXPECT_TRUE(wrapper.congested());
   EXPECT_TRUE(wrapper.end_writing());
   EXPECT_TRUE(wrapper.has_half_close());
@@ -99,6 +106,7 @@ TEST_F(ForwardingPortTest, PassesOnEveryCallToTheInnerPort) {
   EXPECT_EQ(wrapper.waiting()->awaits(), "told");
   EXPECT_EQ(wrapper.waiting()->next_due(), Instant{});
   EXPECT_NE(wrapper.recorder(), nullptr);
+  EXPECT_NE(wrapper.playback_control(), nullptr);
   EXPECT_TRUE(wrapper.passive());
   EXPECT_TRUE(wrapper.keeps_datagrams());
   EXPECT_EQ(wrapper.name(), "told");
@@ -118,11 +126,13 @@ class WholeLog final : public PortListener {
   Answers on_ended() override { return Answers::until_hang_up; }
   [[nodiscard]] bool half_closes() const override { return true; }
   bool wants_rest() override { return true; }
+  [[nodiscard]] std::optional<std::size_t> unread() const override { return 8; }
   void on_interrupted(const LineDown&) override { calls.emplace_back("interrupted"); }
   void on_resumed() override { calls.emplace_back("resumed"); }
   void on_flush(FlushQueue) override { calls.emplace_back("flush"); }
-  void on_settings(const SeenSettings&) override { calls.emplace_back("settings"); }
+  void on_settings(const SeenSettings&, SettingsOrder) override { calls.emplace_back("settings"); }
   void on_dropped(std::uint64_t, std::string_view) override { calls.emplace_back("dropped"); }
+  void on_fault(const LineFault&) override { calls.emplace_back("fault"); }
   std::vector<std::string> calls;
 };
 
@@ -144,14 +154,16 @@ TEST(ForwardingPort, PassesOnEveryCallToTheListener) {
   told.on_interrupted({});
   told.on_resumed();
   told.on_flush(FlushQueue::both);
-  told.on_settings({});
+  told.on_settings({}, SettingsOrder::exact);
   told.on_dropped(1, "why");
+  told.on_fault({});
   EXPECT_EQ(log.calls,
             (std::vector<std::string>{"up", "data", "arrivals", "drained", "down", "finished", "complete",
-                                      "interrupted", "resumed", "flush", "settings", "dropped"}));
+                                      "interrupted", "resumed", "flush", "settings", "dropped", "fault"}));
   EXPECT_EQ(told.on_ended(), PortListener::Answers::until_hang_up);
   EXPECT_TRUE(told.half_closes());
   EXPECT_TRUE(told.wants_rest());
+  EXPECT_EQ(told.unread(), 8U);
 }
 
 }  // namespace

@@ -59,13 +59,6 @@ class Watched {
 
 constexpr std::size_t kBound = 3 * Budget::kRecords;  // the walk, the writes, a look ahead
 
-ReplayConfig failing(int strictness = 1) {
-  ReplayConfig config;
-  config.strictness = strictness;
-  config.on_mismatch = OnMismatch::fail;
-  return config;
-}
-
 TEST(Bounded, EmptyBlocksAtTheStart) {
   MemoryTape tape;
   add_empty(tape, 0).write(0, "ask").read(0, "answer");

@@ -10,12 +10,6 @@ namespace {
 
 constexpr Instant at_us(std::int64_t us) { return Instant{Nanos{us * 1000}}; }
 
-ReplayConfig recorded() {
-  ReplayConfig config;
-  config.timing = Timing::recorded;
-  return config;
-}
-
 TEST(ReplayClockTest, TheFirstSessionSetsASharedClockAndTheOthersJoin) {
   ReplayClock clock(2);
   EXPECT_FALSE(clock.runs());

@@ -36,6 +36,25 @@ TEST(Flush, LeavesWhatIsNotDueAndWhatAGateHolds) {
   EXPECT_EQ(rig.read(), "two");
 }
 
+TEST(Flush, WhatAStandingClockHoldsIsNotDropped) {
+  for (const Timing timing : {Timing::reactive, Timing::recorded, Timing::none}) {
+    ReplayConfig config;
+    config.timing = timing;
+    Rig rig(MemoryTape().read(0, "one").read(2'000, "two").read(9'000, "three"), config);
+    rig.stand().open();
+    flush(rig).wait(50'000);
+    flush(rig).stand(false).until(200'000);
+    EXPECT_EQ(rig.delivered, "onetwothree");
+  }
+}
+
+TEST(Flush, WhatWasDueBeforeTheClockStoodIsDropped) {
+  Rig rig(MemoryTape().read(1'000, "one").read(2'000, "two").read(9'000, "three"));
+  rig.open().blocked(true).until(5'000).stand();
+  flush(rig).blocked(false).stand(false).until(200'000);
+  EXPECT_EQ(rig.delivered, "three");
+}
+
 TEST(Flush, IsNoEndOfTheLine) {
   Rig rig(MemoryTape().open(0).write(0, "ask").read(1'000, "one").hang_up(2'000).close(2'000));
   rig.open().write("ask").blocked(true).until(5'000);

@@ -15,13 +15,6 @@ namespace {
 
 using testing::HasSubstr;
 
-ReplayConfig failing(int strictness = 1) {
-  ReplayConfig config;
-  config.strictness = strictness;
-  config.on_mismatch = OnMismatch::fail;
-  return config;
-}
-
 MemoryTape swallowed() {
   return MemoryTape()
       .write(0, "one\n")

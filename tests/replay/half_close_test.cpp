@@ -7,10 +7,9 @@
 namespace porttape {
 namespace {
 
+using test::kSocket;
 using test::MemoryTape;
 using test::Rig;
-
-constexpr Engine::Parts kSocket{.half_closes = true};
 
 Rig rig_of(const MemoryTape& tape, const ReplayConfig& config = {}, const Engine::Parts& parts = kSocket) {
   return Rig(tape, config, true, std::numeric_limits<std::size_t>::max(), parts);

@@ -24,13 +24,13 @@ ReplayConfig level2(Timing timing = Timing::reactive, double rate = 1) {
 }
 
 // The driver asks 20 ms after its open, and again 30 ms after the answer.
-MemoryTape tape() {
+MemoryTape two_questions() {
   return MemoryTape().open(0).write(20'000, "Q1").read(30'000, "A1").write(60'000, "Q2").read(70'000, "A2");
 }
 
 TEST(Level2, TheMarginIsAllowedOnBothSides) {
   for (const std::int64_t off : {-kJitter, std::int64_t{0}, kJitter}) {
-    Rig rig(tape(), level2());
+    Rig rig(two_questions(), level2());
     rig.open().until(20'000 + off).write("Q1").wait(10'000);
     ASSERT_EQ(rig.read(), "A1");
     rig.wait(30'000 + off).write("Q2").wait(10'000).close();
@@ -40,7 +40,7 @@ TEST(Level2, TheMarginIsAllowedOnBothSides) {
 
 TEST(Level2, OneMicrosecondMoreIsATimingMismatch) {
   for (const std::int64_t off : {-kJitter - 1, kJitter + 1}) {
-    Rig rig(tape(), level2());
+    Rig rig(two_questions(), level2());
     rig.open().until(20'000 + off).write("Q1").wait(100'000);
     EXPECT_EQ(rig.verdict(), Verdict::timing_mismatch) << off;
     EXPECT_EQ(exit_status_of(*rig.report), 4);
@@ -57,7 +57,7 @@ TEST(Level2, OneMicrosecondMoreIsATimingMismatch) {
 }
 
 TEST(Level2, AWriteIsMeasuredFromTheRealDelivery) {
-  Rig rig(tape(), level2());
+  Rig rig(two_questions(), level2());
   rig.open().until(20'000).write("Q1");
   rig.stall(40'000);  // the answer is 30 ms late, by our own fault
   ASSERT_EQ(rig.deliveries.at(0).us, 60'000);
@@ -67,7 +67,7 @@ TEST(Level2, AWriteIsMeasuredFromTheRealDelivery) {
 }
 
 TEST(Level2, AFaultTellsOurOwnLateness) {
-  Rig rig(tape(), level2());
+  Rig rig(two_questions(), level2());
   rig.open().until(20'000).write("Q1").stall(12'000).wait(90'000).write("Q2");
   ASSERT_THAT(rig.mismatches, SizeIs(1));
   EXPECT_EQ(rig.mismatches[0].error, Micros{60'000});
@@ -86,7 +86,7 @@ TEST(Level2, ErrorsDoNotAddUp) {
 TEST(Level2, GapsFollowTheRateAndTheMarginDoesNot) {
   for (const auto& [rate, due] : {std::pair{0.5, 40'000}, std::pair{10.0, 2'000}}) {
     for (const std::int64_t off : {kJitter, kJitter + 1}) {
-      Rig rig(tape(), level2(Timing::reactive, rate));
+      Rig rig(two_questions(), level2(Timing::reactive, rate));
       rig.open().until(due + off).write("Q1");
       EXPECT_EQ(rig.runs, off > kJitter ? 1 : 0) << rate << ' ' << off;
     }
@@ -94,7 +94,7 @@ TEST(Level2, GapsFollowTheRateAndTheMarginDoesNot) {
 }
 
 TEST(Level2, AWriteAheadOfAnAnswerIsJudgedWhenTheWalkGetsThere) {
-  Rig rig(tape(), level2());
+  Rig rig(two_questions(), level2());
   rig.open().until(20'000).write("Q1").wait(1'000).write("Q2");
   EXPECT_THAT(rig.mismatches, IsEmpty());
   rig.wait(8'999);
@@ -115,7 +115,7 @@ TEST(Level2, AWriteAheadIsJudgedAtTheCloseAtLast) {
 }
 
 TEST(Level2, BlocksWrittenAtOnceAreToldApart) {
-  Rig rig(tape(), level2());
+  Rig rig(two_questions(), level2());
   rig.open().write("Q1Q2");
   EXPECT_EQ(rig.mismatches.at(0).offset, 1U);
   EXPECT_EQ(rig.mismatches.at(0).error, Micros{-20'000});
@@ -128,7 +128,7 @@ TEST(Level2, AWriteAheadIsJudgedAtTheProgramsEndAtLast) {
 }
 
 TEST(Level2, TheLastByteOfABlockCounts) {
-  Rig rig(tape(), level2());
+  Rig rig(two_questions(), level2());
   rig.open().until(1'000).write("Q").until(20'000).write("1").wait(10'000);
   EXPECT_EQ(rig.read(), "A1");
 }
@@ -147,7 +147,7 @@ TEST(Level2, BlocksOfOneQuestionAreTimedEach) {
 TEST(Level2, DataOutranksTimingUnderWarn) {
   ReplayConfig config = level2();
   config.on_mismatch = OnMismatch::warn;
-  Rig rig(tape(), config);
+  Rig rig(two_questions(), config);
   rig.open().until(50'000).write("Q1").wait(10'000);
   EXPECT_EQ(rig.read(), "A1");
   rig.wait(30'000).write("QX").wait(60'000).close();
@@ -159,7 +159,7 @@ TEST(Level2, DataOutranksTimingUnderWarn) {
 TEST(Level2, TimingOnlyUnderWarnGoesOn) {
   ReplayConfig config = level2();
   config.on_mismatch = OnMismatch::warn;
-  Rig rig(tape(), config);
+  Rig rig(two_questions(), config);
   rig.open().until(50'000).write("Q1").wait(10'000).wait(60'000).write("Q2").wait(10'000);
   EXPECT_EQ(rig.read(), "A1A2");
   rig.close();
@@ -171,7 +171,7 @@ TEST(Level2, TimingOnlyUnderWarnGoesOn) {
 TEST(Level2, MissingWritesOutrankTimingUnderWarn) {
   ReplayConfig config = level2();
   config.on_mismatch = OnMismatch::warn;
-  Rig rig(tape(), config);
+  Rig rig(two_questions(), config);
   rig.open().until(50'000).write("Q1").wait(10'000).close();
   EXPECT_EQ(rig.verdict(), Verdict::incomplete);
   EXPECT_EQ(rig.report->mismatch->kind, MismatchKind::timing);
@@ -180,7 +180,7 @@ TEST(Level2, MissingWritesOutrankTimingUnderWarn) {
 TEST(Level2, DataMismatchUnderWarnIsFollowedByTimedExchanges) {
   ReplayConfig config = level2();
   config.on_mismatch = OnMismatch::warn;
-  Rig rig(tape(), config);
+  Rig rig(two_questions(), config);
   rig.open().until(20'000).write("XX").wait(10'000);
   EXPECT_EQ(rig.read(), "A1");
   rig.wait(90'000).write("Q2").wait(10'000);
@@ -192,7 +192,7 @@ TEST(Level2, DataMismatchUnderWarnIsFollowedByTimedExchanges) {
 TEST(Level2, SilenceUnderWarnAfterAMismatchDoesNotStall) {
   ReplayConfig config = level2();
   config.on_mismatch = OnMismatch::warn;
-  Rig rig(tape(), config);
+  Rig rig(two_questions(), config);
   rig.open().until(20'000).write("XX").wait(10'000);
   EXPECT_EQ(rig.read(), "A1");
   rig.wait(5'000'000);
@@ -201,7 +201,7 @@ TEST(Level2, SilenceUnderWarnAfterAMismatchDoesNotStall) {
 
 TEST(Level2Recorded, AWriteIsMeasuredFromTheOpen) {
   for (const std::int64_t off : {-kJitter - 1, -kJitter, kJitter, kJitter + 1}) {
-    Rig rig(tape(), level2(Timing::recorded));
+    Rig rig(two_questions(), level2(Timing::recorded));
     rig.until(7'000)
         .open()
         .until(7'000 + 20'000)

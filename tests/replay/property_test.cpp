@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <iterator>
+#include <map>
 #include <random>
 #include <string>
 #include <vector>
@@ -72,7 +74,12 @@ class PerfectDriver {
       case RecordKind::hang_up:
       case RecordKind::half_close:
       case RecordKind::gap:
+        break;
       case RecordKind::event:
+        if (const auto* settings = std::get_if<event::Settings>(&entry.event);
+            settings != nullptr && settings->by == Side::driver) {
+          rig_.set(settings->line);
+        }
         break;
     }
     return true;
@@ -118,8 +125,11 @@ class PerfectDriver {
 ReplayConfig random_config(Dice& dice) {
   ReplayConfig config;
   config.on_mismatch = OnMismatch::fail;
+  config.check_settings = true;
   config.timing = dice(3) == 0 ? Timing::none : Timing::reactive;
   config.rate = std::vector<double>{0.5, 1, 1, 3, 10}[dice(5)];
+  config.chunks = std::vector{Chunks::automatic, Chunks::automatic, Chunks::bytes, Chunks::random}[dice(4)];
+  config.chunk_seed = dice(1000);
   return config;
 }
 
@@ -139,6 +149,7 @@ TEST(Property, APerfectDriverPassesAndGetsEverythingInOrder) {
     ASSERT_EQ(rig.runs, 1);
     EXPECT_EQ(rig.report->from_driver_matched, rig.report->from_driver_of);
     EXPECT_EQ(rig.report->to_driver_bytes, rig.report->to_driver_of);
+    EXPECT_EQ(rig.report->settings.made, rig.report->settings.recorded);
   }
 }
 
@@ -227,6 +238,95 @@ TEST(Property, NothingIsEverEarly) {
   }
 }
 
+// The requests of a tape of one session, each with its answers in turn.
+using Exchanges = std::map<std::string, std::vector<std::string>>;
+Exchanges exchanges_of(const MemoryTape& tape) {
+  Exchanges found;
+  std::string request;
+  std::string* answer = nullptr;
+  for (const auto& entry : tape.entries()) {
+    if (entry.kind == RecordKind::write && !entry.data.empty()) {
+      if (answer != nullptr) request.clear();
+      request += entry.data;
+      answer = nullptr;
+    } else if (entry.kind == RecordKind::read && !entry.data.empty()) {
+      if (answer == nullptr && !request.empty()) answer = &found[request].emplace_back();
+      if (answer != nullptr) *answer += entry.data;
+    }
+  }
+  if (answer == nullptr && !request.empty()) found[request].emplace_back();
+  return found;
+}
+
+void write_in_pieces(Rig& rig, Dice& dice, std::string_view text) {
+  while (!text.empty()) {
+    const std::size_t size = 1 + dice(static_cast<std::uint32_t>(text.size()));
+    rig.write(text.substr(0, size));
+    text.remove_prefix(size);
+  }
+}
+
+TEST(Property, UnderLookupAnyRequestIsAnsweredInRecordedOrderThenTheLastAgain) {
+  for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
+    SCOPED_TRACE(seed);
+    Dice dice(seed);
+    const MemoryTape tape = random_tape(dice);
+    const Exchanges exchanges = exchanges_of(tape);
+    if (exchanges.empty()) continue;
+    ReplayConfig config = random_config(dice);
+    config.check_settings = false;
+    config.match = Match::lookup;
+    Rig rig(tape, config, dice(2) == 0, 1 + dice(9));
+    rig.max_bytes = 1 + dice(20);
+    rig.open().wait(10'000'000).read();  // what nobody asked for
+    std::map<std::string, std::size_t> asked;
+    for (int i = 0; i < 40; ++i) {
+      const auto& [request, answers] =
+          *std::next(exchanges.begin(), dice(static_cast<std::uint32_t>(exchanges.size())));
+      write_in_pieces(rig, dice, request);
+      rig.wait(10'000'000);
+      ASSERT_EQ(rig.read(), answers[std::min(asked[request]++, answers.size() - 1)]) << "to " << request;
+    }
+    rig.close();
+    ASSERT_EQ(rig.verdict(), Verdict::pass);
+    EXPECT_EQ(rig.report->lookup->requests, exchanges.size());
+    EXPECT_EQ(rig.report->lookup->asked, asked.size());
+    EXPECT_EQ(rig.report->lookup->answered, 40U);
+  }
+}
+
+TEST(Property, UnderResyncWhateverTheTapeHasIsAnswered) {
+  for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
+    SCOPED_TRACE(seed);
+    Dice dice(seed);
+    MemoryTape tape;
+    const std::uint32_t size = 1 + dice(12);
+    for (std::uint32_t i = 0; i < size; ++i) {
+      const std::string number = std::to_string(i % (1 + dice(12)));
+      tape.write(i * 10'000, "q" + number + ";").read(i * 10'000 + dice(5000), "a" + number + ";");
+    }
+    ReplayConfig config = random_config(dice);
+    config.check_settings = false;
+    config.on_mismatch = OnMismatch::resync;
+    Rig rig(tape, config, true, 1 + dice(4));
+    rig.open();
+    const Exchanges exchanges = exchanges_of(tape);
+    for (int i = 0; i < 20; ++i) {
+      if (dice(4) == 0) {
+        rig.write("what?;").wait(100'000);
+        ASSERT_EQ(rig.read(), "");
+        continue;
+      }
+      const auto& [request, answers] =
+          *std::next(exchanges.begin(), dice(static_cast<std::uint32_t>(exchanges.size())));
+      write_in_pieces(rig, dice, request);
+      rig.wait(10'000'000);
+      ASSERT_EQ(rig.read(), answers.front()) << "to " << request;
+    }
+    EXPECT_EQ(rig.runs, 0);
+  }
+}
+
 TEST(Property, AtStrictnessZeroEveryDriverGetsEverythingAtLast) {
   for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
     SCOPED_TRACE(seed);
@@ -234,6 +334,7 @@ TEST(Property, AtStrictnessZeroEveryDriverGetsEverythingAtLast) {
     const MemoryTape tape = random_tape(dice);
     ReplayConfig config = random_config(dice);
     config.strictness = 0;
+    config.check_settings = false;
     Rig rig(tape, config);
     rig.open();
     for (std::uint32_t i = dice(30); i > 0; --i) {

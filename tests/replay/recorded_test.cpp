@@ -11,14 +11,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-ReplayConfig recorded(int strictness = 1) {
-  ReplayConfig config;
-  config.timing = Timing::recorded;
-  config.strictness = strictness;
-  return config;
-}
-
-MemoryTape stream() {
+MemoryTape asked_stream() {
   return MemoryTape()
       .open(0)
       .read(10'000, "a")
@@ -29,7 +22,7 @@ MemoryTape stream() {
 }
 
 TEST(Recorded, BlocksComeAtTheirTimesWhateverTheDriverDoes) {
-  Rig rig(stream(), recorded());
+  Rig rig(asked_stream(), recorded());
   rig.until(5'000).open().until(100'000);
   EXPECT_THAT(rig.deliveries, ElementsAre(Rig::Delivery{15'000, "a", {1}}, Rig::Delivery{25'000, "b", {1}},
                                           Rig::Delivery{35'000, "c", {1}}));
@@ -40,16 +33,16 @@ TEST(Recorded, BlocksComeAtTheirTimesWhateverTheDriverDoes) {
 TEST(Recorded, RateAppliesFromTheOpen) {
   ReplayConfig config = recorded();
   config.rate = 2;
-  Rig rig(stream(), config);
+  Rig rig(asked_stream(), config);
   rig.open().until(100'000);
   EXPECT_EQ(rig.deliveries.at(2).us, 15'000);
 }
 
 TEST(Recorded, WritesAreCheckedAsAStreamToo) {
-  Rig rig(stream(), recorded());
+  Rig rig(asked_stream(), recorded());
   rig.open().until(90'000).write("Q").close();
   EXPECT_EQ(rig.verdict(), Verdict::pass);
-  Rig other(stream(), recorded());
+  Rig other(asked_stream(), recorded());
   other.open().write("R").close();
   EXPECT_EQ(other.verdict(), Verdict::data_mismatch);
 }
@@ -129,7 +122,7 @@ TEST(Recorded, TheTapeIsNotUsedUpBeforeItsLastWriteWasDue) {
 TEST(Recorded, TheTapeIsNotUsedUpBeforeAllWritesCame) {
   ReplayConfig config = recorded();
   config.at_end = AtEnd::exit;
-  Rig rig(stream(), config);
+  Rig rig(asked_stream(), config);
   rig.open().until(1'000'000);
   EXPECT_FALSE(rig.exits);
   rig.write("Q");
@@ -140,7 +133,7 @@ TEST(Recorded, TheTapeIsNotUsedUpBeforeAllWritesCame) {
 TEST(Recorded, ContinueDropsWhatCameWhileClosed) {
   ReplayConfig config = recorded();
   config.on_reopen = OnReopen::continue_;
-  Rig rig(stream(), config);
+  Rig rig(asked_stream(), config);
   rig.open().until(12'000).close().until(25'000).open().until(100'000);
   EXPECT_THAT(rig.deliveries, ElementsAre(Rig::Delivery{10'000, "a", {1}}, Rig::Delivery{30'000, "c", {1}}));
 }
@@ -201,7 +194,7 @@ TEST(Blocked, NothingIsDeliveredAndNoLatenessCounted) {
 }
 
 TEST(AtEnd, IdleDoesNothing) {
-  Rig rig(stream());
+  Rig rig(asked_stream());
   rig.open().wait(10'000).write("Q").wait(10'000'000);
   EXPECT_EQ(rig.runs, 0);
   EXPECT_FALSE(rig.hung_up);
@@ -226,7 +219,7 @@ TEST(AtEnd, HangupBreaksTheLineWhenAllWentOver) {
 TEST(AtEnd, ExitEndsTheRunWithTheLastDelivery) {
   ReplayConfig config;
   config.at_end = AtEnd::exit;
-  Rig rig(stream(), config);
+  Rig rig(asked_stream(), config);
   rig.open().wait(10'000).write("Q").wait(14'999);
   EXPECT_FALSE(rig.exits);
   rig.wait(1);

@@ -2,18 +2,22 @@
 
 #include "libport/replay/report.hpp"
 
+#include <array>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "libport/base/error.hpp"
+#include "tests/support/tape_bytes.hpp"
 
 namespace porttape {
 namespace {
 
+using test::bytes_of;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-Bytes bytes(std::string_view text) { return {as_bytes(text).begin(), as_bytes(text).end()}; }
+using ::testing::StartsWith;
 
 RunReport passed() {
   RunReport report;
@@ -39,9 +43,9 @@ RunReport mismatched() {
   mismatch.offset = 12;
   mismatch.tape = tape_time_us(1'234'567);
   mismatch.real = Micros{2'000'001};
-  mismatch.expected = bytes("BM\n");
-  mismatch.got = bytes("\x01QT\n");
-  mismatch.before = bytes("VV\n");
+  mismatch.expected = bytes_of("BM\n");
+  mismatch.got = bytes_of("\x01QT\n");
+  mismatch.before = bytes_of("VV\n");
   mismatch.exchange = 3;
   mismatch.tape_offset = 12;
   mismatch.hint = "comes later at offset 40 (tape 0.900000 s)";
@@ -50,14 +54,21 @@ RunReport mismatched() {
 }
 
 TEST(ReportJson, HoldsTheKeysOfTheContractInOrder) {
-  EXPECT_EQ(to_json(passed()),
-            R"({"verdict":"pass","exit":0,"tape":"laser.log","strictness":1,"timing":"reactive","rate":2.5,)"
-            R"("duration_s":1.25,"to_driver":{"bytes":3222,"of":3222},)"
-            R"("from_driver":{"bytes":42,"matched":42,"of":42},"mismatch":null,)"
-            R"("timer_late_us":{"p50":12.5,"p99":80,"max":131},"command_exit":null,)"
-            R"("mismatches":0,"doubts":[],"next_expected":null,)"
-            R"("sessions":{"made":1,"of":1},"session":null,"missed_half_close_us":null})"
-            "\n");
+  EXPECT_EQ(
+      to_json(passed()),
+      R"({"verdict":"pass","exit":0,"tape":"laser.log","strictness":1,"timing":"reactive","rate":2.5,)"
+      R"("duration_s":1.25,"to_driver":{"bytes":3222,"of":3222},)"
+      R"("from_driver":{"bytes":42,"matched":42,"of":42},"mismatch":null,)"
+      R"("timer_late_us":{"p50":12.5,"p99":80,"max":131},"command_exit":null,)"
+      R"("mismatches":0,"doubts":[],"next_expected":null,)"
+      R"("sessions":{"made":1,"of":1},"session":null,"missed_half_close_us":null,)"
+      R"("settings":{"recorded":0,"made":0,"missing":[],"checked":false},)"
+      R"("playback":{"start_s":0,"end_s":null,"preroll":false,"max_gap_s":null,"loops":1,"loops_complete":0,)"
+      R"("loops_of":1,"pauses":0,"paused_s":0,"steps":0,"seeks":0,"rates":0},"writer":"driver",)"
+      R"("cause":null,"diff":[],"previous":null,"next":null,"latency_us":null,"left_unread":null,"idle_us":0,)"
+      R"("closed":false,)"
+      R"("outcome":"","command_end":"","commands":null,"faults":null})"
+      "\n");
 }
 
 TEST(ReportJson, HoldsTheMismatch) {
@@ -65,7 +76,8 @@ TEST(ReportJson, HoldsTheMismatch) {
               HasSubstr(R"("mismatch":{"kind":"data","offset":12,"tape_us":1234567,"real_us":2000001,)"
                         R"("expected_hex":"424d0a","got_hex":"0151540a","error_us":0,)"
                         R"j("hint":"comes later at offset 40 (tape 0.900000 s)","before_hex":"56560a",)j"
-                        R"("exchange":3,"tape_offset":12,"own_late_us":0})"));
+                        R"("exchange":3,"tape_offset":12,"own_late_us":0,"rule":"","came_hex":"","write":0,)"
+                        R"("write_offset":0,"allowed_us":0})"));
 }
 
 TEST(ReportJson, OddNamesStayValidJson) {
@@ -92,7 +104,7 @@ TEST(ReportJson, CommandExitTroubleAndWhatIsMissing) {
   RunReport report = passed();
   report.verdict = Verdict::incomplete;
   report.command_exit = -3;
-  report.next_expected = bytes("QT");
+  report.next_expected = bytes_of("QT");
   report.next_expected_offset = 40;
   report.next_expected_tape = tape_time_us(7);
   EXPECT_THAT(
@@ -130,9 +142,9 @@ Mismatch wrong_byte() {
   mismatch.offset = mismatch.tape_offset = 17;
   mismatch.tape = tape_time_us(1'234'567);
   mismatch.real = Micros{2'000'001};
-  mismatch.expected = bytes("V\nBM\n");
-  mismatch.got = bytes("X\nBM\n");
-  mismatch.before = bytes("QT\nV");
+  mismatch.expected = bytes_of("V\nBM\n");
+  mismatch.got = bytes_of("X\nBM\n");
+  mismatch.before = bytes_of("QT\nV");
   mismatch.block_before = 1;
   mismatch.block_after = 2;
   mismatch.write = 3;
@@ -199,7 +211,7 @@ TEST(ReportText, TimingTellsTheWriteTheErrorAndOurOwnLateness) {
   report.mismatch = wrong_byte();
   report.mismatch->kind = MismatchKind::timing;
   report.mismatch->write = 0;
-  report.mismatch->expected = report.mismatch->got = bytes("GD0044072501\n");
+  report.mismatch->expected = report.mismatch->got = bytes_of("GD0044072501\n");
   report.mismatch->error = Micros{213'200};
   report.mismatch->allowed = Micros{200'000};
   report.mismatch->own_late = Micros{70};
@@ -218,7 +230,7 @@ TEST(ReportText, IncompleteTellsWhatIsMissing) {
   RunReport report = passed();
   report.verdict = Verdict::incomplete;
   report.from_driver_matched = 36;
-  report.next_expected = bytes("QT\nRS\n");
+  report.next_expected = bytes_of("QT\nRS\n");
   report.next_expected_block = 3;
   report.next_expected_offset = 36;
   report.next_expected_tape = tape_time_us(900'000);
@@ -228,8 +240,8 @@ TEST(ReportText, IncompleteTellsWhatIsMissing) {
       "  the tape has it at 0.900000 s, byte 36 of the driver's writes: 51 54 0a\n"
       "  6 recorded bytes never came from the driver\n"
       "  laser.log: from the driver 36 of 42 bytes as recorded, to the driver 3222 of 3222, 1.250000 s\n");
-  report.next_expected_before = bytes("as");
-  report.next_expected = bytes("k\n");
+  report.next_expected_before = bytes_of("as");
+  report.next_expected = bytes_of("k\n");
   report.next_expected_block = 2;
   EXPECT_THAT(to_text(report), HasSubstr("incomplete: the driver wrote \"as\" of \"ask\\n\"\n"));
 }
@@ -237,7 +249,7 @@ TEST(ReportText, IncompleteTellsWhatIsMissing) {
 TEST(ReportText, ATimingMismatchBeforeWhatIsMissingIsToldToo) {
   RunReport report = passed();
   report.verdict = Verdict::incomplete;
-  report.next_expected = bytes("QT\n");
+  report.next_expected = bytes_of("QT\n");
   report.next_expected_block = 3;
   report.mismatch = wrong_byte();
   report.mismatch->kind = MismatchKind::timing;
@@ -277,15 +289,15 @@ TEST(ReportText, AnOutcomeOfTheProgramsStandsFirst) {
 TEST(ReportText, ExtraSaysThatTheTapeHasNoMore) {
   Mismatch mismatch;
   mismatch.kind = MismatchKind::extra;
-  mismatch.got = bytes("x");
+  mismatch.got = bytes_of("x");
   mismatch.write = 1;
   EXPECT_EQ(to_text(mismatch),
             "extra: the driver wrote \"x\" where the tape has nothing more\n"
             "  at byte 0 of its write no. 1 (byte 0 of all it wrote, 0.000000 s after its open; tape time "
             "0.000000 s, exchange 0)\n"
-            "  expected      \"\"  (the tape has no more)\n"
+            "  expected  --  \"\"  (the tape has no more)\n"
             "  got       78  \"x\"\n"
-            "            ^^\n");
+            "            ++\n");
 }
 
 TEST(ReportText, ColourOnlyWhenAsked) {
@@ -294,12 +306,98 @@ TEST(ReportText, ColourOnlyWhenAsked) {
   EXPECT_THAT(to_text(passed(), true), HasSubstr("\033[32mpass\033[0m"));
 }
 
+TEST(ReportText, WhereTheDeviceIsJudgedItStandsInTheDriversPlace) {
+  RunReport report = mismatched();
+  report.writer = Writer::device;
+  report.mismatch = wrong_byte();
+  report.mismatch->tape_offset = 20;
+  const std::string text = to_text(report);
+  EXPECT_THAT(
+      text, StartsWith("data mismatch: the device sent \"VX\\n\" where the tape has \"VV\\n\"\n"
+                       "  at byte 1 of its piece no. 3 (byte 17 of all it sent, 2.000001 s after the open"));
+  EXPECT_THAT(text, AllOf(HasSubstr("byte 20 of its answers"),
+                          HasSubstr("from the device 12 of 42 bytes as recorded, to the device 3222 of 3222"),
+                          Not(HasSubstr("driver"))));
+  report.verdict = Verdict::incomplete;
+  report.mismatch.reset();
+  report.next_expected = bytes_of("QT\n");
+  report.next_expected_block = 3;
+  EXPECT_THAT(to_text(report), AllOf(StartsWith("incomplete: the device never sent \"QT\\n\"\n"),
+                                     HasSubstr("of the device's answers: "), Not(HasSubstr("driver"))));
+}
+
+TEST(ReportJson, DirectionsKeepTheirNamesWhoeverIsJudged) {
+  RunReport report = passed();
+  report.writer = Writer::device;
+  EXPECT_THAT(to_json(report), AllOf(HasSubstr(R"("to_driver":{"bytes":42,"matched":42,"of":42},)"
+                                               R"("from_driver":{"bytes":3222,"of":3222},)"),
+                                     HasSubstr(R"("writer":"device")")));
+  EXPECT_THAT(run_json(report), HasSubstr(R"("bytes":{"to_driver":42,"from_driver":3222})"));
+}
+
 TEST(ReportText, ATapeNameCannotSpoilTheTerminal) {
   RunReport report = passed();
   report.tape = "a\033[2Jb";
   EXPECT_THAT(to_text(report), HasSubstr("a\\x1b[2Jb"));
   report.tape = "M\u00fcller";
   EXPECT_THAT(to_text(report), HasSubstr("M\u00fcller: "));
+}
+
+// Three settings, of which the driver made `made`.
+RunReport with_settings(std::uint64_t made, bool checked) {
+  RunReport report = passed();
+  report.settings = {.recorded = 3, .made = made, .missing = {}};
+  const std::array<unsigned, 3> rates = {300, 1200, 2400};
+  for (std::size_t i = made; i < rates.size(); ++i) {
+    const auto at = tape_time_us(static_cast<std::int64_t>(i) * 1'000'000);
+    report.settings.missing.push_back({at, {.baud = rates.at(i), .stop_bits = 1}});
+  }
+  report.settings_checked = checked;
+  if (checked && made < 3) report.verdict = Verdict::settings_mismatch;
+  return report;
+}
+
+TEST(ReportSettings, ThoseThatWereNotMadeAreANoteOrTheVerdict) {
+  EXPECT_THAT(
+      to_text(with_settings(2, false)),
+      AllOf(StartsWith("pass  laser.log"),
+            HasSubstr("\n  settings  the driver never made its line 2400 baud, 1 stop bit, as the tape "
+                      "has it at 2.000000 s\n")));
+  EXPECT_THAT(to_text(with_settings(2, true)),
+              AllOf(StartsWith("settings mismatch: the driver never made its line 2400 baud, 1 stop bit, as "
+                               "the tape has it at 2.000000 s\n  laser.log"),
+                    Not(HasSubstr("  settings  "))));
+}
+
+TEST(ReportSettings, FurtherOnesFollowAndNoneAtAllIsSaidOnce) {
+  EXPECT_THAT(
+      to_text(with_settings(1, true)),
+      AllOf(StartsWith("settings mismatch: the driver never made its line 1200 baud"),
+            HasSubstr("\n  settings  nor 2400 baud, 1 stop bit, as the tape has it at 2.000000 s\n")));
+  EXPECT_THAT(to_text(with_settings(0, true)),
+              AllOf(StartsWith("settings mismatch: the driver made none of the 3 settings on the tape; it "
+                               "never made its line 300 baud"),
+                    Not(HasSubstr("  settings  "))));
+  RunReport many = with_settings(1, false);
+  many.settings.recorded = 100;
+  many.settings.missing.resize(SettingsReport::kMostMissing);
+  EXPECT_THAT(to_text(many), HasSubstr("  settings  and 91 more\n"));
+}
+
+TEST(ReportSettings, ATapeWithoutAnySaysSoWhereTheyWereToBeChecked) {
+  RunReport none = passed();
+  EXPECT_THAT(to_text(none), Not(HasSubstr("settings")));
+  none.settings_checked = true;
+  EXPECT_THAT(to_text(none),
+              AllOf(StartsWith("pass"), HasSubstr("  settings  none to check: the tape has none")));
+  EXPECT_THAT(to_text(with_settings(3, true)), AllOf(StartsWith("pass"), Not(HasSubstr("settings"))));
+}
+
+TEST(ReportSettings, AreInJsonWithTheExitStatusOfAMismatch) {
+  const std::string json = to_json(with_settings(2, true));
+  EXPECT_THAT(json, StartsWith(R"({"verdict":"settings-mismatch","exit":3,)"));
+  EXPECT_THAT(json, HasSubstr(R"("settings":{"recorded":3,"made":2,)"
+                              R"("missing":[{"tape_us":2000000,"baud":2400,"stopbits":1}],"checked":true})"));
 }
 
 }  // namespace

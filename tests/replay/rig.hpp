@@ -13,12 +13,14 @@
 #include <gtest/gtest.h>
 
 #include "libport/replay/engine.hpp"
+#include "libport/replay/swapped_tape.hpp"
 #include "tests/support/memory_tape.hpp"
 
 namespace porttape::test {
 
-// An engine on a MemoryTape with a clock that the test moves. Times are microseconds since the rig's start;
-// deadlines that come while the clock moves are served at their very moment.
+// An engine on a MemoryTape with a clock that the test moves; where the config judges the device, the tape
+// plays the driver, and it is the device that opens, writes and closes here. Times are microseconds since the
+// rig's start; deadlines that come while the clock moves are served at their very moment.
 class Rig {
  public:
   struct Delivery {
@@ -36,15 +38,13 @@ class Rig {
                std::size_t piece = std::numeric_limits<std::size_t>::max(), const Engine::Parts& parts = {})
       : tape_(std::move(tape)),
         schedule(tape_, MemorySource::Select::merged, piece),
-        writes(tape_, MemorySource::Select::writes_only, piece),
-        engine(
-            config,
-            {.stamped_at_arrival = stamped_at_arrival,
-             .opens = tape_.opens(),
-             .hang_ups = tape_.hang_ups(),
-             .gaps = tape_.gaps(),
-             .totals = TapeTotals{tape_.all(RecordKind::read).size(), tape_.all(RecordKind::write).size()}},
-            schedule, writes, parts) {}
+        writes(tape_, drives(config) ? MemorySource::Select::merged : MemorySource::Select::writes_only,
+               piece),
+        index(tape_, MemorySource::Select::merged, piece),
+        answers(tape_, piece),
+        engine(config, facts(config, stamped_at_arrival),
+               drives(config) ? static_cast<RecordSource&>(swapped) : schedule,
+               drives(config) ? static_cast<RecordSource&>(swapped_writes) : writes, with_index(parts)) {}
 
   Rig& open() {
     engine.on_open(now());
@@ -61,6 +61,33 @@ class Rig {
   Rig& end_writing() {
     engine.on_writing_ended(now());
     return settle();
+  }
+  Rig& line_ended() {
+    engine.on_line_ended(now());
+    return settle();
+  }
+  Rig& set(const SeenSettings& settings) {
+    engine.on_settings(now(), settings);
+    return settle();
+  }
+  Rig& stand(bool on = true) {
+    engine.stand(now(), on);
+    return settle();
+  }
+  Rig& step(std::uint64_t exchanges = 1) {
+    engine.step(now(), exchanges);
+    return settle();
+  }
+  Rig& seek(std::int64_t us) {
+    engine.seek(now(), tape_time_us(us));
+    return settle();
+  }
+  Rig& rate(double rate) {
+    engine.set_rate(now(), rate);
+    return settle();
+  }
+  [[nodiscard]] std::int64_t position() {
+    return to_us(engine.playing(now()).position.value_or(tape_time_us(-1)));
   }
   Rig& close() {
     engine.on_close(now());
@@ -105,6 +132,7 @@ class Rig {
       delivered += as_text(actions.deliver);
     }
     mismatches.insert(mismatches.end(), actions.mismatches.begin(), actions.mismatches.end());
+    if (actions.line_step) line_steps.emplace_back(now_us(), *actions.line_step);
     ended = ended || actions.end_sending;
     hung_up = hung_up || actions.hang_up;
     exits = exits || actions.exit;
@@ -136,7 +164,23 @@ class Rig {
  private:
   static constexpr Nanos kStart{123'456'789'000};
   static Instant at(std::int64_t us) { return Instant{kStart + Nanos{us * 1000}}; }
+  Engine::Parts with_index(Engine::Parts parts) {
+    parts.index = &index;
+    parts.answers = &answers;
+    return parts;
+  }
   static Nanos since_start(Instant instant) { return instant.time_since_epoch() - kStart; }
+  static bool drives(const ReplayConfig& config) { return config.writer == Writer::device; }
+  [[nodiscard]] Engine::TapeFacts facts(const ReplayConfig& config, bool stamped_at_arrival) const {
+    TapeTotals totals{tape_.all(RecordKind::read).size(), tape_.all(RecordKind::write).size()};
+    if (drives(config)) std::swap(totals.reads, totals.writes);
+    return {.stamped_at_arrival = stamped_at_arrival,
+            .opens = tape_.opens(),
+            .hang_ups = tape_.hang_ups(),
+            .gaps = tape_.gaps(),
+            .preroll_from = config.preroll ? tape_.open_before(to_us(config.start)) : std::nullopt,
+            .totals = totals};
+  }
 
   MemoryTape tape_;
   Nanos clock_{0};
@@ -145,16 +189,37 @@ class Rig {
  public:
   MemorySource schedule;
   MemorySource writes;
+  SwappedTape swapped{schedule};
+  SwappedTape swapped_writes{writes, SwappedTape::Select::writes_only};
+  MemorySource index;
+  MemoryAnswers answers;
   Engine engine;
   std::size_t max_bytes = 65536;
   std::vector<Delivery> deliveries;
   std::string delivered;
   std::vector<Mismatch> mismatches;
-  bool ended = false;  // the device's sending
+  std::vector<std::pair<std::int64_t, LineStep>> line_steps;  // and when
+  bool ended = false;                                         // the device's sending
   bool hung_up = false;
   bool exits = false;
   int runs = 0;
   std::optional<RunReport> report;
 };
+
+constexpr Engine::Parts kSocket{.half_closes = true};
+
+inline ReplayConfig failing(int strictness = 1) {
+  ReplayConfig config;
+  config.strictness = strictness;
+  config.on_mismatch = OnMismatch::fail;
+  return config;
+}
+
+inline ReplayConfig recorded(int strictness = 1) {
+  ReplayConfig config;
+  config.timing = Timing::recorded;
+  config.strictness = strictness;
+  return config;
+}
 
 }  // namespace porttape::test

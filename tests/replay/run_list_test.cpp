@@ -57,6 +57,19 @@ TEST(RunList, ATapeOfOneConnectionThatNobodyPlayedIsARunThatIsIncomplete) {
   }
 }
 
+TEST(RunList, SettingsComeBehindDataAndBeforeWhatIsMissing) {
+  RunList runs;
+  for (const Verdict verdict : {Verdict::incomplete, Verdict::settings_mismatch, Verdict::timing_mismatch,
+                                Verdict::settings_mismatch}) {
+    runs.add(run(verdict));
+  }
+  EXPECT_EQ(runs.worst()->verdict, Verdict::settings_mismatch);
+  EXPECT_EQ(parsed(runs).at("exit").as_int64(), exit_status::kDataMismatch);
+  runs.add(run(Verdict::extra));
+  runs.add(run(Verdict::settings_mismatch));
+  EXPECT_EQ(runs.worst()->verdict, Verdict::extra);
+}
+
 TEST(RunList, TheWorstRunCountsWhereverItIs) {
   RunList runs;
   for (const Verdict verdict : {Verdict::timing_mismatch, Verdict::data_mismatch, Verdict::pass})

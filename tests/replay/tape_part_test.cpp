@@ -124,6 +124,13 @@ TEST(TapePart, SessionsOfOneMomentAreToldApart) {
   EXPECT_EQ(shown(second), "open@0 w@1+0:b close@2 ");
 }
 
+TEST(TapePart, TheWholeTapeIsAllOfItsSessions) {
+  const MemoryTape tape = MemoryTape().open(0).write(5, "a").close(7).open(10).write(15, "b").close(20);
+  MemorySource source(tape);
+  PartOfTape whole(source, TapePart{});
+  EXPECT_EQ(shown(whole), "open@0 w@5+0:a close@7 open@10 w@15+1:b close@20 ");
+}
+
 TEST(TapePart, ThereAreNoMoreSessionsThanOpens) {
   EXPECT_FALSE(find(two_sessions(), 3).has_value());
   const MemoryTape plain = MemoryTape().write(5, "a");

@@ -22,12 +22,6 @@ MemoryTape three_exchanges() {
       .read(50'000, "TM0\nok\n");
 }
 
-ReplayConfig failing() {
-  ReplayConfig config;
-  config.on_mismatch = OnMismatch::fail;
-  return config;
-}
-
 TEST(Data, DriverCutsDoNotMatter) {
   for (const std::size_t cut : {1U, 2U, 3U, 5U, 10U}) {
     Rig rig(three_exchanges(), failing());

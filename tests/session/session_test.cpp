@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/memory_port.hpp"
+#include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
 
 namespace porttape {
@@ -104,6 +105,54 @@ TEST_F(SessionTest, SettingsThatTheDeviceDoesNotTakeAreShownAsTheyAre) {
   EXPECT_EQ(device.settings->baud, 4800U);
   EXPECT_EQ(driver.settings, device.settings);
   EXPECT_NE(book.text().find("no such rate"), std::string::npos);
+}
+
+TEST_F(SessionTest, ADriverThatComesWhileTheLastOnesBytesGoSetsTheLineOnceTheyHaveGone) {
+  device.settings = LineSettings{.baud = 9600};
+  start();
+  driver.up();
+  device.congested = true;
+  driver.send("last words");
+  driver.down(LineDown::Reason::closed);
+  driver.up();
+  driver.set({.baud = 300});
+  EXPECT_EQ(device.settings->baud, 9600U);
+  device.calls.clear();
+  device.drain();
+  EXPECT_EQ(device.settings->baud, 300U);
+  EXPECT_TRUE(device.calls.starts_with("close open ")) << device.calls;
+}
+
+TEST_F(SessionTest, ADriverDoesNotWaitForADeviceThatStandsStill) {
+  start();
+  driver.up();
+  device.congested = true;
+  device.unread = 10;
+  driver.send("last words");
+  driver.down(LineDown::Reason::closed);
+  driver.up();
+  device.calls.clear();
+  run_until(loop, [this] { return device.calls.starts_with("close open "); });
+  EXPECT_NE(book.text().find("does not take the driver's last bytes"), std::string::npos);
+}
+
+TEST_F(SessionTest, ADeviceThatRefusesIsToldOfOnceASession) {
+  device.settings = LineSettings{.baud = 4800};
+  device.takes_settings = false;
+  start();
+  const auto told = [this] {
+    const std::string text = book.text();
+    std::size_t count = 0;
+    for (auto at = text.find("no such rate"); at != std::string::npos; at = text.find("no such rate", at + 1))
+      ++count;
+    return count;
+  };
+  for (std::size_t round = 1; round <= 2; ++round) {
+    driver.up();
+    for (unsigned rate = 1; rate < 100; ++rate) driver.set({.baud = rate});
+    EXPECT_EQ(told(), round);
+    driver.down(LineDown::Reason::closed);
+  }
 }
 
 TEST_F(SessionTest, ADeviceThatTookOtherSettingsLaterShowsThemToTheDriver) {
@@ -588,6 +637,113 @@ TEST_F(SessionTest, SaysHowItStands) {
   EXPECT_EQ(session->state(), Session::State::broken);
   driver.down(Reason::closed);
   EXPECT_EQ(session->state(), Session::State::waiting);
+}
+
+int count(const std::string& text, const std::string& what) {
+  int found = 0;
+  for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + 1)) ++found;
+  return found;
+}
+
+TEST_F(SessionTest, ADeviceThatFailsForADriverThatComesAgainAndAgainIsToldOnceAndOpenedAtABoundedPace) {
+  device.up_at_once = false;
+  device.on_open = [this] { loop.post([this] { device.down(Reason::failed, "no such device"); }); };
+  start();
+  constexpr int kDrivers = 1000;
+  for (int n = 0; n < kDrivers; ++n) {
+    driver.up();
+    run_ready();
+    driver.down(device.calls.ends_with("open ") ? Reason::hung_up : Reason::closed);
+  }
+  EXPECT_EQ(count(book.text(), "no such device"), 1) << book.text();
+  EXPECT_EQ(count(book.text(), "a driver has opened it"), 1);
+  // The k-th attempt in a row waits for 10 ms * 2^k: few of the drivers stay long enough.
+  EXPECT_LT(count(device.calls, "open "), kDrivers / 2);
+  EXPECT_EQ(session->counters().opens, static_cast<std::uint64_t>(kDrivers));
+}
+
+// A few lines more where the machine stands still for so long that the line seems to have held.
+TEST_F(SessionTest, ADeviceThatDiesAsSoonAsItIsOpenIsToldOnce) {
+  start();
+  for (int n = 0; n < 100; ++n) {
+    driver.up();
+    if (session->state() == Session::State::open) device.down(Reason::lost, "is lost");
+    driver.down(Reason::hung_up);
+  }
+  EXPECT_GE(count(book.text(), "is lost"), 1);
+  EXPECT_LT(count(book.text(), "is lost"), 10) << book.text();
+  EXPECT_LT(count(book.text(), "a driver has opened it"), 20);
+}
+
+TEST_F(SessionTest, ALineThatIsInterruptedAgainAndAgainIsToldOnce) {
+  start();
+  driver.up();
+  for (int n = 0; n < 100; ++n) {
+    device.interrupt();
+    device.resume();
+  }
+  EXPECT_GE(count(book.text(), "waiting for it"), 1);
+  EXPECT_LT(count(book.text(), "waiting for it"), 10) << book.text();
+  EXPECT_LT(count(book.text(), "is back"), 10);
+  device.send("x");
+  EXPECT_NE(book.text().find("more times in the same way"), std::string::npos) << book.text();
+  EXPECT_EQ(driver.written, "x");
+}
+
+TEST_F(SessionTest, BytesThatReachNobodyOfAFailingDeviceAreToldTogether) {
+  device.up_at_once = false;
+  device.on_open = [this] { loop.post([this] { device.down(Reason::failed, "no such device"); }); };
+  start();
+  for (int n = 0; n < 6; ++n) {
+    driver.calls.clear();
+    driver.up();
+    run_until(loop, [&] { return driver.calls.ends_with("hang_up "); });
+    driver.drop(7);
+    driver.down(Reason::hung_up);
+    loop.restart();
+  }
+  session->stop();
+  run_to_end();
+  EXPECT_LE(count(book.text(), "bytes reached nobody"), 3) << book.text();
+  EXPECT_NE(book.text().find("35 bytes reached nobody"), std::string::npos) << book.text();
+  EXPECT_EQ(device.gaps, 42U);
+}
+
+TEST_F(SessionTest, ADriverThatWaitsGetsADeviceThatHadFailedOnceItIsThere) {
+  device.up_at_once = false;
+  bool there = false;
+  device.on_open = [&] {
+    loop.post([&] { there ? device.up() : device.down(Reason::failed, "no such device"); });
+  };
+  start();
+  for (int n = 0; n < 3; ++n) {
+    driver.up();
+    run_until(loop, [&] { return driver.calls.ends_with("hang_up "); });
+    driver.calls.clear();
+    driver.down(Reason::hung_up);
+  }
+  there = true;
+  driver.up();
+  run_until(loop, [&] { return session->state() == Session::State::open; });
+  device.send("hello");
+  EXPECT_EQ(driver.written, "hello");
+  EXPECT_EQ(count(book.text(), "no such device"), 1) << book.text();
+  EXPECT_NE(book.text().find("works again"), std::string::npos);
+  EXPECT_NE(book.text().find("it had failed 2 more times"), std::string::npos) << book.text();
+}
+
+TEST_F(SessionTest, AnEndDoesNotWaitForADeviceThatIsNotOpenedYet) {
+  device.up_at_once = false;
+  start();
+  driver.up();
+  device.down(Reason::failed, "no such device");
+  driver.down(Reason::hung_up);
+  driver.up();
+  device.calls.clear();
+  session->stop();
+  driver.down(Reason::hung_up);
+  run_to_end();
+  EXPECT_EQ(device.calls.find("open"), std::string::npos) << device.calls;
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "libport/catalog/port_types.hpp"
+#include "libport/faults/types.hpp"
 #include "libport/taped/types.hpp"
 
 namespace porttape {
@@ -48,8 +49,8 @@ void take_down_lines() { lines.clear(); }
 
 // What catalog/port_types.hpp declares.
 const PortTypes& port_types() {
-  static const PortTypes types(
-      {simulation::memory_type(), recording_type(simulation::memory_type()), logreader_type()});
+  static const PortType memory = with_faults(simulation::memory_type());
+  static const PortTypes types({memory, recording_type(memory), with_faults(logreader_type(), LineDir::r)});
   return types;
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "libport/base/line_settings_text.hpp"
+
 namespace porttape::simulation {
 namespace {
 
@@ -47,6 +49,7 @@ void Line::open() {
   ended_ = near_ended_ = false;
   to_near_.clear();
   to_far_.clear();
+  set_.reset();
   if (port_ != nullptr) port_->soon();
 }
 
@@ -90,6 +93,13 @@ void Line::flush_input() {
   to_far_.clear();
   port_->listener().on_flush(FlushQueue::in);
   port_->soon();
+}
+
+void Line::set(const SeenSettings& settings) {
+  if (!open_) return;
+  world_->trace("{}: the far end sets {}", name_, to_text(settings));
+  set_ = settings;
+  if (port_ != nullptr) port_->soon();
 }
 
 void Line::unplug() {
@@ -266,6 +276,10 @@ void LinePort::look() {
       soon();
     }
     return;
+  }
+  if (line_->set_) {
+    soon();
+    return listener().on_settings(*std::exchange(line_->set_, std::nullopt), SettingsOrder::sampled);
   }
   if (was_congested_ && !congested()) {
     was_congested_ = false;

@@ -43,7 +43,8 @@ class Line {
   void read(std::size_t most);
   void half_close();
   void flush_input();  // drops what came and was not read
-  void unplug();       // a device
+  void set(const SeenSettings& settings);
+  void unplug();  // a device
   void plug_in();
 
   [[nodiscard]] bool is_open() const { return open_; }
@@ -83,6 +84,7 @@ class Line {
   bool closing_ = false;     // the far end has closed; the near end has not seen it yet
   Bytes to_near_;
   Bytes to_far_;
+  std::optional<SeenSettings> set_;  // by the far end, and not seen by the near end yet
 };
 
 // The near end: what a pty's, a tty's or a socket's port does, without the system.

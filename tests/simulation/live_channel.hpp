@@ -30,6 +30,7 @@ class LiveChannel final : public Channel {
   void device_acts();
   void reads_soon(Line& line, bool& stalls, bool& planned);
   void replace_tape();
+  [[nodiscard]] std::string faults() const;
   void check_line();
   void check_tape(bool failed);
   [[nodiscard]] std::uint64_t told() const;

@@ -27,19 +27,25 @@ class ReplayChannel final : public Channel {
   struct Step {
     bool reads = false;
     Bytes data;
+    unsigned baud = 0;  // set before it; 0: none
   };
 
   void make_tape();
   void act();
   void write_on();
+  void next_step();
   void take_in(ByteView data);
   [[nodiscard]] std::size_t released() const;
+  [[nodiscard]] std::string chunks() const;
+  [[nodiscard]] bool by_lookup() const;
+  [[nodiscard]] bool resyncs() const { return expected_.size() % 5 == 0; }
   [[nodiscard]] std::filesystem::path report() const { return world().folder() / (name() + ".json"); }
 
   Driver driver_does_;
   Line driver_;
   std::vector<Step> steps_;
   std::size_t step_ = 0;       // of the driver
+  bool set_ = false;           // what that step begins with
   std::size_t leaves_at_ = 0;  // step
   Bytes to_write_;             // of this step
   std::uint64_t written_ = 0;

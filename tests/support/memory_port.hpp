@@ -57,8 +57,11 @@ class MemoryPort final : public Port, private Recorder {
     void arrive(std::string_view text, std::vector<std::size_t> ends) {
       port->listener().on_arrivals(as_bytes(text), ends);
     }
+    void fault(const LineFault& fault) { port->listener().on_fault(fault); }
     void flush(FlushQueue queue) { port->listener().on_flush(queue); }
-    void set(const SeenSettings& seen) { port->listener().on_settings(seen); }
+    void set(const SeenSettings& seen, SettingsOrder order = SettingsOrder::exact) {
+      port->listener().on_settings(seen, order);
+    }
     void finish(int exit_status) { port->listener().on_finished(exit_status); }
     void complete() { port->listener().on_complete(status); }
   };
@@ -106,6 +109,7 @@ class MemoryPort final : public Port, private Recorder {
     if (peer_->pending) peer_->pending();
   }
   void peer_flushed(FlushQueue) override { peer_->calls += "peer_flushed "; }
+  void peer_set(const SeenSettings&, SettingsOrder) override { peer_->calls += "peer_set "; }
   void finish() override {
     peer_->calls += "finish ";
     if (peer_->completes) listener().on_complete(peer_->status);

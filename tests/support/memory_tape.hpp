@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "libport/base/bytes.hpp"
+#include "libport/replay/answer_source.hpp"
 #include "libport/replay/report.hpp"
 #include "libport/tape/record.hpp"
 
@@ -69,6 +70,16 @@ class MemoryTape {
     }
     return times;
   }
+  // When the session began that `us` is in; without opens, the tape's beginning.
+  [[nodiscard]] std::optional<TapeTime> open_before(std::int64_t us) const {
+    std::optional<TapeTime> begin = opens() == 0 ? std::optional(TapeTime{}) : std::nullopt;
+    for (const Entry& entry : entries_) {
+      if (entry.us > us) break;
+      if (entry.kind == RecordKind::open) begin = tape_time_us(entry.us);
+      if (entry.kind == RecordKind::close) begin.reset();
+    }
+    return begin;
+  }
   [[nodiscard]] std::uint64_t opens() const {
     return static_cast<std::uint64_t>(std::count_if(
         entries_.begin(), entries_.end(), [](const Entry& entry) { return entry.kind == RecordKind::open; }));
@@ -110,16 +121,21 @@ class MemorySource final : public RecordSource {
 
   Result<void> rewind() override {
     ++rewinds_;
-    index_ = 0;
-    taken_ = 0;
-    reads_ = 0;
+    go_to(0, 0);
     writes_ = 0;
     return {};
+  }
+  // Where an entry begins, by the number that its records have as file_offset.
+  void go_to(std::size_t index, std::uint64_t reads) {
+    index_ = index;
+    taken_ = 0;
+    reads_ = reads;
   }
 
  private:
   Record piece_of(const MemoryTape::Entry& entry) {
     Record record;
+    record.file_offset = index_;
     record.kind = entry.kind;
     record.at = tape_time_us(entry.us);
     if (is_note(entry.kind) || entry.kind == RecordKind::half_close) record.event = &entry.event;
@@ -154,6 +170,29 @@ class MemorySource final : public RecordSource {
   std::size_t rewinds_ = 0;
   std::size_t fail_at_ = std::numeric_limits<std::size_t>::max();
   Bytes buffer_;
+};
+
+// The reads of a MemoryTape from anywhere on. Refers to the tape.
+class MemoryAnswers final : public AnswerSource {
+ public:
+  explicit MemoryAnswers(const MemoryTape& tape, std::size_t piece = std::numeric_limits<std::size_t>::max())
+      : source_(tape, MemorySource::Select::merged, piece) {}
+
+  MemorySource& source() { return source_; }
+
+  Result<void> seek(std::uint64_t file_offset, std::uint64_t reads) override {
+    source_.go_to(file_offset, reads);
+    return {};
+  }
+  Result<std::optional<Record>> next() override {
+    while (true) {
+      auto record = source_.next();
+      if (!record || !*record || (*record)->kind == RecordKind::read) return record;
+    }
+  }
+
+ private:
+  MemorySource source_;
 };
 
 }  // namespace porttape::test

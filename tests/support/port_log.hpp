@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <unistd.h>
@@ -20,7 +21,14 @@ namespace porttape {
 class PortLog final : public PortListener {
  public:
   void on_up() override { events += "up "; }
-  void on_data(ByteView bytes) override { data += as_text(bytes); }
+  void on_data(ByteView bytes) override {
+    data += as_text(bytes);
+    ++calls;
+  }
+  void on_arrivals(ByteView bytes, std::span<const std::size_t> ends) override {
+    arrivals += ends.size();
+    on_data(bytes);
+  }
   void on_drained() override { events += "drained "; }
   void on_down(const LineDown& down) override {
     events += down.reason == LineDown::Reason::closed   ? "closed "
@@ -28,6 +36,7 @@ class PortLog final : public PortListener {
               : down.reason == LineDown::Reason::lost   ? "lost "
                                                         : "hung_up ";
     error = down.error;
+    after_reading = down.after_reading;
   }
   Answers on_ended() override {
     events += "ended ";
@@ -35,16 +44,20 @@ class PortLog final : public PortListener {
   }
   [[nodiscard]] bool half_closes() const override { return peer_half_closes; }
   bool wants_rest() override { return wanted; }
+  [[nodiscard]] std::optional<std::size_t> unread() const override { return peer_unread; }
   void on_interrupted(const LineDown& down) override {
     events += "interrupted ";
     error = down.error;
   }
   void on_resumed() override { events += "resumed "; }
-  void on_settings(const SeenSettings& seen) override {
+  void on_settings(const SeenSettings& seen, SettingsOrder order) override {
     events += "settings ";
     settings = seen;
+    settings_order = order;
+    settings_after = data.size();
   }
   void on_dropped(std::uint64_t bytes, std::string_view) override { dropped += bytes; }
+  void on_left_unread(std::uint64_t bytes) override { left_unread = bytes; }
   void on_finished(int exit_status) override { events += "finished" + std::to_string(exit_status) + " "; }
 
   void on_complete(int exit_status) override { status = exit_status; }
@@ -56,11 +69,18 @@ class PortLog final : public PortListener {
   std::optional<int> status;  // once complete
   std::string data;
   Error error;
+  bool after_reading = false;
   SeenSettings settings;  // the last that on_settings told
+  SettingsOrder settings_order = SettingsOrder::exact;
+  std::size_t settings_after = 0;  // bytes
   std::uint64_t dropped = 0;
+  std::optional<std::uint64_t> left_unread;      // by the last peer
+  int calls = 0;                                 // that brought bytes,
+  std::size_t arrivals = 0;                      // and arrivals in those of on_arrivals
   Answers answers = Answers::until_it_is_quiet;  // what on_ended gives
   bool peer_half_closes = false;
-  bool wanted = false;  // what wants_rest gives
+  bool wanted = false;                       // what wants_rest gives
+  std::optional<std::size_t> peer_unread{};  // what unread gives
 };
 
 // A peer that reads whatever comes.

@@ -48,8 +48,11 @@ MemoryTape random_tape(Choose&& choose, const RandomTapeShape& shape = {}) {
       tape.gap(now, choose(20), from);
     } else if (shape.half_closes && line_open && kind == 3) {
       tape.half_close(++now, choose(2) == 0 ? Side::driver : Side::device);
+    } else if (kind == 1 && !line_open) {
+      tape.event(now, event::Unknown{"settings-to-come"});
     } else if (kind == 1) {
-      tape.event(now, event::Unknown{"settings"});
+      const Side by = choose(4) == 0 ? Side::device : Side::driver;
+      tape.event(now, event::Settings{by, {.baud = 300 * (1 + choose(3)), .stop_bits = 1}, {}});
     } else if (line_open && kind < 6) {
       tape.write(now, bytes());
     } else if (line_open) {

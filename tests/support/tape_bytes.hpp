@@ -73,7 +73,7 @@ inline std::vector<Block> decode_independently(const Bytes& bytes) {
 inline Bytes bytes_of(std::string_view text) { return {text.begin(), text.end()}; }
 
 inline std::unique_ptr<ByteSource> memory(std::string name, Bytes bytes) {
-  return std::make_unique<MemorySource>(std::move(name), std::move(bytes));
+  return std::make_unique<porttape::MemorySource>(std::move(name), std::move(bytes));
 }
 
 // "r 26 abc", "w 30 VV", "open 0", "mark 7": a record for comparing; pieces of one block are marked

@@ -78,6 +78,27 @@ TEST(BlockFile, EveryTruncationIsATornTailAndLosesOnlyTheTornBlock) {
   }
 }
 
+TEST(BlockFile, IsReadFromAnyBlockOnAgainAndAgain) {
+  const std::vector<Block> blocks = many_blocks(10'000);
+  BlockFile file(test::memory("t.logr", test::block_bytes(blocks)), Layout::big_endian, Blocks::whole);
+  struct Place {
+    std::uint64_t offset, stream_offset;
+  };
+  std::vector<Place> places;
+  while (file.next() == Step::piece)
+    places.push_back({file.piece().header_offset, file.piece().stream_offset});
+  for (const std::size_t at : {std::size_t{9'999}, std::size_t{0}, std::size_t{5'000}}) {
+    file.seek(places[at].offset, places[at].stream_offset);
+    for (std::size_t i = at; i < std::min(at + 3, blocks.size()); ++i) {
+      ASSERT_EQ(file.next(), Step::piece);
+      EXPECT_EQ(as_text(file.piece().data), blocks[i].data);
+      EXPECT_EQ(to_us(file.piece().at), blocks[i].us);
+      EXPECT_EQ(file.piece().stream_offset, places[i].stream_offset);
+      EXPECT_EQ(file.piece().header_offset, places[i].offset);
+    }
+  }
+}
+
 TEST(BlockFile, DamageIsToldWithOffsetAndReason) {
   const std::vector<Block> blocks = many_blocks(3);
   const std::size_t second = test::block_bytes({blocks[0]}).size();
@@ -198,9 +219,9 @@ TEST(BlockFile, RewindStartsAgainAlsoAfterDamage) {
 }
 
 // Bytes that grow and can fail.
-class GrowingSource final : public ByteSource {
+class AppendedSource final : public ByteSource {
  public:
-  explicit GrowingSource(Bytes& bytes, const int& reads_left) : bytes_(bytes), reads_left_(reads_left) {}
+  explicit AppendedSource(Bytes& bytes, const int& reads_left) : bytes_(bytes), reads_left_(reads_left) {}
   Result<std::size_t> read_at(std::uint64_t offset, std::span<Byte> into) override {
     if (reads_left_ == 0) return make_error(Errc::io, "out of order");
     return MemorySource("g", bytes_).read_at(offset, into);
@@ -217,7 +238,7 @@ class GrowingSource final : public ByteSource {
 TEST(BlockFile, SeesWhatWasAppendedMeanwhile) {
   Bytes bytes = test::block_bytes({{1, "a"}});
   const int always = -1;
-  BlockFile file(std::make_unique<GrowingSource>(bytes, always), Layout::big_endian, Blocks::whole);
+  BlockFile file(std::make_unique<AppendedSource>(bytes, always), Layout::big_endian, Blocks::whole);
   ASSERT_EQ(file.next(), Step::piece);
   const Bytes more = test::block_bytes({{2, "bcd"}});
   bytes.insert(bytes.end(), more.begin(), more.end());
@@ -229,7 +250,7 @@ TEST(BlockFile, SeesWhatWasAppendedMeanwhile) {
 TEST(BlockFile, AFailedReadIsAnErrorThatStays) {
   Bytes bytes = test::block_bytes({{1, "a"}});
   int reads_left = 0;
-  BlockFile file(std::make_unique<GrowingSource>(bytes, reads_left), Layout::big_endian, Blocks::whole);
+  BlockFile file(std::make_unique<AppendedSource>(bytes, reads_left), Layout::big_endian, Blocks::whole);
   EXPECT_EQ(file.next(), Step::failed);
   EXPECT_EQ(file.error().code, Errc::io);
   reads_left = -1;

@@ -8,7 +8,6 @@ namespace porttape {
 namespace {
 
 using test::Block;
-using Step = BlockDecoder::Step;
 
 TEST(BlockHeader, IsThreeBigEndianWords) {
   const auto header = encode_header(tape_time_us(10'964), 2);
@@ -47,9 +46,9 @@ std::vector<Block> decode(const Bytes& bytes, Layout layout, const std::vector<s
   std::size_t begin = 0;
   for (const std::size_t end : cuts) {
     for (;;) {
-      const Step step = decoder.next(ByteView(bytes).subspan(begin, end - begin), whole);
-      if (step != Step::piece) {
-        EXPECT_EQ(step, Step::need_bytes);
+      const BlockDecoder::Step step = decoder.next(ByteView(bytes).subspan(begin, end - begin), whole);
+      if (step != BlockDecoder::Step::piece) {
+        EXPECT_EQ(step, BlockDecoder::Step::need_bytes);
         EXPECT_GT(decoder.needed(), end - begin);
         break;
       }
@@ -86,8 +85,8 @@ TEST(BlockDecoder, GivesTheSameHoweverTheBytesAreCut) {
 TEST(BlockDecoder, TellsWhereEachBlockStands) {
   const Bytes bytes = test::block_bytes({{1, "abc"}, {2, "de"}});
   BlockDecoder decoder(Layout::big_endian);
-  ASSERT_EQ(decoder.next(bytes, true), Step::piece);
-  ASSERT_EQ(decoder.next(ByteView(bytes).subspan(15), true), Step::piece);
+  ASSERT_EQ(decoder.next(bytes, true), BlockDecoder::Step::piece);
+  ASSERT_EQ(decoder.next(ByteView(bytes).subspan(15), true), BlockDecoder::Step::piece);
   EXPECT_EQ(decoder.piece().header_offset, 15U);
   EXPECT_EQ(decoder.piece().stream_offset, 3U);
 }
@@ -96,9 +95,9 @@ TEST(BlockDecoder, ABlockBeyondTheEndGivesNoPiece) {
   const Bytes bytes = test::block_bytes({{1, "abc"}});
   BlockDecoder decoder(Layout::big_endian);
   decoder.set_end(bytes.size() - 1);
-  EXPECT_EQ(decoder.next(ByteView(bytes).first(bytes.size() - 1), false), Step::past_end);
+  EXPECT_EQ(decoder.next(ByteView(bytes).first(bytes.size() - 1), false), BlockDecoder::Step::past_end);
   decoder.set_end(bytes.size());
-  EXPECT_EQ(decoder.next(bytes, false), Step::piece);
+  EXPECT_EQ(decoder.next(bytes, false), BlockDecoder::Step::piece);
 }
 
 TEST(BlockDecoder, DamageStays) {
@@ -106,9 +105,9 @@ TEST(BlockDecoder, DamageStays) {
   const Bytes earlier = test::header_bytes(0, 999'999, 0);
   bytes.insert(bytes.end(), earlier.begin(), earlier.end());
   BlockDecoder decoder(Layout::big_endian);
-  ASSERT_EQ(decoder.next(bytes, true), Step::piece);
+  ASSERT_EQ(decoder.next(bytes, true), BlockDecoder::Step::piece);
   for (int i = 0; i < 2; ++i) {
-    EXPECT_EQ(decoder.next(ByteView(bytes).subspan(15), true), Step::damage);
+    EXPECT_EQ(decoder.next(ByteView(bytes).subspan(15), true), BlockDecoder::Step::damage);
     EXPECT_EQ(decoder.offset(), 15U);
     EXPECT_EQ(decoder.damage(), "time goes back from 1.000000 s to 0.999999 s");
   }

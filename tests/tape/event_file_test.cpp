@@ -13,7 +13,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-const std::string kHeader = "{\"format\":\"porttape-events\",\"version\":1}\n";
+const std::string kFileHeader = "{\"format\":\"porttape-events\",\"version\":1}\n";
 
 // Each event as "KIND TIME", last "error: …" or "torn".
 std::vector<std::string> events_of(const std::string& text) {
@@ -29,12 +29,13 @@ std::vector<std::string> events_of(const std::string& text) {
 }
 
 TEST(EventFile, UnknownKindsAndKeysAreRead) {
-  EXPECT_THAT(events_of(kHeader + "{\"new\":{\"deep\":[1,2]},\"t_us\":5,\"event\":\"hyperspace\"}\n"),
+  EXPECT_THAT(events_of(kFileHeader + "{\"new\":{\"deep\":[1,2]},\"t_us\":5,\"event\":\"hyperspace\"}\n"),
               ElementsAre("hyperspace 5"));
 }
 
 TEST(EventFile, EveryTruncationIsANote) {
-  const std::string whole = kHeader + "{\"t_us\":1,\"event\":\"open\"}\n{\"t_us\":2,\"event\":\"close\"}\n";
+  const std::string whole =
+      kFileHeader + "{\"t_us\":1,\"event\":\"open\"}\n{\"t_us\":2,\"event\":\"close\"}\n";
   for (std::size_t size = 0; size <= whole.size(); ++size) {
     const auto all = events_of(whole.substr(0, size));
     for (const std::string& each : all) EXPECT_THAT(each, testing::Not(HasSubstr("error"))) << size;
@@ -45,7 +46,7 @@ TEST(EventFile, EveryTruncationIsANote) {
 
 TEST(EventFile, DamageIsToldWithItsLine) {
   const auto second = [](const std::string& line) {
-    return events_of(kHeader + line + "\n{\"t_us\":9,\"event\":\"x\"}\n");
+    return events_of(kFileHeader + line + "\n{\"t_us\":9,\"event\":\"x\"}\n");
   };
   EXPECT_THAT(second("nonsense"), ElementsAre("error: t.loge is damaged in line 2: not a JSON object"));
   EXPECT_THAT(second("[1]"), ElementsAre(HasSubstr("line 2: not a JSON object")));
@@ -64,7 +65,7 @@ TEST(EventFile, DamageIsToldWithItsLine) {
 }
 
 TEST(EventFile, BytesThatAreNotUtf8DoNotBreakIt) {
-  EXPECT_THAT(events_of(kHeader + "{\"t_us\":5,\"event\":\"mark\",\"text\":\"\xff\xc3\"}\n"),
+  EXPECT_THAT(events_of(kFileHeader + "{\"t_us\":5,\"event\":\"mark\",\"text\":\"\xff\xc3\"}\n"),
               ElementsAre("mark 5"));
 }
 
@@ -77,7 +78,7 @@ TEST(EventFile, OtherFilesAreNotEventsFiles) {
 }
 
 TEST(EventFile, LinesCrossTheBufferUnharmed) {
-  std::string text = kHeader;
+  std::string text = kFileHeader;
   std::vector<std::string> expected;
   for (int i = 0; i < 20'000; ++i) {
     text += "{\"t_us\":" + std::to_string(i) + ",\"event\":\"tick\"}\n";
@@ -110,8 +111,8 @@ TEST(EventFile, WhatIsWrittenIsReadBack) {
 TEST(EventFile, AZeroEventReplacesTheHeadersZero) {
   auto file = EventFile::create(test::memory(
       "t.loge",
-      test::bytes_of(kHeader + R"({"t_us":0,"event":"zero","wall":"2024","monotonic_us":7,"boot":"b"})"
-                               "\n")));
+      test::bytes_of(kFileHeader + R"({"t_us":0,"event":"zero","wall":"2024","monotonic_us":7,"boot":"b"})"
+                                   "\n")));
   ASSERT_TRUE(file);
   EXPECT_FALSE(file->header()->zero);
   ASSERT_EQ(file->next(), EventFile::Step::event);

@@ -34,10 +34,26 @@ std::vector<Example> examples() {
       {event::Zero{{"2024", 9, "b"}},
        R"({"t_us":7,"event":"zero","wall":"2024","monotonic_us":9,"boot":"b"})"},
       {event::Zero{{"2024", 9, ""}}, R"({"t_us":7,"event":"zero","wall":"2024","monotonic_us":9})"},
+      {event::Settings{Side::device, SeenSettings::of({}), SettingsOrder::exact},
+       R"({"t_us":7,"event":"settings","by":"device","baud":9600,"databits":8,"parity":"none","stopbits":1,)"
+       R"("hwflowctrl":false,"swflowctrl":false,"order":"exact"})"},
+      {event::Settings{Side::driver,
+                       {.baud = 0, .stop_bits = 2, .hw_flow = true, .sw_flow = true},
+                       SettingsOrder::sampled},
+       R"({"t_us":7,"event":"settings","by":"driver","baud":0,"stopbits":2,"hwflowctrl":true,)"
+       R"("swflowctrl":true,"order":"sampled"})"},
+      {event::Settings{{}, {.baud = 4'294'967'295, .data_bits = 5, .parity = Parity::space}, {}},
+       R"({"t_us":7,"event":"settings","baud":4294967295,"databits":5,"parity":"space"})"},
+      {event::Settings{}, R"({"t_us":7,"event":"settings"})"},
       {event::Flush{event::Flush::Queue::in}, R"({"t_us":7,"event":"flush","queue":"in"})"},
       {event::Flush{event::Flush::Queue::out}, R"({"t_us":7,"event":"flush","queue":"out"})"},
       {event::Flush{event::Flush::Queue::both}, R"({"t_us":7,"event":"flush","queue":"both"})"},
       {event::Flush{}, R"({"t_us":7,"event":"flush"})"},
+      {event::Fault{{.kind = "corrupt", .spec = "corrupt:byte=3", .dir = LineDir::w, .offset = 3}},
+       R"({"t_us":7,"event":"fault","kind":"corrupt","dir":"w","offset":3,"spec":"corrupt:byte=3"})"},
+      {event::Fault{{.kind = "plan", .spec = "drop:p=1", .seed = 0}},
+       R"({"t_us":7,"event":"fault","kind":"plan","spec":"drop:p=1","seed":0})"},
+      {event::Fault{{.kind = "more", .count = 9}}, R"({"t_us":7,"event":"fault","kind":"more","count":9})"},
       {event::Mark{"a\x1b\"\n"}, R"({"t_us":7,"event":"mark","text":"a\u001b\"\n"})"},
       {event::Gap{512, tape_time_us(3), "disk full"},
        R"({"t_us":7,"event":"gap","bytes":512,"from_us":3,"why":"disk full"})"},
@@ -83,6 +99,11 @@ TEST(Event, WhatAKeySaysOddlyIsNotTold) {
   EXPECT_EQ(decoded(R"({"t_us":7,"event":"half-close","by":7})"), Event(event::HalfClose{}));
   EXPECT_EQ(decoded(R"({"t_us":7,"event":"device-lost","hung_up":"yes"})"), Event(event::DeviceLost{}));
   EXPECT_EQ(decoded(R"({"t_us":7,"event":"mark"})"), Event(event::Mark{}));
+  EXPECT_EQ(decoded(R"({"t_us":7,"event":"settings","by":"me","baud":4294967296,"databits":9,"parity":"E",)"
+                    R"("stopbits":0,"hwflowctrl":1,"swflowctrl":"on","order":7})"),
+            Event(event::Settings{}));
+  EXPECT_EQ(decoded(R"({"t_us":7,"event":"settings","baud":-1,"databits":4,"stopbits":3})"),
+            Event(event::Settings{}));
   EXPECT_EQ(decoded(R"({"t_us":7,"event":"zero"})"), Event(event::Zero{}));
 }
 

@@ -18,15 +18,15 @@ using test::Block;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
-using Blocks = std::vector<Block>;
+using BlockList = std::vector<Block>;
 using Verdict = Judgement::Verdict;
 
-const Blocks kAnswers{{2, "answer"}, {4, "bye"}};
-const Blocks kQuestions{{1, "ask"}, {3, "end"}};
+const BlockList kAnswers{{2, "answer"}, {4, "bye"}};
+const BlockList kQuestions{{1, "ask"}, {3, "end"}};
 
-const std::string kHeader = encode(TapeHeader{.device = "device", .driver = "driver", .id = "0123"});
+const std::string kTapeHeader = encode(TapeHeader{.device = "device", .driver = "driver", .id = "0123"});
 
-PayloadTotals totals(const Blocks& blocks) {
+PayloadTotals totals(const BlockList& blocks) {
   PayloadCounter counter;
   for (const Block& block : blocks) {
     counter.begin_block();
@@ -42,10 +42,10 @@ struct Files {
   std::optional<std::string> events;
 };
 
-Files recorded(const Blocks& read = kAnswers, const Blocks& write = kQuestions,
+Files recorded(const BlockList& read = kAnswers, const BlockList& write = kQuestions,
                const std::string& events = "") {
   return {test::block_bytes(read), test::block_bytes(write),
-          kHeader + events + encode(tape_time_us(9), event::End{totals(read), totals(write)})};
+          kTapeHeader + events + encode(tape_time_us(9), event::End{totals(read), totals(write)})};
 }
 
 Judgement judged(const Files& files, bool being_written = false) {
@@ -149,7 +149,7 @@ TEST(Judgement, OtherBlocksWithTheSameBytesAreSeen) {
 
 TEST(Judgement, ATapeThatNeverEndedIsNotSound) {
   Files files = recorded();
-  files.events = kHeader + encode(tape_time_us(0), event::Open{});
+  files.events = kTapeHeader + encode(tape_time_us(0), event::Open{});
   const Judgement judgement = judged(files);
   EXPECT_EQ(judgement.verdict, Verdict::flawed);
   EXPECT_FALSE(judgement.sound());
@@ -204,7 +204,7 @@ TEST(Judgement, WithoutDigestsItSaysWhatCouldNotBeChecked) {
   for (const std::string& end : {encode(tape_time_us(9), event::End{}),
                                  encode(tape_time_us(9), event::End{PayloadTotals{2, 9, std::nullopt},
                                                                     PayloadTotals{2, 6, std::nullopt}})}) {
-    files.events = kHeader + end;
+    files.events = kTapeHeader + end;
     EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
   }
   EXPECT_THAT(judged(files).notes,
@@ -218,7 +218,7 @@ TEST(Judgement, WithoutDigestsItSaysWhatCouldNotBeChecked) {
 }
 
 TEST(Judgement, ASwapOfEqualFilesCannotBeSeenAndIsTold) {
-  const Blocks echo{{2, "hello"}};
+  const BlockList echo{{2, "hello"}};
   const Judgement judgement = judged(recorded(echo, {{1, "hello"}}));
   EXPECT_EQ(judgement.verdict, Verdict::unchecked);
   EXPECT_THAT(judgement.notes,

@@ -25,10 +25,10 @@ namespace {
 using test::TempDir;
 using testing::HasSubstr;
 
-const TapeHeader kHeader{"device", "driver"};
+const TapeHeader kLockedHeader{"device", "driver"};
 
 Result<TapeWriter> create(const TapePaths& paths, OnExisting on_existing, unsigned first_number = 1) {
-  return TapeWriter::create(paths, kHeader,
+  return TapeWriter::create(paths, kLockedHeader,
                             {.on_existing = on_existing, .first_number = first_number, .sync = false});
 }
 

@@ -18,7 +18,7 @@ using test::TempDir;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-constexpr std::string_view kHeader =
+constexpr std::string_view kFutureHeader =
     "{\"format\":\"porttape-events\",\"version\":1,\"device\":\"d\",\"future\":[1]}\n";
 
 TapeReader reader_on(const Bytes& read, const Bytes& write,
@@ -34,7 +34,7 @@ TapeReader reader_on(const Bytes& read, const Bytes& write,
 TEST(TapeReader, MergesByTimeAndOnATieEventsThenWritesThenReads) {
   const Bytes read = test::block_bytes({{10, "r1"}, {20, "r2"}, {20, "r3"}, {40, "r4"}});
   const Bytes write = test::block_bytes({{20, "w1"}, {20, "w2"}, {30, "w3"}, {50, "w4"}});
-  const std::string events = std::string(kHeader) + R"({"t_us":0,"event":"open"}
+  const std::string events = std::string(kFutureHeader) + R"({"t_us":0,"event":"open"}
 {"t_us":20,"event":"mark","text":"x"}
 {"t_us":60,"event":"close"}
 )";
@@ -47,8 +47,9 @@ TEST(TapeReader, MergesByTimeAndOnATieEventsThenWritesThenReads) {
 }
 
 TEST(TapeReader, RecordsCarryOffsetsAndTheEventsLine) {
-  TapeReader reader = reader_on(test::block_bytes({{1, "abc"}, {2, "de"}}), {},
-                                std::string(kHeader) + "{\"t_us\":3,\"event\":\"mark\",\"text\":\"hi\"}\n");
+  TapeReader reader =
+      reader_on(test::block_bytes({{1, "abc"}, {2, "de"}}), {},
+                std::string(kFutureHeader) + "{\"t_us\":3,\"event\":\"mark\",\"text\":\"hi\"}\n");
   ASSERT_TRUE(reader.next());
   const auto second = reader.next();
   EXPECT_EQ((**second).stream_offset, 3U);
@@ -62,7 +63,7 @@ TEST(TapeReader, RecordsCarryOffsetsAndTheEventsLine) {
 TEST(TapeReader, AGapIsARecordOfItsOwn) {
   const std::string line = R"({"t_us":9,"event":"gap","bytes":512,"from_us":4,"why":"disk full"})";
   TapeReader reader =
-      reader_on(test::block_bytes({{3, "a"}, {9, "b"}}), {}, std::string(kHeader) + line + "\n");
+      reader_on(test::block_bytes({{3, "a"}, {9, "b"}}), {}, std::string(kFutureHeader) + line + "\n");
   ASSERT_TRUE(reader.next());
   const auto gap = reader.next();
   EXPECT_EQ((**gap).kind, RecordKind::gap);
@@ -111,7 +112,7 @@ TEST(TapeReader, PiecesOfALargeBlockStayTogether) {
 TEST(TapeReader, ASelectionReadsOneDirectionAndNoEvents) {
   const Bytes read = test::block_bytes({{1, "a"}});
   const Bytes write = test::block_bytes({{2, "b"}});
-  TapeReader reads = reader_on(read, write, std::string(kHeader), TapeReader::Select::reads_only);
+  TapeReader reads = reader_on(read, write, std::string(kFutureHeader), TapeReader::Select::reads_only);
   EXPECT_THAT(test::read_all(reads), ElementsAre("r 1 a"));
   EXPECT_TRUE(reads.has_events());
   TapeReader writes = reader_on(read, write, std::nullopt, TapeReader::Select::writes_only);
@@ -122,7 +123,8 @@ TEST(TapeReader, ASelectionReadsOneDirectionAndNoEvents) {
 TEST(TapeReader, TornTailsAreNotesAndNotErrors) {
   Bytes read = test::block_bytes({{1, "abc"}, {2, "def"}});
   read.pop_back();
-  TapeReader reader = reader_on(read, test::block_bytes({{3, "w"}}), std::string(kHeader) + "{\"t_us\":1");
+  TapeReader reader =
+      reader_on(read, test::block_bytes({{3, "w"}}), std::string(kFutureHeader) + "{\"t_us\":1");
   EXPECT_THAT(test::read_all(reader), ElementsAre("r 1 abc", "w 3 w"));
   ASSERT_TRUE(reader.torn_tail());
   EXPECT_EQ(*reader.torn_tail(),

@@ -52,6 +52,12 @@ class RecordingTest : public testing::Test {
   }
   static void pass(std::int64_t us) { scripted_now += Micros(us); }
 
+  static std::string text_of(const Event& event) {
+    const auto* settings = std::get_if<event::Settings>(&event);
+    if (settings == nullptr) return std::string(name_of(event));
+    return fmt::format("{}:{}", settings->by == Side::driver ? "driver" : "device", *settings->line.baud);
+  }
+
   // "open@0 w:ask@10 r:answer@20 …"
   static std::string records(const TapePaths& paths) {
     Result<TapeReader> reader = TapeReader::open(paths);
@@ -67,7 +73,7 @@ class RecordingTest : public testing::Test {
                                : r.kind == RecordKind::open    ? "open"
                                : r.kind == RecordKind::close   ? "close"
                                : r.kind == RecordKind::hang_up ? "hang-up"
-                                                               : std::string(name_of(*r.event));
+                                                               : text_of(*r.event);
       text += fmt::format("{}@{} ", what, to_us(r.at));
     }
   }
@@ -119,6 +125,17 @@ TEST_F(RecordingTest, AnExistingTapeIsFoundBeforeTheDeviceIsTouched) {
   EXPECT_TRUE(port->prepare().has_value());
 }
 
+TEST_F(RecordingTest, AFaultStandsBeforeTheBlockThatItStruck) {
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  pass(10);
+  device.fault({.kind = "drop", .spec = "drop:byte=0:dir=r", .dir = LineDir::r, .offset = 0});
+  device.send("nswer");
+  pass(10);
+  EXPECT_EQ(finish(), 0);
+  EXPECT_EQ(records(tape), "open@0 fault@10 r:nswer@10 close@20 end@20 ");
+}
+
 TEST_F(RecordingTest, AMarkStandsInItsPlaceAmongTheBlocks) {
   ASSERT_TRUE(port->prepare().has_value());
   Recorder& recorder = *port->recorder();
@@ -154,6 +171,42 @@ TEST_F(RecordingTest, RotationGoesOnWithTheNextName) {
   finish();
   EXPECT_EQ(records(tape), "open@0 w:one@0 end@50 ");
   EXPECT_EQ(records(literal_tape((dir.path() / "x.2.log").string())), "open@0 w:two@5 close@10 end@10 ");
+}
+
+TEST_F(RecordingTest, SettingsStandInTheirPlaceAndANextTapeBeginsWithThoseThatHold) {
+  device.settings = LineSettings{};
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  pass(10);
+  port->write(as_bytes("one"));
+  port->peer_set({.baud = 300}, SettingsOrder::exact);
+  port->peer_set({.baud = 600}, SettingsOrder::exact);
+  pass(40);
+  EXPECT_TRUE(port->recorder()->request(RecorderRequest::next_tape()));
+  pass(5);
+  port->write(as_bytes("two"));
+  port->close();
+  pass(5);
+  EXPECT_TRUE(port->recorder()->request(RecorderRequest::next_tape()));
+  finish();
+  EXPECT_EQ(records(tape), "open@0 device:9600@0 w:one@10 driver:300@11 driver:600@11 end@50 ");
+  EXPECT_EQ(records(literal_tape((dir.path() / "x.2.log").string())),
+            "open@0 device:9600@0 driver:600@0 w:two@5 close@6 end@10 ");
+  EXPECT_EQ(records(literal_tape((dir.path() / "x.3.log").string())), "device:9600@0 end@0 ");
+}
+
+TEST_F(RecordingTest, SettingsFromBeforeATapeThatComesLaterAreOnIt) {
+  device.settings = LineSettings{};
+  device.up_at_once = false;
+  make_port(true);
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  pass(10);
+  port->peer_set({.baud = 300}, SettingsOrder::exact);
+  pass(10);
+  device.up();
+  finish();
+  EXPECT_EQ(records(tape), "open@0 driver:300@10 device:9600@20 close@20 end@20 ");
 }
 
 TEST_F(RecordingTest, ARotationThatComesAfterTheEndMakesNoTape) {

@@ -27,8 +27,11 @@ class ReplayPortTest : public testing::Test {
     ReplayPort::Options options;
     options.tape = literal_tape(dir / "t.log");
     options.config.on_mismatch = on_mismatch;
+    options.config.match = match;
+    options.config.chunks = chunks;
     options.report_file = report;
     options.once = once;
+    options.looks_on = looks_on;
     options.session = session;
     port = std::make_unique<ReplayPort>(PortContext{&loop, book.log()}, std::move(options));
     port->listen(log);
@@ -49,7 +52,10 @@ class ReplayPortTest : public testing::Test {
   LogBook book;
   PortLog log;
   bool once = false;
+  bool looks_on = false;
   std::uint64_t session = 0;
+  Match match = Match::sequence;
+  Chunks chunks = Chunks::automatic;
   std::unique_ptr<ReplayPort> port;
 };
 
@@ -66,6 +72,147 @@ TEST_F(ReplayPortTest, TheHintIsInTheReportThoughTheLineHungUpBefore) {
   EXPECT_EQ(log.status, 3);
 }
 
+class LookingOn : public ReplayPortTest {
+ protected:
+  LookingOn() {
+    looks_on = true;
+    test::write_file(dir / "t.logw",
+                     test::block_bytes({{0, "one\n"}, {10'000, "two\n"}, {20'000, "three\n"}}));
+    test::write_file(dir / "t.logr", test::block_bytes({{5'000, "1\n"}, {15'000, "2\n"}, {25'000, "3\n"}}));
+  }
+};
+
+TEST_F(LookingOn, TheLineHangsUpOnceTheDriverIsQuiet) {
+  start();
+  write("xxx");
+  EXPECT_EQ(log.events, "up ");
+  write("y\n");
+  run_until(loop, [this] { return port->report().has_value(); });
+  EXPECT_EQ(log.events, "up hung_up ");
+  EXPECT_EQ(as_text(port->report()->mismatch->came), "xxxy\n");
+  EXPECT_EQ(as_text(port->report()->mismatch->got), "xxxy\n");
+  EXPECT_EQ(log.data, "") << "the tape has no answer to that";
+  (void)finish();
+  EXPECT_EQ(log.status, 3);
+}
+
+TEST_F(LookingOn, ARequestOfAnotherPlaceIsAnsweredAndWhatFollowsIsKept) {
+  start(dir / "report.json");
+  write("two\n");
+  run_until(loop, [this] { return !log.data.empty(); });
+  EXPECT_EQ(log.data, "2\n");
+  write("one\n");
+  run_until(loop, [this] { return port->report().has_value(); });
+  EXPECT_TRUE(port->report()->mismatch->answered);
+  ASSERT_TRUE(port->report()->diagnosis.cause.has_value());
+  EXPECT_EQ(port->report()->diagnosis.cause->text, "exchanges 1 and 2 swapped: request 2 came first");
+  EXPECT_EQ(port->report()->to_driver_bytes, 0U) << "it is no part of the counts";
+  EXPECT_THAT(port->report()->mismatch->hint, HasSubstr("comes later at offset 4"));
+  (void)finish();
+  EXPECT_THAT(std::string(as_text(test::read_file(dir / "report.json"))),
+              HasSubstr(R"("cause":{"kind":"swapped")"));
+}
+
+TEST_F(LookingOn, WhatNoRequestOfALookupIsIsReported) {
+  match = Match::lookup;
+  start();
+  write("xx\n");
+  run_until(loop, [this] { return port->report().has_value(); });
+  EXPECT_EQ(as_text(port->report()->mismatch->came), "xx\n");
+  EXPECT_EQ(as_text(port->report()->mismatch->got), "xx\n");
+  EXPECT_TRUE(port->report()->diagnosis.cause.has_value());
+  (void)finish();
+  EXPECT_EQ(log.status, 3);
+}
+
+TEST_F(LookingOn, WhatComesForARequestOfALookupIsReportedFromItsDifferenceOn) {
+  match = Match::lookup;
+  start();
+  write("tx");
+  write("y\n");
+  run_until(loop, [this] { return port->report().has_value(); });
+  EXPECT_EQ(as_text(port->report()->mismatch->came), "xy\n");
+  EXPECT_EQ(as_text(port->report()->mismatch->got), "xy\n");
+  EXPECT_THAT(port->report()->diagnosis.cause->text, testing::Not(HasSubstr("answer to request")));
+}
+
+TEST_F(LookingOn, ADriverThatWritesOnAndOnIsHungUpAllTheSame) {
+  start();
+  write("zzz");
+  for (std::size_t i = 0; i < Mismatch::kMostCame; ++i) write("z");
+  EXPECT_THAT(log.events, HasSubstr("hung_up"));
+  run_until(loop, [this] { return port->report().has_value(); });
+  EXPECT_EQ(port->report()->mismatch->came.size(), Mismatch::kMostCame);
+  (void)finish();
+}
+
+TEST_F(LookingOn, ACloseAndTheEndOfTheProgramAreNotWaitedFor) {
+  start();
+  write("three\n");
+  port->close();
+  run_until(loop, [this] { return port->report().has_value(); });
+  EXPECT_EQ(log.events, "up ") << "the line is closed, and needs no hang-up";
+  EXPECT_EQ(port->report()->verdict, Verdict::data_mismatch);
+  port->open();
+  write("xxx\n");
+  (void)finish();
+  EXPECT_EQ(log.status, 3);
+}
+
+TEST_F(ReplayPortTest, ADamagedTapeLeavesAReportWithoutACause) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one\n"}, {10, "two\n"}}));
+  start();
+  std::filesystem::remove(dir / "t.logw");
+  write("oxe\n");
+  run_until(loop, [this] { return port->report().has_value(); });
+  EXPECT_FALSE(port->report()->diagnosis.cause.has_value());
+  EXPECT_EQ(port->report()->verdict, Verdict::data_mismatch);
+  (void)finish();
+  EXPECT_EQ(log.status, 3);
+}
+
+TEST_F(ReplayPortTest, FilesThatAreNotWhatTheEndTellsAreNotPlayed) {
+  const auto events = [&](const event::End& end) {
+    test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{}) + encode(tape_time_us(0), event::Open{}) +
+                                              encode(tape_time_us(50), end)));
+  };
+  const auto said = [&] {
+    ReplayPort::Options options;
+    options.tape = literal_tape(dir / "t.log");
+    ReplayPort other(PortContext{&loop, book.log()}, std::move(options));
+    other.listen(log);
+    const Result<void> prepared = other.prepare();
+    return prepared ? std::string("plays") : prepared.error().message;
+  };
+  test::write_file(dir / "t.logr", test::block_bytes({{5, "1\n"}}));
+  events({.read = PayloadTotals{1, 2, {}}, .write = PayloadTotals{2, 8, {}}});
+  EXPECT_THAT(said(), HasSubstr("t.logw is missing, and by its tape's end it has 32 (2 blocks)"));
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one\n"}}));
+  EXPECT_THAT(said(), HasSubstr("t.logw has 16 bytes, and by its tape's end it has 32"));
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one\n"}, {10, "two\n"}}));
+  EXPECT_EQ(said(), "plays");
+  events({});
+  test::write_file(dir / "t.logw", {});
+  EXPECT_EQ(said(), "plays") << "an end that tells nothing of the files";
+}
+
+TEST_F(ReplayPortTest, AnEndThatIsMissingIsADoubt) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
+  for (const bool ended : {false, true}) {
+    std::string events = encode(TapeHeader{}) + encode(tape_time_us(0), event::Open{});
+    if (ended) events += encode(tape_time_us(50), event::End{});
+    test::write_file(dir / "t.loge", as_bytes(events));
+    start();
+    write("one");
+    port->close();
+    run_until(loop, [this] { return port->report().has_value(); });
+    EXPECT_EQ(port->report()->verdict, Verdict::pass);
+    ASSERT_EQ(port->report()->doubts.size(), ended ? 0U : 1U);
+    for (const Doubt& doubt : port->report()->doubts)
+      EXPECT_THAT(doubt.text, HasSubstr("the tape has no end"));
+  }
+}
+
 TEST_F(ReplayPortTest, TheReportFileIsThereWhenTheEndIsTold) {
   test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
   start(dir / "report.json");
@@ -74,6 +221,26 @@ TEST_F(ReplayPortTest, TheReportFileIsThereWhenTheEndIsTold) {
   (void)finish();
   EXPECT_EQ(log.status, 0);
   EXPECT_THAT(std::string(as_text(test::read_file(dir / "report.json"))), HasSubstr(R"("verdict":"pass")"));
+}
+
+TEST_F(ReplayPortTest, TheReportHasTheFaultsOfItsRunAndThePlanOfAll) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
+  start(dir / "report.json");
+  port->faulted({.kind = "plan", .spec = "drop:p=1", .seed = 7});
+  port->faulted({.kind = "drop", .spec = "drop:byte=3:dir=r", .dir = LineDir::r, .offset = 3});
+  port->faulted({.kind = "more", .count = 4});
+  write("one");
+  port->close();
+  run_until(loop, [this] { return port->report().has_value(); });
+  ASSERT_TRUE(port->report()->faults.has_value());
+  EXPECT_EQ(port->report()->faults->made, 5U);
+  EXPECT_THAT(to_text(*port->report()), HasSubstr("faults    5 made (1 drop, 4 more) by drop:p=1; seed 7"));
+  port->open();
+  write("one");
+  port->close();
+  (void)finish();
+  EXPECT_THAT(std::string(as_text(test::read_file(dir / "report.json"))),
+              HasSubstr(R"("faults":{"plan":"drop:p=1","seed":7,"made":0,"kinds":{},"list":[]})"));
 }
 
 TEST_F(ReplayPortTest, TheStatusIsTheWorstRunsAndTheFileHasAllOfThem) {
@@ -95,6 +262,43 @@ TEST_F(ReplayPortTest, TheStatusIsTheWorstRunsAndTheFileHasAllOfThem) {
   EXPECT_THAT(book.text(), HasSubstr("2 runs, the worst: data-mismatch; 1 look"));
 }
 
+TEST_F(ReplayPortTest, APieceFollowsWhenTheDriverHasReadTheOneBefore) {
+  test::write_file(dir / "t.logr", test::block_bytes({{0, "hello"}}));
+  chunks = Chunks::bytes;
+  log.peer_unread = 0;
+  start();
+  run_until(loop, [this] { return log.data == "hello"; });
+  EXPECT_EQ(log.arrivals, 5U);
+}
+
+TEST_F(ReplayPortTest, APieceFollowsTooWhereNothingTellsWhetherTheDriverReads) {
+  test::write_file(dir / "t.logr", test::block_bytes({{0, "hello"}}));
+  chunks = Chunks::bytes;
+  for (const auto& unread : {std::optional<std::size_t>(), std::optional<std::size_t>(5)}) {
+    log.data.clear();
+    log.arrivals = 0;
+    log.peer_unread = unread;
+    start();
+    run_until(loop, [this] { return log.data == "hello"; });
+    EXPECT_EQ(log.arrivals, 5U);
+  }
+}
+
+TEST_F(ReplayPortTest, ATapeOfDatagramsIsNotCut) {
+  test::write_file(dir / "t.logr", test::block_bytes({{0, "hello"}}));
+  test::write_file(
+      dir / "t.loge",
+      as_bytes(encode(TapeHeader{.device = {}, .driver = {}, .transport = Transport::datagram})));
+  ReplayPort::Options options;
+  options.tape = literal_tape(dir / "t.log");
+  options.config.chunks = Chunks::random;
+  ReplayPort other(PortContext{&loop, book.log()}, std::move(options));
+  other.listen(log);
+  const Result<void> prepared = other.prepare();
+  ASSERT_FALSE(prepared.has_value());
+  EXPECT_THAT(prepared.error().message, HasSubstr("'chunks'"));
+}
+
 // Two sessions of one exchange each.
 class TwoSessions : public ReplayPortTest {
  protected:
@@ -106,7 +310,8 @@ class TwoSessions : public ReplayPortTest {
                               encode(tape_time_us(5'000), event::Close{}) +
                               encode(tape_time_us(90'000), event::Gap{3, tape_time_us(80'000), "disk full"}) +
                               encode(tape_time_us(100'000), event::Open{}) +
-                              encode(tape_time_us(105'000), event::Close{})));
+                              encode(tape_time_us(105'000), event::Close{}) +
+                              encode(tape_time_us(105'000), event::End{})));
   }
 };
 
@@ -124,6 +329,46 @@ TEST_F(TwoSessions, OneOfThemIsPlayedAsIfItWereTheTape) {
               HasSubstr(R"("to_driver":{"bytes":6,"of":6},"from_driver":{"bytes":4,"matched":4,"of":4})"));
   EXPECT_THAT(file, HasSubstr(R"("sessions":{"made":1,"of":1},"session":2)"));
   EXPECT_THAT(file, HasSubstr(R"("doubts":[])")) << "the gap is before it";
+}
+
+TEST_F(TwoSessions, UnderLookupAllTheirRequestsAreAnsweredInEither) {
+  match = Match::lookup;
+  start(dir / "report.json");
+  for (const auto& [request, answer] :
+       {std::pair("two!", "second"), std::pair("one", "first"), std::pair("two!", "second")}) {
+    log.data.clear();
+    write(request);
+    run_until(loop, [&, wanted = answer] { return log.data == wanted; });
+  }
+  port->close();
+  (void)finish();
+  EXPECT_EQ(log.status, 0) << book.text();
+  EXPECT_THAT(std::string(as_text(test::read_file(dir / "report.json"))),
+              HasSubstr(R"("lookup":{"requests":2,"asked":2,"answered":3,"unknown":0,"never_asked":[]})"));
+}
+
+TEST_F(TwoSessions, UnderLookupOneOfThemIsAllThereIs) {
+  match = Match::lookup;
+  session = 2;
+  start();
+  write("two!");
+  run_until(loop, [this] { return log.data == "second"; });
+  write("one");
+  run_until(loop, [this] { return port->report().has_value(); });
+  EXPECT_EQ(port->report()->verdict, Verdict::data_mismatch);
+  (void)finish();
+  EXPECT_EQ(log.status, 3);
+}
+
+TEST_F(TwoSessions, UnderResyncTheAnswerThatFollowsIsReadWhereItStands) {
+  start(dir / "report.json", OnMismatch::resync);
+  write("two!");
+  run_until(loop, [this] { return log.data == "second"; });
+  port->close();
+  (void)finish();
+  EXPECT_EQ(log.status, 3);
+  EXPECT_THAT(std::string(as_text(test::read_file(dir / "report.json"))),
+              HasSubstr(R"("went_on":"the tape goes on at 0.101000 s: 1 request skipped")"));
 }
 
 TEST_F(TwoSessions, AHintIsOfThePartThatIsPlayed) {
@@ -289,23 +534,143 @@ TEST_F(ReplayPortTest, AStallDuringTheRunIsADoubt) {
   EXPECT_THAT(port->report()->doubts.at(0).text, HasSubstr("stood still for"));
 }
 
-TEST_F(ReplayPortTest, AFlushOfTheDriverDropsWhatIsDueAndUnread) {
-  test::write_file(dir / "t.logw", test::block_bytes({{0, "ask"}}));
+// What is due waits for a driver that does not read; what comes next waits for its question.
+class FlushOfATape : public ReplayPortTest {
+ protected:
+  std::string left_after(FlushQueue queue) {
+    test::write_file(dir / "t.logw", test::block_bytes({{0, "ask"}, {5'000, "more"}}));
+    test::write_file(dir / "t.logr", test::block_bytes({{1, "old"}, {5'001, "new"}}));
+    test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{})));
+    log.data.clear();
+    start();
+    port->set_reading(false);
+    write("ask");
+    run_until(loop, [begin = Loop::now(), this] {
+      loop.post([] {});
+      return Loop::now() - begin > std::chrono::milliseconds(5);
+    });
+    port->peer_flushed(queue);
+    port->set_reading(true);
+    write("more");
+    run_until(loop, [this] { return log.data.ends_with("new"); });
+    port->close();
+    return log.data;
+  }
+};
+
+TEST_F(FlushOfATape, DropsWhatIsDueAndUnreadAndNothingElse) {
+  EXPECT_EQ(left_after(FlushQueue::in), "new");
+  EXPECT_EQ(left_after(FlushQueue::both), "new");
+  EXPECT_EQ(left_after(FlushQueue::out), "oldnew");
+}
+
+TEST_F(FlushOfATape, AFloodOfThemLogsNothing) {
   test::write_file(dir / "t.logr", test::block_bytes({{1, "old"}}));
   test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{})));
   start();
+  const std::string before = book.text();
+  for (int i = 0; i < 10'000; ++i) port->peer_flushed(FlushQueue::both);
+  EXPECT_EQ(book.text(), before);
+}
+
+TEST_F(ReplayPortTest, AFlushOfATapeWithoutEventsDropsNothingThatItsDriverRead) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "ask"}}));
+  test::write_file(dir / "t.logr", test::block_bytes({{1, "old"}}));
+  start();
   port->set_reading(false);
   write("ask");
-  run_until(loop, [begin = Loop::now(), this] {
-    loop.post([] {});
-    return Loop::now() - begin > std::chrono::milliseconds(5);
-  });
-  port->peer_flushed(FlushQueue::out);
-  port->peer_flushed(FlushQueue::in);
+  port->peer_flushed(FlushQueue::both);
   port->set_reading(true);
-  EXPECT_EQ(log.data, "");
+  run_until(loop, [this] { return log.data == "old"; });
+}
+
+// A tape whose device has 1200 baud; its driver asks for 300, which it takes, 7, which it refuses, and 150,
+// for which it takes 134.
+class SettingsOfATape : public ReplayPortTest {
+ protected:
+  SettingsOfATape() {
+    const auto by = [](Side side, unsigned baud) {
+      return event::Settings{side, {.baud = baud, .stop_bits = 1}, SettingsOrder::exact};
+    };
+    write_events(
+        encode(tape_time_us(0), event::Open{}) +
+        encode(tape_time_us(1), event::Settings{Side::device, SeenSettings::of({.baud = 1200}), {}}) +
+        encode(tape_time_us(100'000), by(Side::driver, 300)) +
+        encode(tape_time_us(200'000), by(Side::driver, 7)) +
+        encode(tape_time_us(200'001), by(Side::device, 300)) +
+        encode(tape_time_us(300'000), by(Side::driver, 150)) +
+        encode(tape_time_us(300'001), by(Side::device, 134)) + encode(tape_time_us(400'000), event::Close{}) +
+        encode(tape_time_us(500'000), event::Open{}) + encode(tape_time_us(600'000), by(Side::driver, 300)) +
+        encode(tape_time_us(700'000), event::Close{}));
+  }
+  void write_events(const std::string& events, const std::string& device = "serial:/dev/ttyUSB0") {
+    test::write_file(dir / "t.logr", test::block_bytes({{0, "a"}, {650'000, "b"}}));
+    test::write_file(dir / "t.loge",
+                     as_bytes(encode(TapeHeader{.device = device, .driver = "pty:"}) + events));
+  }
+  // As a session does it.
+  Result<void> set(unsigned baud) {
+    const SeenSettings seen{.baud = baud};
+    port->peer_set(seen, SettingsOrder::sampled);
+    return port->apply(seen.over(*port->settings()));
+  }
+  unsigned baud() { return port->settings().value().baud; }
+};
+
+TEST_F(SettingsOfATape, AreThoseOfItsDevice) {
+  start();
+  EXPECT_EQ(port->settings(), LineSettings{.baud = 1200});
+  EXPECT_TRUE(set(300).has_value());
+  EXPECT_EQ(baud(), 300U);
+  EXPECT_EQ(log.events, "up ");
+  const Result<void> refused = set(7);
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_THAT(refused.error().message, HasSubstr("on the tape the device did not take 7 baud, 8N1"));
+  EXPECT_EQ(baud(), 300U);
+  EXPECT_TRUE(set(150).has_value());
+  EXPECT_EQ(baud(), 134U);
+  EXPECT_EQ(log.events, "up settings ");
+  EXPECT_EQ(log.settings.baud, 134U);
+  port->close();
+  EXPECT_EQ(baud(), 1200U) << "its own again";
+}
+
+TEST_F(SettingsOfATape, AreThoseThatHoldWhereASessionBegins) {
+  session = 2;
+  start();
+  EXPECT_EQ(baud(), 1200U);
+}
+
+TEST_F(SettingsOfATape, AnOlderRecordersAreTheOptionsItOpenedTheDeviceWith) {
+  write_events({}, "serial:/dev/ttyUSB0,alwaysopen,baud=57600,parity=even");
+  start();
+  EXPECT_EQ(port->settings(), (LineSettings{.baud = 57600, .parity = Parity::even}));
+}
+
+TEST_F(SettingsOfATape, WhereNothingTellsOfThemThereAreNone) {
+  for (const char* device : {"tcp:localhost:1,baud=3", "serial:/dev/ttyUSB0,baud=much", ""}) {
+    write_events({}, device);
+    start();
+    EXPECT_EQ(port->settings(), std::nullopt) << device;
+    EXPECT_FALSE(port->apply({}).has_value());
+  }
+}
+
+TEST_F(SettingsOfATape, TheDriversAreHeldAgainstIt) {
+  once = true;
+  start(dir / "report.json");
+  (void)set(300);
+  (void)set(150);
+  port->close();
+  port->open();
+  (void)set(300);
+  port->close();
   (void)finish();
   EXPECT_EQ(log.status, 0);
+  const std::string file(as_text(test::read_file(dir / "report.json")));
+  EXPECT_THAT(file, HasSubstr(R"("settings":{"recorded":4,"made":3,)"
+                              R"("missing":[{"tape_us":200000,"baud":7,"stopbits":1}],"checked":false})"));
+  EXPECT_THAT(book.text(), HasSubstr("the driver never made its line 7 baud, 1 stop bit"));
 }
 
 }  // namespace

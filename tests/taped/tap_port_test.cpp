@@ -11,6 +11,7 @@
 
 #include <gtest/gtest.h>
 
+#include "libport/base/line_settings_text.hpp"
 #include "tests/support/memory_port.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
@@ -36,7 +37,15 @@ class Notes final : public LineObserver {
   void block(Direction direction, Instant, ByteView data) override {
     book_->text += (direction == Direction::read ? "r:" : "w:") + std::string(as_text(data)) + " ";
   }
-  void note(Instant, const Event& event) override { book_->text += std::string(name_of(event)) + " "; }
+  void note(Instant, const Event& event) override {
+    book_->text += name_of(event);
+    if (const auto* settings = std::get_if<event::Settings>(&event)) {
+      book_->text += settings->by == Side::driver ? "[driver " : "[device ";
+      book_->text += to_text(settings->line);
+      book_->text += settings->order == SettingsOrder::sampled ? ", sampled]" : "]";
+    }
+    book_->text += ' ';
+  }
   Result<bool> request(Instant, const RecorderRequest&) override {
     book_->text += "next_tape ";
     return book_->request_is_for_it;
@@ -129,6 +138,54 @@ TEST_F(TapPortTest, EveryObserverIsToldAllThatPasses) {
   EXPECT_EQ(other.text, one.text);
   EXPECT_EQ(device.written, "ask");
   EXPECT_EQ(log.data, "answerabc");
+}
+
+TEST_F(TapPortTest, SettingsAreToldWhenTheLineComesUpAndWhenOneOfThemChangesThem) {
+  device.settings = LineSettings{};
+  ASSERT_TRUE(tap.prepare().has_value());
+  tap.open();
+  EXPECT_EQ(one.text, "opened up settings[device 9600 baud, 8N1] ");
+  one.text.clear();
+  tap.peer_set({.baud = 115200, .stop_bits = 1}, SettingsOrder::sampled);
+  tap.peer_set({.baud = 115200, .stop_bits = 1}, SettingsOrder::sampled);
+  device.set({.baud = 57600});
+  EXPECT_EQ(one.text, "settings[driver 115200 baud, 1 stop bit, sampled] settings[device 57600 baud] ");
+  EXPECT_EQ(log.settings.baud, 57600U);
+  EXPECT_EQ(device.calls, "prepare open peer_set peer_set ");
+  one.text.clear();
+  device.interrupt();
+  device.resume();
+  EXPECT_EQ(one.text, "device-lost device-back settings[device 9600 baud, 8N1] ");
+  EXPECT_EQ(other.text.substr(other.text.size() - one.text.size()), one.text);
+}
+
+TEST_F(TapPortTest, ADeviceThatRefusesIsToldWithWhatItHas) {
+  device.settings = LineSettings{};
+  device.takes_settings = false;
+  tap.open();
+  one.text.clear();
+  tap.peer_set({.baud = 7}, SettingsOrder::exact);
+  EXPECT_FALSE(tap.apply({.baud = 7}).has_value());
+  EXPECT_EQ(one.text, "settings[driver 7 baud] settings[device 9600 baud, 8N1] ");
+}
+
+TEST_F(TapPortTest, ALineWithoutSettingsHasThoseOfItsDriver) {
+  tap.open();
+  tap.peer_set({.baud = 7}, SettingsOrder::exact);
+  EXPECT_EQ(one.text, "opened up settings[driver 7 baud] ");
+}
+
+TEST_F(TapPortTest, AFloodOfFlushesIsTheDevicesToSeeAndToldOnce) {
+  const Instant begin = Loop::now();
+  int flushes = 0;
+  for (; flushes < 10'000; ++flushes) tap.peer_flushed(FlushQueue::in);
+  const auto told = static_cast<std::int64_t>(one.text.size() / std::string_view("flush ").size());
+  EXPECT_LE(told, 1 + (Loop::now() - begin) / RepeatFilter::kFlushes);
+  EXPECT_EQ(device.calls.size(), std::string_view("peer_flushed ").size() * 10'000);
+  one.text.clear();
+  device.send("a");
+  tap.peer_flushed(FlushQueue::in);
+  EXPECT_EQ(one.text, "r:a flush ");
 }
 
 TEST_F(TapPortTest, WhatIsWrittenWithinOnDataIsToldBehindIt) {

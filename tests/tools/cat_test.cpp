@@ -36,6 +36,18 @@ TEST(Cat, ShowsBothDirectionsAndEventsInOrder) {
   EXPECT_EQ(ran.err, "");
 }
 
+TEST(Cat, ShowsSettingsInTheirPlaceAndInWords) {
+  const TempDir dir;
+  const std::string line = R"({"t_us":1000,"event":"settings","by":"driver","baud":300,"stopbits":2,)"
+                           R"("hwflowctrl":false,"order":"sampled","newer":1})";
+  const std::string tape = make_tape(dir, "t", {{999, "a"}}, {{1001, "b"}}, line + "\n");
+  EXPECT_EQ(run({"cat", tape}).out,
+            "     0.000999  r      1  \"a\"  61\n"
+            "     0.001000  -  settings  driver: 300 baud, 2 stop bits (sampled)\n"
+            "     0.001001  w      1  \"b\"  62\n");
+  EXPECT_THAT(run({"cat", "--json", tape}).out, HasSubstr(line + "\n"));
+}
+
 TEST(Cat, JoinsBlocksLessThan500MicrosecondsApart) {
   const TempDir dir;
   const std::string tape =

@@ -71,6 +71,44 @@ TEST(Info, ATapeWithoutOpensIsOneSession) {
   EXPECT_EQ(only.at("read_bytes").as_int64(), 2);
 }
 
+TEST(Info, ShowsTheHistoryOfTheSettings) {
+  const TempDir dir;
+  const std::string tape = make_tape(
+      dir, "t", {}, {},
+      R"({"t_us":41,"event":"settings","by":"device","baud":9600,"databits":8,"parity":"none","stopbits":1,)"
+      R"("hwflowctrl":false,"swflowctrl":false,"order":"exact"})"
+      "\n"
+      R"({"t_us":1280,"event":"settings","by":"driver","baud":115200,"stopbits":1,"hwflowctrl":true,)"
+      R"("swflowctrl":false,"order":"sampled"})"
+      "\n"
+      R"({"t_us":2000,"event":"settings"})"
+      "\n");
+  EXPECT_THAT(run({"info", tape}).out,
+              HasSubstr("settings   0.000041 s  device: 9600 baud, 8N1\n"
+                        "             0.001280 s  driver: 115200 baud, 1 stop bit, RTS/CTS (sampled)\n"
+                        "             0.002000 s  line: nothing is known of them\n"));
+  const std::string json = run({"info", "--json", tape}).out;
+  EXPECT_THAT(
+      json,
+      HasSubstr(
+          R"("settings":[{"t_us":41,"event":"settings","by":"device","baud":9600,"databits":8,)"
+          R"("parity":"none","stopbits":1,"hwflowctrl":false,"swflowctrl":false,)"
+          R"("order":"exact"},{"t_us":1280,"event":"settings","by":"driver","baud":115200,"stopbits":1,)"
+          R"("hwflowctrl":true,"swflowctrl":false,"order":"sampled"},{"t_us":2000,"event":"settings"}])"));
+}
+
+TEST(Info, SaysHowManyMoreSettingsThereAre) {
+  const TempDir dir;
+  std::string events;
+  for (int i = 0; i < 100; ++i)
+    events += "{\"t_us\":" + std::to_string(i) + R"(,"event":"settings","by":"driver","baud":300})" + "\n";
+  const std::string tape = make_tape(dir, "t", {}, {}, events);
+  EXPECT_THAT(run({"info", tape}).out,
+              HasSubstr("0.000019 s  driver: 300 baud\n             … and 80 more\n"));
+  const auto json = boost::json::parse(run({"info", "--json", tape}).out).as_object();
+  EXPECT_EQ(json.at("events").at("settings").as_array().size(), 64U);
+}
+
 TEST(Info, ShowsMarks) {
   const TempDir dir;
   const std::string tape =

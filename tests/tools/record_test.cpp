@@ -27,9 +27,9 @@ using testing::HasSubstr;
 using testing::Not;
 
 // A tty that answers each line: "ask\n" with "42\n".
-class Device {
+class PtyDevice {
  public:
-  Device() : master_(::posix_openpt(O_RDWR | O_NOCTTY)) {
+  PtyDevice() : master_(::posix_openpt(O_RDWR | O_NOCTTY)) {
     ::grantpt(master_.get());
     ::unlockpt(master_.get());
     path_ = ::ptsname(master_.get());
@@ -40,12 +40,12 @@ class Device {
     ::tcsetattr(slave_.get(), TCSANOW, &raw);
     thread_ = std::thread([this] { answer(); });
   }
-  ~Device() {
+  ~PtyDevice() {
     done_ = true;
     thread_.join();
   }
-  Device(const Device&) = delete;
-  Device& operator=(const Device&) = delete;
+  PtyDevice(const PtyDevice&) = delete;
+  PtyDevice& operator=(const PtyDevice&) = delete;
 
   [[nodiscard]] const std::string& path() const { return path_; }
 
@@ -81,7 +81,7 @@ class RecordVerb : public testing::Test {
     return found ? *found : TapeSummary{};
   }
 
-  Device device;
+  PtyDevice device;
   TempDir dir;
   std::string tape = dir / "t";
   const std::string good = "exec 3<>{port}; echo ask >&3; read answer <&3; test \"$answer\" = 42";

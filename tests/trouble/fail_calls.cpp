@@ -478,6 +478,7 @@ WRAP(int, chown, (const char* path, uid_t owner, gid_t group) noexcept, (path, o
 WRAP(int, rename, (const char* from, const char* to) noexcept, (from, to))
 WRAP(int, renameat, (int from_folder, const char* from, int to_folder, const char* to) noexcept,
      (from_folder, from, to_folder, to))
+WRAP(int, link, (const char* from, const char* to) noexcept, (from, to))
 WRAP(int, symlink, (const char* target, const char* path) noexcept, (target, path))
 WRAP(ssize_t, readlink, (const char* path, char* target, size_t size) noexcept, (path, target, size))
 WRAP(int, unlink, (const char* path) noexcept, (path))

@@ -164,6 +164,7 @@ ERRORS = {
     "faccessat": ["EACCES"],
     "rename": ["ENOSPC", "EACCES"],
     "renameat": ["ENOSPC", "EACCES"],
+    "link": ["EPERM", "ENOSPC"],
     "symlink": ["ENOSPC", "EACCES"],
     "readlink": ["EACCES"],
     "unlink": ["EACCES", "EROFS"],

@@ -300,12 +300,32 @@ def difference(part, whole):
 def left_behind(world, *names):
     """Links and files that no program may leave, unless it was killed or could not remove them."""
     for name in names:
-        excused = any(program.killed for program in world.programs) or world.kills or world.trouble and (
-            world.trouble.kind in ("unlink", "readlink", "lstat", "stat") or
-            world.trouble.kind.startswith("flock") and "EAGAIN" in str(world.trouble) or  # another program's then
-            "net/unix_port" in world.trouble.place)  # a socket file that cannot be looked at is nobody's
-        if os.path.lexists(world.path(name)) and not excused:
-            world.find(f"{name} is left behind")
+        if os.path.lexists(world.path(name)):
+            find_left(world, name)
+
+
+def find_left(world, name):
+    excused = any(program.killed for program in world.programs) or world.kills or world.trouble and (
+        world.trouble.kind in ("unlink", "readlink", "lstat", "stat") or
+        world.trouble.kind.startswith("flock") and "EAGAIN" in str(world.trouble) or  # another program's then
+        "net/unix_port" in world.trouble.place)  # a socket file that cannot be looked at is nobody's
+    if not excused:
+        world.find(f"{name} is left behind")
+
+
+def left_locks(world, pid):
+    """Lock files of that process, which are not in the world's own folder: taken away, and told where one should not be there."""
+    folder = "/var/lock"
+    names = [name for name in os.listdir(folder) if name.startswith(("LCK..", "LTMP."))] if os.path.isdir(folder) else []
+    for name in names:
+        try:
+            with open(os.path.join(folder, name), encoding="ascii") as file:
+                own = file.read(32).strip() == str(pid) or name.startswith(f"LTMP.{pid}.")
+        except (OSError, ValueError):  # another's
+            continue
+        if own:
+            os.unlink(os.path.join(folder, name))
+            find_left(world, name)
 
 
 def there(*links):
@@ -332,12 +352,12 @@ def check_start(world, daemon, is_there):
     return False
 
 
-def start_recording(world, name="tapes/t", *options):
+def start_recording(world, name="tapes/t", *options, locks=""):
     """A recording of a serial device under a pty."""
     device = world.keep(SerialDevice(Line.answers(LARGE)))
     port = world.path("port")
-    daemon = world.daemon("record", "--device", f"serial:{device.path},baud=115200", "--driver", f"pty:{port}",
-                          "--tape", world.path(name), "--pidfile", world.path("pid"), *options)
+    daemon = world.daemon("record", "--device", f"serial:{device.path},baud=115200{locks}", "--driver",
+                          f"pty:{port}", "--tape", world.path(name), "--pidfile", world.path("pid"), *options)
     return Line(world, daemon, device, lambda driver: driver.open_path(port), world.path("tapes")), port
 
 
@@ -356,10 +376,11 @@ def play_recording(world, line, port):
 
 def record(world):
     """Records a serial device under a pty: two sessions, a next tape, a pidfile."""
-    line, port = start_recording(world)
+    line, port = start_recording(world, locks=",uucplock")
     play_recording(world, line, port)
     line.check()
     left_behind(world, "port", "pid")
+    left_locks(world, line.daemon.pid)
 
 
 def listen(family, address, kind=socket.SOCK_STREAM):

@@ -6,6 +6,7 @@
 #include <memory>
 #include <poll.h>
 #include <sys/file.h>
+#include <sys/ioctl.h>
 #include <termios.h>
 #include <unistd.h>
 #include <utility>
@@ -13,46 +14,15 @@
 #include <gtest/gtest.h>
 
 #include "libport/tty/pty.hpp"
+#include "libport/tty/tty.hpp"
 #include "libport/tty/types.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
 #include "tests/support/temp_dir.hpp"
+#include "tests/tty/serial_rig.hpp"
 
 namespace porttape {
 namespace {
-
-// The device is the slave of a pty whose master the test holds.
-class SerialPortTest : public testing::Test {
- protected:
-  SerialPortTest() : device(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK)) {
-    ::grantpt(device.get());
-    ::unlockpt(device.get());
-    path = ::ptsname(device.get());
-  }
-
-  void make_port(std::map<std::string, std::string> options = {}) {
-    options.try_emplace("device", path);
-    const Result<PortOptions> checked = check_options(PortOptions{&type, std::move(options)});
-    const Result<PortSpec> spec = PortSpec::read(*checked);
-    port = std::make_unique<SerialPort>(PortContext{&loop, book.log()}, spec->common(),
-                                        *spec->get<SerialOptions>());
-    port->listen(log);
-  }
-  Error prepare_error(const std::string& device_path) {
-    make_port({{"device", device_path}});
-    const Result<void> prepared = port->prepare();
-    EXPECT_FALSE(prepared.has_value()) << device_path;
-    return prepared ? Error{} : prepared.error();
-  }
-
-  const PortType type = serial_type();
-  UniqueFd device;
-  std::string path;
-  Loop loop;
-  LogBook book;
-  PortLog log;
-  std::unique_ptr<SerialPort> port;
-};
 
 TEST_F(SerialPortTest, AStandardRateIsWhatOtherProgramsSee) {
   for (const auto& [baud, code] : {std::pair("9600", B9600), std::pair("115200", B115200)}) {
@@ -243,6 +213,202 @@ TEST_F(SerialPortTest, AnUnpluggedDeviceIsReleasedAtOnce) {
     std::error_code gone;
     EXPECT_FALSE(std::filesystem::read_symlink(entry, gone).string().starts_with(path)) << path;
   }
+}
+
+TEST_F(SerialPortTest, ADeviceThatALivingProcessHasLockedIsBusy) {
+  std::ofstream(lock_of(path)) << ::getppid() << "\n";
+  const Error error = prepare_error(path);
+  EXPECT_EQ(error.code, Errc::device_missing);
+  EXPECT_NE(error.message.find("busy"), std::string::npos) << error.message;
+  EXPECT_NE(error.message.find(std::to_string(::getppid())), std::string::npos) << error.message;
+}
+
+TEST_F(SerialPortTest, OneThatIsLockedLaterFailsToOpenUntouched) {
+  make_port();
+  ASSERT_TRUE(port->prepare().has_value());
+  termios before{};
+  ASSERT_EQ(::tcgetattr(device.get(), &before), 0);
+  std::ofstream(lock_of(path)) << ::getppid() << "\n";
+  port->open();
+  EXPECT_EQ(log.events, "failed ");
+  termios after{};
+  ASSERT_EQ(::tcgetattr(device.get(), &after), 0);
+  EXPECT_EQ(before.c_lflag, after.c_lflag);
+  std::filesystem::remove(lock_of(path));
+  port->close();
+  port->open();
+  EXPECT_EQ(log.events, "failed up ");
+}
+
+TEST_F(SerialPortTest, WaitWaitsForTheEndOfALock) {
+  std::ofstream(lock_of(path)) << ::getppid() << "\n";
+  make_port({{"wait", "1"}});
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  EXPECT_EQ(log.events, "");
+  std::filesystem::remove(lock_of(path));
+  run_until(loop, [&] { return log.events == "up "; });
+}
+
+TEST_F(SerialPortTest, ALockIsMadeOnRequestAndGoesWithTheOpenDevice) {
+  const auto no_lock = [this] { return std::filesystem::is_empty(locks.path()); };
+  make_port({{"uucplock", "1"}});
+  ASSERT_TRUE(port->prepare().has_value());
+  for (int n = 0; n < 3; ++n) {
+    EXPECT_TRUE(no_lock());
+    port->open();
+    EXPECT_TRUE(std::filesystem::exists(lock_of(path)));
+    port->close();
+    run_until(loop, no_lock);
+  }
+  port->open();
+  run_until(loop, [this] { return log.events.ends_with("up "); });
+  port.reset();
+  EXPECT_TRUE(no_lock());
+}
+
+TEST_F(SerialPortTest, ALockIsMadeOnlyOnRequest) {
+  make_port();
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  EXPECT_TRUE(std::filesystem::is_empty(locks.path()));
+}
+
+TEST_F(SerialPortTest, ALockThatCannotBeMadeCostsNoLineAndIsToldOnce) {
+  std::filesystem::remove(locks.path());
+  make_port({{"uucplock", "1"}});
+  ASSERT_TRUE(port->prepare().has_value());
+  std::string expected;
+  for (int n = 0; n < 3; ++n) {
+    port->open();
+    expected += "up ";
+    run_until(loop, [&] { return log.events == expected; });
+    port->close();
+  }
+  const std::string told = book.text();
+  EXPECT_NE(told.find("uucplock"), std::string::npos) << told;
+  EXPECT_EQ(told.find("uucplock"), told.rfind("uucplock")) << told;
+}
+
+// A device that is another pty each time it is plugged in, found by a link as under /dev/serial/by-id.
+class PluggedDevice {
+ public:
+  explicit PluggedDevice(std::filesystem::path link) : link_(std::move(link)) {}
+
+  void plug_in() {
+    end.reset(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK));
+    ::grantpt(end.get());
+    ::unlockpt(end.get());
+    std::filesystem::create_directories(link_.parent_path());
+    std::filesystem::create_symlink(::ptsname(end.get()), link_);
+  }
+  // With the folder of the link, and the one above.
+  void unplug() {
+    end.reset();
+    std::filesystem::remove_all(link_.parent_path().parent_path());
+  }
+
+  UniqueFd end;
+
+ private:
+  std::filesystem::path link_;
+};
+
+class UnpluggedPortTest : public SerialPortTest {
+ protected:
+  UnpluggedPortTest() : link(dir.path() / "serial" / "by-id" / "usb-laser"), plugged(link) {}
+
+  void start(std::map<std::string, std::string> options) {
+    plugged.plug_in();
+    options["device"] = link.string();
+    make_port(std::move(options));
+    ASSERT_TRUE(port->prepare().has_value());
+    port->open();
+    ASSERT_EQ(log.events, "up ");
+  }
+  // Whether this process has such a descriptor open.
+  static bool holds(const std::string& name) {
+    for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+      std::error_code gone;
+      if (std::filesystem::read_symlink(entry, gone).string().starts_with(name)) return true;
+    }
+    return false;
+  }
+
+  const test::TempDir dir;
+  const std::filesystem::path link;
+  PluggedDevice plugged;
+};
+
+TEST_F(UnpluggedPortTest, AlwaysOpenFindsItUnderAnotherNameBehindAFolderThatVanished) {
+  start({{"alwaysopen", "1"}, {"baud", "57600"}});
+  std::string expected = "up ";
+  for (int n = 0; n < 3; ++n) {
+    plugged.unplug();
+    expected += "interrupted ";
+    run_until(loop, [&] { return log.events == expected; });
+    plugged.plug_in();
+    expected += "resumed ";
+    run_until(loop, [&] { return log.events == expected; });
+    ASSERT_EQ(log.events, expected);
+    termios tio{};
+    ASSERT_EQ(::tcgetattr(plugged.end.get(), &tio), 0);
+    EXPECT_EQ(::cfgetospeed(&tio), static_cast<speed_t>(B57600)) << "with its settings";
+    port->write(as_bytes("x"));
+    char byte = 0;
+    EXPECT_EQ(::read(plugged.end.get(), &byte, 1), 1);
+  }
+}
+
+TEST_F(UnpluggedPortTest, WaitWaitsForItsFolders) {
+  make_port({{"device", link.string()}, {"wait", "1"}});
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  EXPECT_EQ(log.events, "");
+  plugged.plug_in();
+  run_until(loop, [&] { return log.events == "up "; });
+  plugged.unplug();
+  run_until(loop, [&] { return log.events == "up lost "; });
+  port->close();
+  port->open();
+  EXPECT_EQ(log.events, "up lost ");
+  plugged.plug_in();
+  run_until(loop, [&] { return log.events == "up lost up "; });
+}
+
+TEST_F(UnpluggedPortTest, ADeadDeviceIsNotHeldThoughNobodyReadsIt) {
+  for (const auto& [option, events] :
+       {std::pair("alwaysopen", "up interrupted "), {"readwrite", "up lost "}}) {
+    log.events.clear();
+    start({{option, "1"}});
+    const std::string name = std::filesystem::read_symlink(link).string();
+    EXPECT_TRUE(holds(name));
+    port->set_reading(false);  // the driver is slow
+    plugged.unplug();
+    run_until(loop, [&, wanted = events] { return log.events == wanted; });
+    EXPECT_FALSE(holds(name));
+  }
+}
+
+TEST_F(UnpluggedPortTest, ADeadDeviceThatIsForWritingOnlyIsNotHeld) {
+  start({{"writeonly", "1"}});
+  plugged.unplug();
+  run_until(loop, [&] { return log.events == "up lost "; });
+}
+
+TEST_F(UnpluggedPortTest, ADeviceThatDiesAsSoonAsItIsOpenIsOpenedEverLater) {
+  if (::geteuid() != 0) GTEST_SKIP() << "needs root, to hang up a tty that stays there";
+  start({{"alwaysopen", "1"}});
+  const Instant begin = Loop::now();
+  std::string expected = "up ";
+  for (int n = 0; n < 3; ++n) {
+    const UniqueFd tty(::open(link.c_str(), O_RDWR | O_NOCTTY));
+    ASSERT_EQ(::ioctl(tty.get(), TIOCVHANGUP), 0);
+    expected += "interrupted resumed ";
+    run_until(loop, [&] { return log.events == expected; });
+  }
+  EXPECT_EQ(log.events, expected);
+  EXPECT_GE(Loop::now() - begin, std::chrono::milliseconds(100 + 200 + 400));
 }
 
 }  // namespace

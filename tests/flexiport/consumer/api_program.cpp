@@ -74,7 +74,7 @@ class Device {
   int _slave;
 };
 
-void Serial() {
+void Serial(const std::string& folder) {
   Device device;
   PortPointer port =
       create("type=serial,device=" + device.Name() + ",baud=115200,stopbits=1\ttimeout=0.05 hwflowctrl=0");
@@ -134,6 +134,26 @@ void Serial() {
   serial.Open();
   serial.SetBaudRate(57600);
   CHECK(serial.GetBaudRate() == 57600);
+  serial.Close();
+
+  options["type"] = "seriallog";
+  options["file"] = folder + "/settings.log";
+  options["baud"] = "19200";
+  {
+    flexiport::SerialPort logged(options);
+    CHECK(logged.GetBaudRate() == 19200);
+    logged.Open();
+    logged.SetBaudRate(57600);
+    CHECK(logged.Write("x", 1) == 1);
+  }
+  options["type"] = "logreader";
+  options.erase("device");
+  options.erase("baud");
+  flexiport::SerialPort replayed(options);
+  replayed.Open();
+  replayed.SetBaudRate(57600);
+  CHECK(replayed.GetBaudRate() == 57600);
+  CHECK(replayed.Write("x", 1) == 1);
 }
 
 void Errors() {
@@ -333,7 +353,7 @@ int main(int argc, char** argv) {
   const std::string folder = argv[2];
   const std::string port = argv[3];
   const std::string error = thrown([&] {
-    if (part == "serial") Serial();
+    if (part == "serial") Serial(folder);
     if (part == "errors") Errors();
     if (part == "tcp") Tcp(port);
     if (part == "udp") Udp(std::atoi(port.c_str()));

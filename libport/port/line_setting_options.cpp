@@ -1,5 +1,3 @@
-#include "libport/port/line_settings.hpp"
-
 #include <string>
 
 #include "libport/port/port_options.hpp"
@@ -34,15 +32,6 @@ LineSettings line_settings(const PortOptions& written) {
           .stop_bits = static_cast<unsigned>(written.integer("stopbits")),
           .hw_flow = written.flag("hwflowctrl"),
           .sw_flow = written.flag("swflowctrl")};
-}
-
-LineSettings SeenSettings::over(const LineSettings& others) const {
-  return {.baud = baud,
-          .data_bits = data_bits.value_or(others.data_bits),
-          .parity = parity.value_or(others.parity),
-          .stop_bits = stop_bits,
-          .hw_flow = hw_flow,
-          .sw_flow = sw_flow};
 }
 
 }  // namespace porttape

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "libport/infer/session_tape.hpp"
+#include "libport/rules/rule_expectation.hpp"
+
+namespace porttape {
+
+// Where the writes of one session do not go as those of another one were recorded.
+struct SessionDifference {
+  std::size_t recorded = 0;  // so many bytes of the recorded writes were as they may be
+  std::size_t came = 0;      // and so many of those that came
+  bool at_end = false;       // all that came was; more was recorded
+  std::string why{};         // what the rule says, if one does
+};
+
+// Holds the writes of `came`, cut and paced as on its tape, against those of `recorded`: the comparison of a
+// replay. Nothing where they may stand for each other.
+std::optional<SessionDifference> hold_against(const RuleExpectation& rules, const SessionTape& recorded,
+                                              const SessionTape& came);
+
+struct ProofLimits {
+  std::size_t changes = 20'000;  // of bytes that are tried, over all tapes
+};
+
+// What was tried to refute the rules.
+struct Proof {
+  // Each tape against each one, itself too.
+  struct Pair {
+    std::size_t recorded = 0;  // of the tapes
+    std::size_t came = 0;
+    std::optional<SessionDifference> difference;
+  };
+  std::vector<Pair> pairs{};
+  // Of the writes of each tape one byte was changed and held against the tape.
+  std::size_t bytes = 0;   // outside of what the rules let vary
+  std::size_t tried = 0;   // of them; each with `kChanges` values
+  std::size_t inside = 0;  // bytes that the rules let vary
+  struct Missed {
+    std::size_t tape = 0;
+    std::size_t at = 0;  // in its writes
+    Byte was = 0;
+    Byte became = 0;
+  };
+  std::vector<Missed> missed{};  // that were outside and not found: the first 16
+  std::size_t missed_count = 0;
+
+  static constexpr std::size_t kChanges = 3;
+  [[nodiscard]] bool passes() const;  // every pair
+  [[nodiscard]] bool holds() const { return passes() && missed_count == 0; }
+};
+// The pairs alone.
+std::vector<Proof::Pair> hold_all(const RuleExpectation& rules, std::span<const SessionTape> sessions);
+Proof prove(const RuleExpectation& rules, std::span<const SessionTape> sessions,
+            const ProofLimits& limits = {});
+
+}  // namespace porttape

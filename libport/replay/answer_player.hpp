@@ -1,0 +1,114 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <utility>
+
+#include "libport/base/bytes.hpp"
+#include "libport/base/time.hpp"
+#include "libport/replay/answer_source.hpp"
+#include "libport/replay/arrivals.hpp"
+#include "libport/replay/budget.hpp"
+#include "libport/replay/engine.hpp"
+#include "libport/replay/pieces.hpp"
+#include "libport/replay/replay_clock.hpp"
+#include "libport/replay/replay_config.hpp"
+#include "libport/replay/replies.hpp"
+#include "libport/replay/request_index.hpp"
+#include "libport/replay/timeline.hpp"
+
+namespace porttape {
+
+// Plays answers in the order in which they were asked for, each timed from its own request and none before
+// the one before has been played. Refers to all that it is given, which must outlive it.
+class AnswerPlayer {
+ public:
+  static constexpr std::size_t kMostWaiting = 65536;
+
+  // One that the driver has asked for.
+  struct Asked {
+    std::uint32_t exchange = 0;
+    Instant at{};             // when its request was complete
+    std::uint64_t again = 0;  // how often it was asked for before
+    Bytes request{};          // what the driver wrote; kept where answers follow it
+  };
+
+  // `replies`: null where answers are as recorded.
+  AnswerPlayer(const ReplayConfig& config, bool bursts, bool half_closes, const RequestIndex& index,
+               AnswerSource& answers, Budget& budget, const ReplayClock& clock,
+               const Expectation* expectation, Replies* replies);
+
+  void add(Asked asked) { waiting_.push_back(std::move(asked)); }
+  [[nodiscard]] bool full() const { return waiting_.size() >= kMostWaiting; }
+  [[nodiscard]] bool idle() const { return waiting_.empty(); }
+  // Forgets what is not delivered yet.
+  void drop();
+  // The driver throws away what is due and was not delivered; true when it is done.
+  bool flush(Instant now);
+
+  // Delivers what is due into `out`, of at most `max_bytes`.
+  void play(Instant now, std::size_t max_bytes, bool blocked, ReplayActions& out);
+  // When play() is to be called next; nothing: when something has happened.
+  [[nodiscard]] std::optional<Instant> wake() const { return wake_; }
+  void wake_at(Instant now) { wake_ = now; }
+  // When the first of what the last play() delivered had been due.
+  [[nodiscard]] const std::optional<Instant>& delivered_due() const { return delivered_due_; }
+
+  void taken(Instant now) { pieces_.taken(now); }
+  [[nodiscard]] bool holds_piece() const { return holds_piece_; }
+  [[nodiscard]] const std::optional<Error>& error() const { return error_; }
+
+ private:
+  struct Turn {
+    Instant now{};
+    std::size_t max_bytes = 0;
+    bool blocked = false;
+    ReplayActions* out = nullptr;  // null: what is due is dropped
+  };
+
+  bool step(const Turn& turn);
+  void begin_answer();
+  void tell_asked();
+  bool play_read(const Turn& turn);
+  void deliver(const Turn& turn, ByteView piece, Instant due);
+  bool end_answer(const Turn& turn);
+  void append(ReplayActions& out, ByteView bytes, bool goes_on);
+  const Record* head();
+  [[nodiscard]] const RequestIndex::Exchange& exchange() const {
+    return index_.exchange(waiting_.front().exchange);
+  }
+  [[nodiscard]] Instant due(TapeTime at) const;
+  bool wait(std::optional<Instant> until) {
+    wake_ = until;
+    return false;
+  }
+
+  bool timed_;
+  bool half_closes_;
+  const RequestIndex& index_;
+  AnswerSource& answers_;
+  Budget& budget_;
+  const ReplayClock& clock_;
+  const Expectation* expectation_;
+  Replies* replies_;
+  Arrivals arrivals_;
+  Pieces pieces_;
+
+  std::deque<Asked> waiting_;
+  bool begun_ = false;      // the front one
+  std::uint64_t left_ = 0;  // bytes of its answer
+  std::uint64_t records_ = 0;
+  std::optional<Record> head_;
+  std::size_t taken_ = 0;  // of the head
+  Timeline timeline_;
+  Instant floor_{};
+  std::optional<Instant> wake_;
+  std::optional<Instant> delivered_due_;
+  bool holds_piece_ = false;
+  bool delivers_ = false;  // has, in this play()
+  std::optional<Error> error_;
+};
+
+}  // namespace porttape

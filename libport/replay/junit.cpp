@@ -1,0 +1,110 @@
+// JUnit's XML as Jenkins and GitLab read it (jenkins-junit.xsd): XML 1.0, UTF-8, no control characters.
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <string>
+#include <string_view>
+
+#include "libport/base/printable.hpp"
+#include "libport/base/utf8.hpp"
+#include "libport/replay/test_case.hpp"
+
+namespace porttape {
+namespace {
+
+bool is_no_xml(char32_t character) { return character == 0xFFFE || character == 0xFFFF; }
+
+void append_xml(std::string& out, std::string_view sequence, char32_t character) {
+  switch (character) {
+    case U'&':
+      out += "&amp;";
+      return;
+    case U'<':
+      out += "&lt;";
+      return;
+    case U'>':
+      out += "&gt;";
+      return;
+    case U'"':
+      out += "&quot;";
+      return;
+    default:
+      out += is_obeyed(character) ? printable_line(sequence) : std::string(sequence);
+  }
+}
+
+// Text of an element, with its lines, or the value of an attribute, which has one line.
+std::string xml(std::string_view text, bool lines) {
+  std::string out;
+  while (!text.empty()) {
+    const std::size_t length = utf8_length(text);
+    const std::string_view sequence = text.substr(0, length == 0 ? 1 : length);
+    text.remove_prefix(sequence.size());
+    if (lines && (sequence == "\n" || sequence == "\t")) {
+      out += sequence;
+    } else if (lines && sequence == "\r" && text.starts_with('\n')) {
+      continue;
+    } else if (length == 0) {
+      out += printable_line(sequence);
+    } else if (const char32_t character = utf8_character(sequence); is_no_xml(character)) {
+      out += character == 0xFFFE ? "\\u{fffe}" : "\\u{ffff}";
+    } else {
+      append_xml(out, sequence, character);
+    }
+  }
+  return out;
+}
+
+std::string attribute(std::string_view name, std::string_view value) {
+  return ' ' + std::string(name) + "=\"" + xml(value, false) + '"';
+}
+
+std::string number(std::string_view name, std::size_t value) {
+  return attribute(name, std::to_string(value));
+}
+
+std::string seconds_of(double seconds) {
+  std::array<char, 48> text{};
+  std::snprintf(text.data(), text.size(), "%.6f", std::isfinite(seconds) && seconds > 0 ? seconds : 0.0);
+  return attribute("time", text.data());
+}
+
+std::string trouble(std::string_view element, const TestCase& test) {
+  return "      <" + std::string(element) + attribute("message", test.message) +
+         attribute("type", test.kind) + '>' + xml(test.text, true) + "</" + std::string(element) + ">\n";
+}
+
+std::string body_of(const TestCase& test) {
+  std::string out;
+  if (test.outcome == TestCase::Outcome::failed) out = trouble("failure", test);
+  if (test.outcome == TestCase::Outcome::error) out = trouble("error", test);
+  if (test.outcome == TestCase::Outcome::skipped)
+    out = "      <skipped" + attribute("message", test.message) + "/>\n";
+  if (!test.output.empty()) out += "      <system-out>" + xml(test.output, true) + "</system-out>\n";
+  return out;
+}
+
+std::string case_of(const TestCase& test) {
+  const std::string head = "    <testcase" + attribute("name", test.name) +
+                           attribute("classname", test.group) + seconds_of(test.seconds);
+  const std::string body = body_of(test);
+  return body.empty() ? head + "/>\n" : head + ">\n" + body + "    </testcase>\n";
+}
+
+}  // namespace
+
+std::string to_junit(std::string_view suite, std::span<const TestCase> tests, double seconds) {
+  TestCounts counts;
+  for (const TestCase& test : tests) counts.add(test);
+  const std::string sums =
+      number("tests", counts.all()) + number("failures", counts.failed) + number("errors", counts.errors);
+  std::string out = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites" +
+                    attribute("name", "porttape") + sums + seconds_of(seconds) + ">\n  <testsuite" +
+                    attribute("name", suite) + sums + number("skipped", counts.skipped) +
+                    seconds_of(seconds) + ">\n";
+  for (const TestCase& test : tests) out += case_of(test);
+  return out + "  </testsuite>\n</testsuites>\n";
+}
+
+}  // namespace porttape

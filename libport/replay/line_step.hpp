@@ -1,0 +1,21 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "libport/base/line_settings.hpp"
+#include "libport/tape/event.hpp"
+
+namespace porttape {
+
+// What a driver does with its line beside writing to it, where the tape plays the driver.
+struct LineStep {
+  enum class Kind : std::uint8_t { open, close, settings, flush };
+  Kind kind = Kind::open;
+  SeenSettings settings{};                     // that it makes its line; what it leaves alone is absent
+  std::optional<event::Flush::Queue> queue{};  // that it drops; nothing: not known
+
+  friend bool operator==(const LineStep&, const LineStep&) = default;
+};
+
+}  // namespace porttape

@@ -1,0 +1,99 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "libport/base/line_settings.hpp"
+#include "libport/base/time.hpp"
+#include "libport/tape/record.hpp"
+
+namespace porttape {
+
+// What became of the driver's settings that are on a tape.
+struct SettingsReport {
+  struct Missing {
+    TapeTime at{};
+    SeenSettings what;
+
+    friend bool operator==(const Missing&, const Missing&) = default;
+  };
+  static constexpr std::size_t kMostMissing = 64;
+
+  std::uint64_t recorded = 0;    // that the driver had to make
+  std::uint64_t made = 0;        // those of them that it did make
+  std::vector<Missing> missing;  // the first of those that it did not
+
+  friend bool operator==(const SettingsReport&, const SettingsReport&) = default;
+};
+
+// Whether a driver makes the settings that are recorded: in their order, with any others between them. The
+// tape is told as the walk passes it, the driver's as they come; either may be ahead of the other. As many
+// recorded ones as can be count as made.
+//
+// A recorded one has to be made where it changes the line in what the replaying one shows, and stood long
+// enough to be seen for sure: for kSeenAfter, or until something that the driver wrote was answered.
+//
+// A plain value, of bounded memory: far more on one side than on the other is compared piece by piece.
+class SettingsCheck {
+ public:
+  // Shorter ones may fall between two looks at a pty.
+  static constexpr Micros kSeenAfter{50'000};
+
+  // A run begins, and the device's line is so, as far as known.
+  void begin(const SeenSettings& line);
+
+  // The walk passes it; so many bytes of writes are before it. What is not `expected` nobody has to make.
+  void pass(const Record& record, std::uint64_t writes, bool expected = true);
+  // Something behind what was passed has reached the driver.
+  void delivered() { delivered_ = taped_.size(); }
+  // The driver has made its line so.
+  void made(const SeenSettings& settings);
+
+  // How far the driver came, and so what of the passed counts: what is before its last byte, that of so many
+  // bytes of recorded writes; also what is before the last that reached it; or all.
+  enum class Reach : std::uint8_t { written, delivered, all };
+  [[nodiscard]] SettingsReport report(Reach reach, std::uint64_t writes) const;
+
+ private:
+  // A change on the tape.
+  struct Taped {
+    TapeTime at{};
+    SeenSettings what;
+    bool by_driver = false;
+    bool seen = true;  // stood long enough
+    std::uint64_t writes = 0;
+  };
+  struct Keys {
+    bool baud = true, data_bits = false, parity = false, stop_bits = true, hw_flow = true, sw_flow = true;
+
+    void add(const SeenSettings& known);
+    [[nodiscard]] SeenSettings of(SeenSettings settings) const;
+  };
+  // The latest of the driver's on the tape: whether it is sure to be seen, or what is still to come for that.
+  enum class Stand : std::uint8_t { sure, question, answer };
+  struct Outcome {
+    std::vector<std::size_t> required;  // the places in taped_ of those that have to be made
+    std::vector<bool> made;             // which of them were
+    std::size_t taped_end = 0;          // behind the last of them
+    std::size_t made_end = 0;           // and in made_
+  };
+
+  void end_latest(TapeTime at);
+  // Of the first `end` of taped_.
+  [[nodiscard]] std::vector<std::size_t> required(const Keys& keys, std::size_t end) const;
+  [[nodiscard]] Outcome compare(std::size_t end) const;
+  void add(const Outcome& outcome, std::size_t end, SettingsReport& to) const;
+  void settle();
+
+  SeenSettings line_;  // before taped_
+  std::vector<Taped> taped_;
+  std::vector<SeenSettings> made_;
+  std::optional<Keys> keys_;   // that the replaying line shows; nothing: it has shown none yet
+  std::size_t delivered_ = 0;  // of taped_
+  Stand stand_ = Stand::sure;
+  SettingsReport settled_;  // of what was compared and forgotten
+};
+
+}  // namespace porttape

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "libport/base/line_settings.hpp"
+#include "libport/base/result.hpp"
+#include "libport/replay/device_line.hpp"
+#include "libport/replay/engine.hpp"
+#include "libport/replay/tape_part.hpp"
+#include "libport/tape/tape_header.hpp"
+#include "libport/tape/tape_name.hpp"
+
+namespace porttape {
+
+// What a replay knows of a tape beforehand, by its events alone.
+struct TapeFacts {
+  Engine::TapeFacts facts;  // of the part that is played
+  std::optional<TapeZero> zero;
+  TapePart part;
+  DeviceLine line;
+  TapeTime last{};                 // event of the part
+  std::optional<Error> flaw = {};  // a file that is not what the tape's end tells of it: it is not played
+  std::optional<bool> ended =
+      {};  // whether the tape has its end; nothing: no events, or the part ends before
+};
+
+// What of a tape is wanted.
+struct PlayedPart {
+  std::uint64_t session = 0;  // 0: all
+  TapeTime start{};
+  std::optional<TapeTime> end = {};
+};
+
+// Reads the events file through, which is small. Errc::usage where the tape has not so many sessions.
+Result<TapeFacts> tape_facts(const TapePaths& tape, const PlayedPart& played);
+
+// What the tape's device had: by its events, or by the options that an older recorder opened it with.
+std::optional<LineSettings> own_settings(const DeviceLine& line, const std::optional<TapeHeader>& header);
+
+}  // namespace porttape

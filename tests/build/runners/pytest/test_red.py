@@ -1,0 +1,54 @@
+"""Tests that fail, each in its own way."""
+import os
+
+import pytest
+
+
+def write(port, text):
+    fd = os.open(port, os.O_RDWR | os.O_NOCTTY)
+    try:
+        os.write(fd, text)
+        if not os.read(fd, 100):
+            raise OSError("the line ended")
+    finally:
+        os.close(fd)
+
+
+@pytest.mark.porttape("tapes/ask")
+def test_other_data(porttape):
+    with pytest.raises(OSError):
+        write(porttape.port, b"axk\n")
+
+
+@pytest.mark.porttape("tapes/ask")
+def test_other_data_and_an_error(porttape):
+    write(porttape.port, b"axk\n")
+
+
+@pytest.mark.porttape("tapes/ask")
+def test_nothing_written(porttape):
+    pass
+
+
+@pytest.mark.porttape("tapes/ask")
+def test_own_error(porttape):
+    assert 1 == 2
+
+
+@pytest.mark.porttape("tapes/none")
+def test_no_tape(porttape):
+    pass
+
+
+@pytest.mark.porttape("tapes/ask", strictness=3)
+def test_wrong_option(porttape):
+    pass
+
+
+def test_no_marker(porttape):
+    pass
+
+
+@pytest.mark.porttape("tapes/ask")
+def test_no_fixture():
+    pass

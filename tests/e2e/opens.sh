@@ -1,0 +1,120 @@
+#!/bin/bash
+# opens.sh [COUNT]: so many opens and closes of the driver's port (500 unless said; 10000 take a quarter of a minute) in each of bridge,
+# record and replay, with an exchange in each: the daemon holds no more descriptors, threads, watches and memory at the end
+# than after the first tenth, and the last tenth is not slower than the first. And of a port whose device is missing.
+# shellcheck source=lib.sh
+source "$(dirname "$0")/lib.sh"
+need socat
+count=${1:-500}
+cd "$work"
+
+cat >opens.py <<'END'
+import os, sys, time
+
+daemon, port, count, answers = int(sys.argv[1]), sys.argv[2], int(sys.argv[3]), sys.argv[4] == "answers"
+pause = float(os.environ.get("PAUSE", "0"))  # seconds between two of them
+tenth = max(count // 10, 1)
+
+def one():
+    time.sleep(pause)
+    begin = time.monotonic()
+    line = os.open(port, os.O_RDWR | os.O_NOCTTY)
+    try:
+        if answers:
+            os.write(line, b"ask\n")
+            got = b""
+            while len(got) < 4:
+                part = os.read(line, 100)
+                if not part: sys.exit("the line is dead")
+                got += part
+            if got != b"ask\n": sys.exit(f"got {got!r}")
+        else:
+            try:
+                if os.read(line, 1): sys.exit("bytes from a device that is not there")
+            except OSError: pass
+    finally:
+        os.close(line)
+    return time.monotonic() - begin
+
+def held():
+    fds = os.listdir(f"/proc/{daemon}/fd")
+    watches = 0
+    for fd in fds:
+        try: watches += open(f"/proc/{daemon}/fdinfo/{fd}").read().count("inotify wd")
+        except OSError: pass
+    status = dict(line.split(":", 1) for line in open(f"/proc/{daemon}/status"))
+    return {"descriptors": len(fds), "watches": watches, "threads": int(status["Threads"]),
+            "KiB": int(status["VmRSS"].split()[0])}
+
+def settled():
+    """What is held once the last close has been handled: the least of some looks."""
+    looks = []
+    for _ in range(20):
+        time.sleep(0.02)
+        looks.append(held())
+    return {key: min(look[key] for look in looks) for key in looks[0]}
+
+first = [one() for _ in range(tenth)]
+before = settled()
+for _ in range(count - 2 * tenth): one()
+last = [one() for _ in range(tenth)]
+after = settled()
+def quick(times):
+    """What most of the quick ones take: what else the machine does tells less there than in the median."""
+    return sorted(times)[len(times) // 10]
+
+ratio = quick(last) / quick(first)
+print(f"{count} opens: {before} -> {after}")
+if answers: print(f"the quick ones of the last {tenth} take {ratio:.2f} times as long as those of the first "
+                  f"({quick(first) * 1e6:.0f} us)")
+for key in ("descriptors", "watches", "threads"):
+    if after[key] > before[key]: sys.exit(f"{key}: {before[key]} after {tenth} opens, {after[key]} after {count}")
+# A sanitizer keeps what was freed.
+if after["KiB"] > before["KiB"] + 1024 and not os.environ.get("SANITIZE"): sys.exit(f"memory: {before['KiB']} KiB, then {after['KiB']} KiB")
+if answers and ratio > 3: sys.exit(f"the last opens take {ratio:.1f} times as long as the first")
+END
+
+line_pair line
+pair=$started
+start socat "FILE:$work/line.far,raw,echo=0" PIPE
+
+# run NAME COUNT WHAT COMMAND…: a daemon, and so many opens of its port.
+run() {
+  local name=$1 opens=$2 what=$3
+  shift 3
+  start "$@" --driver "pty:$work/port" --log-level warn 2>"$name.log"
+  daemon=$started
+  wait_for port "$name.log"
+  "$PYTHON" opens.py "$daemon" port "$opens" "$what" >out 2>&1 || die "$name: $(cat out) $(tail -5 "$name.log")"
+  say "$name: $(paste -sd' ' out)"
+}
+
+run bridge "$count" answers "$PORTTAPED" bridge --device "serial:$work/line.near"
+stop "$daemon"
+# Where one opens within microseconds of the other's close, two sessions may be one on the tape: then once more, with pauses.
+for pause in 0 0.002 0.02; do
+  tape=tape$pause
+  PAUSE=$pause run record "$count" answers "$PORTTAPED" record --device "serial:$work/line.near" --tape "$tape"
+  stop "$daemon"
+  "$PORTTAPE" verify "$tape" >out || die "verify: $(cat out)"
+  sessions=$("$PORTTAPE" info "$tape" | awk '$1 == "sessions" { print $2 }')
+  ((sessions == count)) && break
+  say "record: $sessions sessions on the tape"
+done
+((sessions == count)) || die "each time sessions are missing on the tape"
+run replay "$count" answers "$PORTTAPED" replay --tape "$tape"
+kill -TERM "$daemon"
+status_of "$daemon"
+[[ $status == 0 ]] || die "the replay of all sessions ends with $status: $(cat replay.log)"
+
+# A driver that spins on a dead line: one line in the log, and a pace that keeps no processor busy.
+start "$PORTTAPED" bridge --device "serial:$work/line.near" --driver "pty:$work/dead" 2>dead.log
+daemon=$started
+wait_for dead dead.log
+stop "$pair"
+"$PYTHON" opens.py "$daemon" dead 10 none >out 2>&1 || die "dead line: $(cat out dead.log)"
+say "dead line: $(cat out)"
+[[ $(grep -c 'is it plugged in' dead.log) == 1 ]] || die "the log does not tell once that the device is missing: $(cat dead.log)"
+(($(wc -l <dead.log) < 10)) || die "the log is full of one trouble: $(cat dead.log)"
+stop "$daemon"
+grep -q 'more times in the same way' dead.log || die "the log does not tell how often: $(cat dead.log)"

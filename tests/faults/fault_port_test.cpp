@@ -1,0 +1,204 @@
+#include "libport/faults/fault_port.hpp"
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/memory_port.hpp"
+#include "tests/support/port_log.hpp"
+#include "tests/support/quiet_log.hpp"
+
+namespace porttape {
+namespace {
+
+using std::chrono::milliseconds;
+
+// The device, which is told of faults too.
+class ToldPort final : public ForwardingPort {
+ public:
+  ToldPort(MemoryPort::Peer& peer, std::vector<LineFault>& told)
+      : ForwardingPort(std::make_unique<MemoryPort>(peer)), told_(&told) {}
+  void faulted(const LineFault& fault) override { told_->push_back(fault); }
+
+ private:
+  std::vector<LineFault>* told_;
+};
+
+class Listener final : public ForwardingPort {
+ public:
+  Listener(std::unique_ptr<Port> inner, std::vector<LineFault>& faults)
+      : ForwardingPort(std::move(inner)), faults_(&faults) {}
+  std::vector<std::size_t> arrivals;
+
+ private:
+  void on_fault(const LineFault& fault) override { faults_->push_back(fault); }
+  void on_data(ByteView data) override {
+    arrivals.push_back(data.size());
+    ForwardingPort::on_data(data);
+  }
+  void on_arrivals(ByteView data, std::span<const std::size_t> ends) override {
+    arrivals.push_back(ends.size());
+    ForwardingPort::on_data(data);
+  }
+  std::vector<LineFault>* faults_;
+};
+
+class FaultPortTest : public testing::Test {
+ protected:
+  void make(const std::string& text, bool always_open = false) {
+    Result<FaultPlan> plan = parse_fault_plan(text, {});
+    ASSERT_TRUE(plan.has_value());
+    auto faults = std::make_unique<FaultPort>(
+        PortContext{&loop, book.log()}, std::make_unique<ToldPort>(device, inner_told),
+        FaultOptions{.plan = std::move(*plan), .seed = 1, .always_open = always_open});
+    port = std::make_unique<Listener>(std::move(faults), told);
+    port->listen(log);
+    ASSERT_TRUE(port->prepare().has_value());
+    port->open();
+  }
+  [[nodiscard]] std::string kinds(const std::vector<LineFault>& faults) const {
+    std::string kinds;
+    for (const LineFault& fault : faults) kinds += fault.kind + " ";
+    return kinds;
+  }
+
+  Loop loop;
+  LogBook book;
+  MemoryPort::Peer device;
+  std::vector<LineFault> inner_told;
+  std::vector<LineFault> told;
+  PortLog log;
+  std::unique_ptr<Listener> port;
+};
+
+TEST_F(FaultPortTest, BothWaysHaveTheirFaultsAndNoneIsToldAsALossOfOurs) {
+  make("drop:byte=1,dir=r;corrupt:byte=0,dir=w,xor=20");
+  device.send("abc");
+  port->write(as_bytes("xyz"));
+  EXPECT_EQ(log.data, "ac");
+  EXPECT_EQ(device.written, "Xyz");
+  EXPECT_EQ(log.dropped, 0U);
+  EXPECT_EQ(kinds(told), "plan drop corrupt ");
+  EXPECT_EQ(kinds(inner_told), "plan drop corrupt ");
+  EXPECT_EQ(told[0].seed, 1U);
+  EXPECT_EQ(told[1].offset, 1U);
+  EXPECT_EQ(told[2].dir, LineDir::w);
+  EXPECT_NE(book.text().find("faults made on purpose: drop:byte=1:dir=r;corrupt"), std::string::npos);
+  port->close();
+  EXPECT_NE(book.text().find("faults made: 1 corrupt, 1 drop"), std::string::npos);
+}
+
+TEST_F(FaultPortTest, APlanOfProbabilityZeroLeavesArrivalsAsTheyAre) {
+  make("drop:p=0;delay:p=0;hangup:p=0");
+  device.send("abc");
+  device.arrive("defg", {1, 2, 4});
+  EXPECT_EQ(log.data, "abcdefg");
+  EXPECT_EQ(port->arrivals, (std::vector<std::size_t>{3, 3})) << "one call each";
+  EXPECT_EQ(kinds(told), "plan ");
+}
+
+TEST_F(FaultPortTest, ADelayedByteComesLaterAndInOrder) {
+  make("delay:byte=1,for=0.002,dir=r");
+  const Instant before = Loop::now();
+  device.send("abc");
+  EXPECT_EQ(log.data, "a");
+  run_until(loop, [this] { return log.data == "abc"; });
+  EXPECT_GE(Loop::now() - before, milliseconds(2));
+}
+
+TEST_F(FaultPortTest, HeldBytesGoWithTheLineUntold) {
+  make("delay:p=1,for=1000,dir=r");
+  device.send("abc");
+  port->close();
+  EXPECT_EQ(log.dropped, 0U);
+  EXPECT_EQ(log.data, "");
+}
+
+TEST_F(FaultPortTest, AHangUpIsALostLineThatCanBeOpenedAgain) {
+  make("hangup:byte=2,dir=r");
+  device.arrive("abcd", {1, 4});
+  EXPECT_EQ(log.data, "ab");
+  EXPECT_EQ(log.events, "up lost ");
+  EXPECT_TRUE(log.after_reading) << "the driver has what came before";
+  EXPECT_EQ(device.calls, "prepare open close ");
+  EXPECT_EQ(log.error.code, Errc::device_lost);
+  EXPECT_EQ(log.error.message, "memory: unplugged by the fault hangup:byte=2:dir=r");
+  EXPECT_EQ(log.dropped, 0U);
+  port->close();
+  port->open();
+  device.send("e");
+  EXPECT_EQ(log.data, "abe");
+  EXPECT_EQ(kinds(told), "plan hangup plan ");
+}
+
+TEST_F(FaultPortTest, AReplugIsAwayAsLongAsItSays) {
+  make("replug:byte=0,for=0.005");
+  device.send("a");
+  port->close();
+  device.calls.clear();
+  port->open();
+  EXPECT_EQ(log.events, "up lost failed ");
+  EXPECT_EQ(log.error.code, Errc::device_missing);
+  EXPECT_EQ(device.calls, "");
+  bool over = false;
+  Timer later(loop, [&over] { over = true; });
+  later.set_after(milliseconds(5));
+  run_until(loop, [&over] { return over; });
+  port->open();
+  EXPECT_EQ(log.events, "up lost failed up ");
+}
+
+TEST_F(FaultPortTest, ALineThatIsKeptOpenIsInterruptedAndBack) {
+  make("hangup:byte=1,dir=w", true);
+  port->write(as_bytes("abc"));
+  EXPECT_EQ(log.events, "up interrupted ");
+  device.send("lost");
+  run_until(loop, [this] { return log.events == "up interrupted resumed "; });
+  device.send("back");
+  EXPECT_EQ(log.data, "back");
+  EXPECT_EQ(device.written, "a");
+}
+
+TEST_F(FaultPortTest, ADriverThatComesMeanwhileWaits) {
+  make("replug:byte=0,for=0.02", true);
+  device.send("a");
+  port->close();
+  port->open();
+  EXPECT_EQ(log.events, "up interrupted ");
+  run_until(loop, [this] { return log.events == "up interrupted resumed up "; });
+}
+
+TEST_F(FaultPortTest, APortThatWaitsForItsPeerHangsUp) {
+  device.passive = true;
+  make("hangup:byte=0");
+  device.send("a");
+  EXPECT_EQ(device.calls, "prepare open hang_up ");
+}
+
+TEST_F(FaultPortTest, TheClockBreaksALineOnWhichNothingComes) {
+  make("hangup:at=0.003");
+  const Instant before = Loop::now();
+  ASSERT_NE(port->waiting(), nullptr);
+  EXPECT_LE(*port->waiting()->next_due(), before + milliseconds(3));
+  run_until(loop, [this] { return log.events == "up lost "; });
+  EXPECT_EQ(kinds(told), "plan hangup ");
+  port->close();
+  port->open();
+  EXPECT_EQ(log.events, "up lost up ") << "once";
+}
+
+TEST_F(FaultPortTest, OfMoreFaultsThanAnybodyReadsTheNumberIsTold) {
+  make("drop:p=1,dir=r");
+  device.send(std::string(FaultPort::kMostTold + 5, 'x'));
+  EXPECT_EQ(told.size(), 1 + FaultPort::kMostTold);
+  port->close();
+  ASSERT_EQ(told.back().kind, LineFault::kMore);
+  EXPECT_EQ(told.back().count, 5U);
+  EXPECT_EQ(inner_told.back(), told.back());
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,191 @@
+// The settings that a tape has of its driver, and a run in which the driver makes them, or does not.
+
+#include <gtest/gtest.h>
+
+#include "libport/replay/tape_part.hpp"
+#include "tests/replay/rig.hpp"
+
+namespace porttape::test {
+namespace {
+
+SeenSettings baud(unsigned rate) { return {.baud = rate, .stop_bits = 1}; }
+
+Event by(Side side, const SeenSettings& what) { return event::Settings{side, what, SettingsOrder::sampled}; }
+
+// Opens at 9600 baud, asks at 300 and again at 1200.
+MemoryTape settings_tape() {
+  return MemoryTape()
+      .open(0)
+      .event(10, by(Side::device, SeenSettings::of({})))
+      .event(100'000, by(Side::driver, baud(300)))
+      .write(200'000, "ask")
+      .read(300'000, "answer")
+      .event(400'000, by(Side::driver, baud(1200)))
+      .write(500'000, "again")
+      .read(600'000, "more")
+      .close(700'000);
+}
+
+ReplayConfig checking(Timing timing = Timing::reactive) {
+  ReplayConfig config;
+  config.check_settings = true;
+  config.timing = timing;
+  return config;
+}
+
+// A session with those rates, 0 for none, before each of its writes.
+void play(Rig& rig, unsigned first, unsigned second, std::string_view last = "again") {
+  rig.open().until(100'000);
+  if (first > 0) rig.set(baud(first));
+  rig.until(200'000).write("ask").until(400'000);
+  if (second > 0) rig.set(baud(second));
+  rig.until(500'000).write(last).until(700'000).close();
+}
+
+class SettingsTest : public testing::TestWithParam<Timing> {};
+
+TEST_P(SettingsTest, ADriverThatMakesThemAllPasses) {
+  Rig rig(settings_tape(), checking(GetParam()));
+  play(rig, 300, 1200);
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+  EXPECT_EQ(rig.report->settings, (SettingsReport{2, 2, {}}));
+}
+
+TEST_P(SettingsTest, OneThatLeavesOneOutIsTold) {
+  Rig rig(settings_tape(), checking(GetParam()));
+  play(rig, 0, 1200);
+  EXPECT_EQ(rig.verdict(), Verdict::settings_mismatch);
+  EXPECT_EQ(rig.report->settings, (SettingsReport{2, 1, {{tape_time_us(100'000), baud(300)}}}));
+  EXPECT_FALSE(rig.hung_up);
+}
+
+TEST_P(SettingsTest, UncheckedItIsInTheReportAlone) {
+  ReplayConfig config = checking(GetParam());
+  config.check_settings = false;
+  Rig rig(settings_tape(), config);
+  play(rig, 300, 0);
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+  EXPECT_EQ(rig.report->settings, (SettingsReport{2, 1, {{tape_time_us(400'000), baud(1200)}}}));
+}
+
+TEST_P(SettingsTest, OtherDataOutranksThemAndTheyOutrankWhatIsMissing) {
+  Rig other(settings_tape(), checking(GetParam()));
+  play(other, 0, 1200, "agaXn");
+  EXPECT_EQ(other.verdict(), Verdict::data_mismatch);
+  Rig part(settings_tape(), checking(GetParam()));
+  play(part, 0, 1200, "aga");
+  EXPECT_EQ(part.verdict(), Verdict::settings_mismatch);
+}
+
+TEST_P(SettingsTest, WhatComesBehindTheDriversLastWriteDoesNotCountWhileWritesAreMissing) {
+  Rig rig(settings_tape(), checking(GetParam()));
+  rig.open().until(100'000);
+  rig.set(baud(300));
+  rig.until(200'000).write("ask").until(450'000).close();
+  EXPECT_EQ(rig.verdict(), Verdict::incomplete);
+  EXPECT_EQ(rig.report->settings, (SettingsReport{1, 1, {}}));
+}
+
+TEST_P(SettingsTest, AtStrictnessZeroTheyAreCheckedAllTheSame) {
+  ReplayConfig config = checking(GetParam());
+  config.strictness = 0;
+  Rig good(settings_tape(), config);
+  play(good, 300, 1200, "other");
+  EXPECT_EQ(good.verdict(), Verdict::pass);
+  Rig rig(settings_tape(), config);
+  play(rig, 0, 0, "other");
+  EXPECT_EQ(rig.verdict(), Verdict::settings_mismatch);
+  EXPECT_EQ(rig.report->settings.missing.size(), 2U);
+}
+
+TEST_P(SettingsTest, EachRunHasItsOwn) {
+  Rig rig(settings_tape(), checking(GetParam()));
+  play(rig, 300, 1200);
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+  rig.wait(1'000).open().write("ask").wait(400'000).write("again").wait(400'000).close();
+  EXPECT_EQ(rig.runs, 2);
+  EXPECT_EQ(rig.verdict(), Verdict::settings_mismatch);
+}
+
+INSTANTIATE_TEST_SUITE_P(Timings, SettingsTest,
+                         testing::Values(Timing::reactive, Timing::recorded, Timing::none));
+
+TEST(Settings, OneBehindTheLastByteIsToBeMadeBeforeTheClose) {
+  for (const bool made : {false, true}) {
+    Rig rig(MemoryTape().write(0, "ask").read(1'000, "answer").event(2'000, by(Side::driver, baud(300))),
+            checking());
+    rig.open().write("ask").until(5'000);
+    if (made) rig.set(baud(300));
+    rig.close();
+    EXPECT_EQ(rig.verdict(), made ? Verdict::pass : Verdict::settings_mismatch);
+  }
+}
+
+TEST(Settings, ADriverThatIsHungUpAtTheTapesEndMightHaveMadeIt) {
+  ReplayConfig config = checking();
+  config.at_end = AtEnd::hangup;
+  Rig rig(MemoryTape().write(0, "ask").read(1'000, "answer").event(2'000, by(Side::driver, baud(300))),
+          config);
+  rig.open().write("ask").until(5'000);
+  EXPECT_TRUE(rig.hung_up);
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+}
+
+TEST(Settings, ADriverThatLeavesEarlyHadPerhapsNotComeToOneBeforeAnAnswer) {
+  Rig rig(MemoryTape()
+              .write(0, "ask")
+              .event(100, by(Side::driver, baud(300)))
+              .read(1'000, "answer")
+              .write(500'000, "more"),
+          checking());
+  rig.open().write("ask").until(5'000).close();
+  EXPECT_EQ(rig.read(), "answer");
+  EXPECT_EQ(rig.verdict(), Verdict::incomplete);
+  EXPECT_EQ(rig.report->settings.recorded, 0U);
+}
+
+TEST(Settings, OneThatIsHungUpAtTheTapesEndHadComeToThoseBeforeTheLastBytes) {
+  ReplayConfig config = checking();
+  config.at_end = AtEnd::hangup;
+  Rig rig(MemoryTape().event(100, by(Side::driver, baud(300))).read(900'000, "stream"), config);
+  rig.open().until(1'000'000);
+  EXPECT_TRUE(rig.hung_up);
+  EXPECT_EQ(rig.verdict(), Verdict::settings_mismatch);
+}
+
+TEST(Settings, TheLineAtTheTapesBeginIsKnownFromOutsideToo) {
+  const MemoryTape memory = MemoryTape().open(0).event(1, by(Side::driver, baud(300))).write(100'000, "ask");
+  for (const unsigned rate : {300U, 9600U}) {
+    MemorySource schedule(memory);
+    MemorySource writes(memory, MemorySource::Select::writes_only);
+    Engine engine(checking(),
+                  {.stamped_at_arrival = true, .opens = 1, .line = SeenSettings::of({.baud = rate})},
+                  schedule, writes);
+    engine.on_open(Instant{});
+    engine.on_write(Instant{}, as_bytes("ask"));
+    engine.on_close(Instant{});
+    const ReplayActions actions = engine.advance(Instant{});
+    ASSERT_TRUE(actions.run_ended);
+    EXPECT_EQ(actions.run_ended->verdict, rate == 300 ? Verdict::pass : Verdict::settings_mismatch);
+  }
+}
+
+TEST(Settings, ThoseBeforeAPartAreNotItsOwn) {
+  const MemoryTape memory = settings_tape().open(1'000'000).write(1'100'000, "two").close(1'200'000);
+  MemorySource schedule(memory);
+  MemorySource writes(memory, MemorySource::Select::writes_only);
+  const TapePart part{2, tape_time_us(1'000'000), tape_time_us(1'200'000)};
+  PartOfTape schedule_part(schedule, part);
+  PartOfTape writes_part(writes, part);
+  Engine engine(checking(), {.stamped_at_arrival = true, .opens = 1}, schedule_part, writes_part);
+  engine.on_open(Instant{});
+  engine.on_write(Instant{}, as_bytes("two"));
+  engine.on_close(Instant{});
+  const ReplayActions actions = engine.advance(Instant{});
+  ASSERT_TRUE(actions.run_ended);
+  EXPECT_EQ(actions.run_ended->settings.recorded, 0U);
+  EXPECT_EQ(actions.run_ended->verdict, Verdict::pass);
+}
+
+}  // namespace
+}  // namespace porttape::test

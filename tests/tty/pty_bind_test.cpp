@@ -1,0 +1,266 @@
+#include "libport/tty/pty_bind.hpp"
+
+#include <array>
+#include <cerrno>
+#include <cstddef>
+#include <fcntl.h>
+#include <filesystem>
+#include <fstream>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
+#include <memory>
+#include <optional>
+#include <sched.h>
+#include <sys/mount.h>
+#include <sys/prctl.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "libport/base/unique_fd.hpp"
+#include "libport/loop/file_events.hpp"
+#include "libport/tty/pty.hpp"
+#include "libport/tty/pty_port.hpp"
+#include "tests/support/port_log.hpp"
+#include "tests/support/quiet_log.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+// This process has no such system call any more.
+bool forbid(unsigned call) {
+  std::array<sock_filter, 4> code = {
+      sock_filter BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr)),
+      sock_filter BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, call, 0, 1),
+      sock_filter BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | ENOSYS),
+      sock_filter BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW)};
+  const sock_fprog program{static_cast<unsigned short>(code.size()), code.data()};
+  return ::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 &&
+         ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
+}
+
+// In mounts of its own, of which the system sees nothing.
+class PtyBindTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (::unshare(CLONE_NEWNS) != 0 || ::mount(nullptr, "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0)
+      GTEST_SKIP() << "needs CAP_SYS_ADMIN, to mount";
+  }
+  void TearDown() override {
+    while (::umount2(path.c_str(), MNT_DETACH) == 0) {
+    }
+  }
+
+  Pty make_pty() {
+    Result<Pty> pty = Pty::create(loop.file_events(), {});
+    return std::move(*pty);
+  }
+  // The path leads to this pty.
+  void expect_leads_to(const Pty& pty) const {
+    struct stat there {};
+    struct stat slave {};
+    ASSERT_EQ(::stat(path.c_str(), &there), 0);
+    ASSERT_EQ(::stat(pty.slave_path().c_str(), &slave), 0);
+    EXPECT_EQ(there.st_rdev, slave.st_rdev);
+    const UniqueFd fd(::open(path.c_str(), O_RDWR | O_NOCTTY));
+    EXPECT_EQ(::isatty(fd.get()), 1);
+  }
+  void make_file(std::string_view content) const { std::ofstream(path) << content; }
+  [[nodiscard]] std::string error() {
+    const Pty pty = make_pty();
+    const Result<PtyBind> bind = PtyBind::publish(path, pty.slave_path());
+    EXPECT_FALSE(bind.has_value());
+    if (bind) return {};
+    EXPECT_EQ(bind.error().code, Errc::usage);
+    EXPECT_THAT(bind.error().message, HasSubstr(path));
+    return bind.error().message;
+  }
+
+  test::TempDir dir;
+  const std::string path = (dir.path() / "a port").string();
+  Loop loop;
+};
+
+TEST_F(PtyBindTest, IsThereAsLongAsItLives) {
+  const Pty pty = make_pty();
+  {
+    const Result<PtyBind> bind = PtyBind::publish(path, pty.slave_path());
+    ASSERT_TRUE(bind.has_value()) << bind.error().message;
+    expect_leads_to(pty);
+    EXPECT_FALSE(fs::is_symlink(path));
+  }
+  EXPECT_FALSE(fs::exists(path));
+}
+
+TEST_F(PtyBindTest, AnEmptyFileThatWasThereStays) {
+  make_file("");
+  const Pty pty = make_pty();
+  {
+    const Result<PtyBind> bind = PtyBind::publish(path, pty.slave_path());
+    ASSERT_TRUE(bind.has_value()) << bind.error().message;
+    expect_leads_to(pty);
+  }
+  EXPECT_TRUE(fs::is_regular_file(path));
+}
+
+TEST_F(PtyBindTest, WhatIsInUseIsLeftAlone) {
+  make_file("data");
+  EXPECT_THAT(error(), HasSubstr("not an empty file"));
+  EXPECT_EQ(fs::file_size(path), 4U);
+  fs::remove(path);
+  fs::create_symlink("/nowhere", path);
+  EXPECT_THAT(error(), HasSubstr("not an empty file"));
+  fs::remove(path);
+  fs::create_directory(path);
+  EXPECT_THAT(error(), HasSubstr("not an empty file"));
+  fs::remove(path);
+  const Pty other = make_pty();
+  const Result<PtyBind> bind = PtyBind::publish(path, other.slave_path());
+  EXPECT_THAT(error(), HasSubstr("in use"));
+  expect_leads_to(other);
+}
+
+TEST_F(PtyBindTest, AMissingFolderIsAnErrorThatSaysWhatToType) {
+  const Pty pty = make_pty();
+  const Result<PtyBind> bind = PtyBind::publish((dir.path() / "no" / "port").string(), pty.slave_path());
+  ASSERT_FALSE(bind.has_value());
+  EXPECT_EQ(bind.error().code, Errc::usage);
+  EXPECT_THAT(bind.error().message, HasSubstr("mkdir -p"));
+}
+
+TEST_F(PtyBindTest, MovesToAnotherPtyAndAnOpenDriverKeepsItsOwn) {
+  std::optional<Pty> first(make_pty());
+  Result<PtyBind> bind = PtyBind::publish(path, first->slave_path());
+  ASSERT_TRUE(bind.has_value());
+  const UniqueFd driver(::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
+  for (int n = 0; n < 20; ++n) {
+    const Pty next = make_pty();
+    const Result<void> moved = bind->retarget(next.slave_path());
+    ASSERT_TRUE(moved.has_value()) << moved.error().message;
+    expect_leads_to(next);
+  }
+  EXPECT_EQ(::isatty(driver.get()), 1);
+  EXPECT_EQ(::umount2(path.c_str(), MNT_DETACH), 0);
+  EXPECT_TRUE(fs::is_regular_file(path)) << "one mount, whatever was mounted before";
+}
+
+// Before Linux 6.5 nothing can be mounted beneath.
+TEST_F(PtyBindTest, MovesToAnotherPtyOnAnOlderKernelToo) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    const Pty first = make_pty();
+    Result<PtyBind> bind = PtyBind::publish(path, first.slave_path());
+    if (!bind || !forbid(SYS_move_mount)) ::_exit(2);
+    for (int n = 0; n < 3; ++n) {
+      const Pty next = make_pty();
+      if (!bind->retarget(next.slave_path())) ::_exit(3);
+      expect_leads_to(next);
+    }
+    ::umount2(path.c_str(), MNT_DETACH);
+    ::_exit(HasFailure() ? 4 : fs::is_regular_file(path) ? 0 : 5);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0) << WEXITSTATUS(status);
+}
+
+TEST_F(PtyBindTest, WhatAKilledProgramLeftIsReplacedAndTakenAway) {
+  for (int n = 0; n < 3; ++n) {
+    const pid_t child = ::fork();
+    if (child == 0) {
+      Loop own;
+      Result<Pty> pty = Pty::create(own.file_events(), {});
+      const Result<PtyBind> bind = PtyBind::publish(path, pty->slave_path());
+      ::_exit(bind ? 0 : 1);  // nothing is taken away
+    }
+    int status = 0;
+    ASSERT_EQ(::waitpid(child, &status, 0), child);
+    ASSERT_EQ(status, 0) << n;
+    ASSERT_TRUE(fs::exists(path));
+  }
+  const Pty pty = make_pty();
+  {
+    const Result<PtyBind> bind = PtyBind::publish(path, pty.slave_path());
+    ASSERT_TRUE(bind.has_value()) << bind.error().message;
+    expect_leads_to(pty);
+  }
+  EXPECT_FALSE(fs::exists(path)) << "the file is known again";
+}
+
+TEST_F(PtyBindTest, WhatSomebodyElseMountedMeanwhileIsLeftAlone) {
+  const Pty pty = make_pty();
+  const Pty other = make_pty();
+  {
+    Result<PtyBind> bind = PtyBind::publish(path, pty.slave_path());
+    ASSERT_TRUE(bind.has_value());
+    ASSERT_EQ(::mount(other.slave_path().c_str(), path.c_str(), nullptr, MS_BIND, nullptr), 0);
+    EXPECT_FALSE(bind->retarget(pty.slave_path()).has_value());
+  }
+  expect_leads_to(other);
+}
+
+TEST_F(PtyBindTest, APortHasBothNamesAndMovesBothWhenItHangsUp) {
+  LogBook book;
+  PortLog log;
+  const std::string link = (dir.path() / "link").string();
+  auto port =
+      std::make_unique<PtyPort>(PortContext{&loop, book.log()}, PtyOptions{.link = link, .bind = path});
+  port->listen(log);
+  const Result<void> prepared = port->prepare();
+  ASSERT_TRUE(prepared.has_value()) << prepared.error().message;
+  port->open();
+  std::string expected;
+  for (const std::string& name : {link, path, link, path}) {
+    const UniqueFd driver(::open(name.c_str(), O_RDWR | O_NOCTTY));
+    expected += "up ";
+    run_until(loop, [&] { return log.events == expected; });
+    ASSERT_EQ(::write(driver.get(), "x", 1), 1);
+    run_until(loop, [&] { return log.data == "x"; });
+    log.data.clear();
+    port->hang_up(false);
+    expected += "hung_up ";
+    run_until(loop, [&] { return log.events == expected; });
+    EXPECT_EQ(log.events, expected);
+  }
+  port.reset();
+  EXPECT_TRUE(fs::is_empty(dir.path()));
+}
+
+TEST_F(PtyBindTest, AnErrorOfOneNameLeavesNoneBehind) {
+  make_file("data");
+  LogBook book;
+  const std::string link = (dir.path() / "link").string();
+  PtyPort port(PortContext{&loop, book.log()}, PtyOptions{.link = link, .bind = path});
+  EXPECT_FALSE(port.prepare().has_value());
+  EXPECT_FALSE(fs::is_symlink(link));
+}
+
+TEST(PtyBindUnprivileged, WithoutTheRightAnErrorSaysWhatToDoAndNothingIsLeft) {
+  const test::TempDir dir;
+  const std::string path = (dir.path() / "port").string();
+  fs::permissions(dir.path(), fs::perms::all);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    if (::geteuid() == 0 && ::setresuid(65534, 65534, 65534) != 0) ::_exit(2);
+    Loop loop;
+    const Result<Pty> pty = Pty::create(loop.file_events(), {});
+    const Result<PtyBind> bind = PtyBind::publish(path, pty->slave_path());
+    const bool told = !bind && bind.error().code == Errc::usage &&
+                      bind.error().message.find("CAP_SYS_ADMIN") != std::string::npos;
+    ::_exit(!told ? 3 : fs::exists(path) ? 4 : 0);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0) << WEXITSTATUS(status);
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "libport/base/result.hpp"
+
+namespace porttape {
+
+// The tests of a folder (SUITE.md).
+struct SuiteTest {
+  std::string name;
+  std::vector<std::string> command;
+  std::map<std::string, std::string> values;  // options of the test by name, `tape` among them; checked
+  std::string skip;                           // why it is not run, or empty
+};
+struct Suite {
+  std::string folder;
+  std::vector<SuiteTest> tests;
+  std::vector<std::string> notes;  // what a user should know, a line each
+};
+
+inline constexpr std::string_view kSuiteFile = "suite.toml";
+
+// Reads `folder`/suite.toml and looks for the folder's tapes. Errc::usage names file, line and key.
+Result<Suite> read_suite(const std::string& folder);
+
+}  // namespace porttape

@@ -1,0 +1,49 @@
+#include "tools/test_verdict.hpp"
+
+#include <chrono>
+#include <utility>
+
+#include "tools/test_outcome.hpp"
+#include "tools/test_run.hpp"
+
+namespace porttape {
+
+TestCase TestVerdict::as_case(std::string name, std::string group) const {
+  TestCase test = test_case_of(report, std::move(name), std::move(group));
+  if (error) {
+    test.message = error->message;
+    test.text = error->message + '\n';
+  }
+  for (const std::string& note : notes) test.text += "  note      " + note + '\n';
+  test.seconds = seconds;
+  return test;
+}
+
+TestVerdict run_one_test(const TestRequest& request) {
+  const auto begun = std::chrono::steady_clock::now();
+  TestRun test(request);
+  Result<RunReport> report = test.run();
+  TestVerdict verdict = report ? TestVerdict{.report = std::move(*report)}
+                               : no_test(request.replay().tape.name(), report.error());
+  verdict.notes = test.notes();
+  verdict.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+  if (verdict.error) return verdict;
+  verdict.runs = test.runs().json();
+  verdict.report.outcome = outcome_text(verdict.report, test.end());
+  verdict.report.command_end = command_end_text(verdict.report, test.end());
+  verdict.report.process_exit = exit_status_of(verdict.report, test.end());
+  return verdict;
+}
+
+TestVerdict no_test(std::string tape, Error error) {
+  TestVerdict verdict;
+  verdict.report.verdict = Verdict::incomplete;
+  verdict.report.nobody_came = true;
+  verdict.report.tape = std::move(tape);
+  verdict.report.trouble = error.message;
+  verdict.report.process_exit = exit_status_of(error.code);
+  verdict.error = std::move(error);
+  return verdict;
+}
+
+}  // namespace porttape
