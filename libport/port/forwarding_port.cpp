@@ -21,6 +21,8 @@ bool ForwardingPort::has_half_close() const { return inner_->has_half_close(); }
 std::optional<std::size_t> ForwardingPort::unread_by_peer() const { return inner_->unread_by_peer(); }
 std::optional<LineSettings> ForwardingPort::settings() const { return inner_->settings(); }
 Result<void> ForwardingPort::apply(const LineSettings& settings) { return inner_->apply(settings); }
+void ForwardingPort::signal(const LineSignal& signal) { inner_->signal(signal); }
+void ForwardingPort::drain(std::function<void()> done) { inner_->drain(std::move(done)); }
 void ForwardingPort::set_reading(bool on) { inner_->set_reading(on); }
 void ForwardingPort::hang_up(bool after_reading) { inner_->hang_up(after_reading); }
 void ForwardingPort::read_pending() { inner_->read_pending(); }
@@ -34,6 +36,7 @@ void ForwardingPort::finish() { inner_->finish(); }
 WaitingCalls* ForwardingPort::waiting() { return inner_->waiting() == nullptr ? nullptr : this; }
 Recorder* ForwardingPort::recorder() { return inner_->recorder(); }
 Playback* ForwardingPort::playback_control() { return inner_->playback_control(); }
+SupervisedLine* ForwardingPort::supervised() { return inner_->supervised(); }
 bool ForwardingPort::passive() const { return inner_->passive(); }
 bool ForwardingPort::keeps_datagrams() const { return inner_->keeps_datagrams(); }
 std::string ForwardingPort::name() const { return inner_->name(); }
@@ -59,6 +62,8 @@ void ForwardingPort::on_flush(FlushQueue queue) { listener().on_flush(queue); }
 void ForwardingPort::on_settings(const SeenSettings& settings, SettingsOrder order) {
   listener().on_settings(settings, order);
 }
+void ForwardingPort::on_signal(const LineSignal& signal) { listener().on_signal(signal); }
+void ForwardingPort::on_drain(std::function<void()> done) { listener().on_drain(std::move(done)); }
 void ForwardingPort::on_left_unread(std::uint64_t bytes) { listener().on_left_unread(bytes); }
 void ForwardingPort::on_dropped(std::uint64_t bytes, std::string_view why) {
   listener().on_dropped(bytes, why);

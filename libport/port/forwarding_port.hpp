@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -31,6 +32,8 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
   [[nodiscard]] std::optional<LineSettings> settings() const override;
   Result<void> apply(const LineSettings& settings) override;
+  void signal(const LineSignal& signal) override;
+  void drain(std::function<void()> done) override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;
@@ -43,6 +46,7 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   [[nodiscard]] WaitingCalls* waiting() override;
   [[nodiscard]] Recorder* recorder() override;
   [[nodiscard]] Playback* playback_control() override;
+  [[nodiscard]] SupervisedLine* supervised() override;
   // What the inner port gives away would not be wrapped.
   [[nodiscard]] ConnectionSource* connections() override { return nullptr; }
   [[nodiscard]] bool passive() const override;
@@ -70,6 +74,8 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   void on_resumed() override;
   void on_flush(FlushQueue queue) override;
   void on_settings(const SeenSettings& settings, SettingsOrder order) override;
+  void on_signal(const LineSignal& signal) override;
+  void on_drain(std::function<void()> done) override;
   void on_left_unread(std::uint64_t bytes) override;
   void on_dropped(std::uint64_t bytes, std::string_view why) override;
   void on_fault(const LineFault& fault) override;

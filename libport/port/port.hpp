@@ -13,9 +13,11 @@
 #include "libport/base/bytes.hpp"
 #include "libport/base/line_fault.hpp"
 #include "libport/base/line_settings.hpp"
+#include "libport/base/line_signal.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
 #include "libport/port/port_place.hpp"
+#include "libport/port/supervised_line.hpp"
 
 namespace porttape {
 
@@ -93,6 +95,12 @@ class PortListener {
   virtual void on_flush(FlushQueue) {}
   // The peer has changed the settings of its line, or took others than apply() asked for.
   virtual void on_settings(const SeenSettings&, SettingsOrder) {}
+  // The peer has changed a signal of the line, behind all that came before. From a device's port also how each
+  // of its own stands when the line comes up, if it has any.
+  virtual void on_signal(const LineSignal&) {}
+  // The peer waits until all that it wrote has left the session's other port (its drain()); `done` is called
+  // then, once.
+  virtual void on_drain(std::function<void()> done) { done(); }
   // The peer has gone and left so many bytes unread; only where that is known. on_down() follows.
   virtual void on_left_unread(std::uint64_t bytes) { (void)bytes; }
   // So many bytes, taken by write() or come from the peer, reached nobody.
@@ -273,6 +281,13 @@ class Port {
   virtual Result<void> apply(const LineSettings&) {
     return make_error(Errc::usage, name() + " has no line settings");
   }
+  // Changes a signal of the line as its peer sees it: on a device's port dtr, rts and break, behind all that
+  // was written; on a driver's port what the device drives. A line without such a thing, or that is not up,
+  // ignores it.
+  virtual void signal(const LineSignal&) {}
+  // Calls `done` once, from within or later: when all that was written has left for the device, or cannot any
+  // more, as the line is down.
+  virtual void drain(std::function<void()> done) { done(); }
   // Whether on_data may come: false is backpressure to the peer.
   virtual void set_reading(bool on) = 0;
 
@@ -307,6 +322,7 @@ class Port {
   [[nodiscard]] virtual Recorder* recorder() { return nullptr; }
   [[nodiscard]] virtual Playback* playback_control() { return nullptr; }
   [[nodiscard]] virtual ConnectionSource* connections() { return nullptr; }
+  [[nodiscard]] virtual SupervisedLine* supervised() { return nullptr; }
 
   // Whether it waits for the next peer by itself when one has closed.
   [[nodiscard]] virtual bool passive() const = 0;

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <functional>
+
+#include "libport/base/line_settings.hpp"
+#include "libport/base/line_signal.hpp"
+
+namespace porttape {
+
+// Is told by a driver's port what its peer would find on a serial line; for one who answers the peer's calls.
+// All calls come on the loop's thread.
+class LineSupervisor {
+ public:
+  // A program has opened the line that nobody had open; the last one has closed it, or it was hung up.
+  virtual void line_opened() = 0;
+  virtual void line_closed() = 0;
+  // The device's settings are so, also those that the line itself cannot show.
+  virtual void line_shows(const LineSettings& settings) = 0;
+  // The device has changed a signal: cts, dsr, cd, ri, or a break of its own.
+  virtual void line_signalled(const LineSignal& signal) = 0;
+
+ protected:
+  ~LineSupervisor() = default;
+};
+
+// The side of a driver's port for one who sees each of its peer's calls before the kernel does them, and so
+// knows what no look at the line shows. A port without it (a socket) needs none. Loop thread only.
+class SupervisedLine {
+ public:
+  // From now on the settings of the line are told by made() alone. Null: by looks again.
+  virtual void supervise(LineSupervisor* supervisor) = 0;
+  // The descriptor that stands for the line, as long as supervise() holds: through it settings are read and
+  // made. -1: there is none just now.
+  [[nodiscard]] virtual int line_fd() const = 0;
+  // Passes on what the peer has written so far, and learns of opens and closes so far.
+  virtual void catch_up() = 0;
+  // The peer has made its line so, behind all that it has written.
+  virtual void made(const LineSettings& settings) = 0;
+  // The peer has changed a signal: dtr, rts, break.
+  virtual void signalled(const LineSignal& signal) = 0;
+  // The peer waits until all that it has written has left the device: `done` is called then, or when the line
+  // is over; once, from within or later.
+  virtual void wait_until_sent(std::function<void()> done) = 0;
+
+ protected:
+  ~SupervisedLine() = default;
+};
+
+}  // namespace porttape
