@@ -1,6 +1,6 @@
 # The rooms of the library and of the programs, and what each may include besides itself; libport/README.md has their
 # sentences. The build takes its folders from here, tests/layout holds the includes against it.
-set(rooms base tape replay rules infer loop port faults tty net taped catalog session testing blocking flexiport)
+set(rooms base tape replay rules infer loop port faults tty net taped catalog session testing supervise blocking flexiport)
 set(below_base)
 set(below_tape base)
 set(below_replay base tape)
@@ -14,9 +14,10 @@ set(below_net base loop port)
 set(below_taped base tape replay rules loop port)
 set(below_catalog base tape loop port faults tty net taped)
 set(below_session base loop port catalog)
+set(below_supervise base loop port tty)
 set(below_testing base loop port replay taped catalog session)
 set(below_blocking base loop port taped catalog)
 set(below_flexiport base tape port taped catalog blocking)
 
-set(below_tools base tape replay rules infer loop port faults taped catalog session)
+set(below_tools base tape replay rules infer loop port faults taped catalog session supervise)
 set(below_daemon ${below_tools} net tools)

@@ -25,29 +25,15 @@ std::vector<char*> pointers(const std::vector<std::string>& texts) {
   return all;
 }
 
-// `NAME=VALUE` each.
-std::vector<std::string> environment_with(const ChildProcess::Environment& changed) {
-  std::vector<std::string> all;
-  for (char** entry = environ; *entry != nullptr; ++entry) {
-    const std::string text = *entry;
-    if (!changed.contains(text.substr(0, text.find('=')))) all.push_back(text);
-  }
-  for (const auto& [name, value] : changed) {
-    if (value) all.push_back(fmt::format("{}={}", name, *value));
-  }
-  return all;
-}
-
-// The signals that this program ignores are the default again for the command.
 int spawn(const std::vector<std::string>& command, const ChildProcess::Environment& changed,
           ChildProcess::Output output, pid_t& pid) {
   const std::vector<char*> arguments = pointers(command);
-  const std::vector<std::string> environment = environment_with(changed);
+  const std::vector<std::string> environment = ChildProcess::environment_with(changed);
   posix_spawnattr_t attributes;
   ::posix_spawnattr_init(&attributes);
   sigset_t defaults;
   ::sigemptyset(&defaults);
-  for (const int number : {SIGPIPE, SIGXFSZ}) ::sigaddset(&defaults, number);
+  for (const int number : ChildProcess::default_signals()) ::sigaddset(&defaults, number);
   ::posix_spawnattr_setsigdefault(&attributes, &defaults);
   ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGDEF);
   posix_spawn_file_actions_t actions;
@@ -78,14 +64,34 @@ std::string advice(const std::string& program, int error) {
 
 }  // namespace
 
+std::vector<std::string> ChildProcess::environment_with(const Environment& changed) {
+  std::vector<std::string> all;
+  for (char** entry = environ; *entry != nullptr; ++entry) {
+    const std::string text = *entry;
+    if (!changed.contains(text.substr(0, text.find('=')))) all.push_back(text);
+  }
+  for (const auto& [name, value] : changed) {
+    if (value) all.push_back(fmt::format("{}={}", name, *value));
+  }
+  return all;
+}
+
+const std::vector<int>& ChildProcess::default_signals() {
+  static const std::vector<int> signals{SIGPIPE, SIGXFSZ};
+  return signals;
+}
+
+Error ChildProcess::cannot_run(const std::string& program, int error) {
+  return make_error(Errc::usage, fmt::format("command {} cannot be run: {}{}", in_quotes(program),
+                                             errno_text(error), advice(program, error)));
+}
+
 Result<std::unique_ptr<ChildProcess>> ChildProcess::start(Loop& loop, const std::vector<std::string>& command,
                                                           const Environment& changed, Output output,
                                                           std::function<void()> on_exit) {
   pid_t pid = 0;
-  if (const int error = spawn(command, changed, output, pid); error != 0) {
-    return make_error(Errc::usage, fmt::format("command {} cannot be run: {}{}", in_quotes(command.front()),
-                                               errno_text(error), advice(command.front(), error)));
-  }
+  if (const int error = spawn(command, changed, output, pid); error != 0)
+    return cannot_run(command.front(), error);
   // glibc 2.36 declares pidfd_open() without extern "C".
   UniqueFd pid_fd(static_cast<int>(::syscall(SYS_pidfd_open, pid, 0)));
   if (!pid_fd) {

@@ -12,12 +12,13 @@
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/fd_watch.hpp"
 #include "tools/command_end.hpp"
+#include "tools/running_command.hpp"
 
 namespace porttape {
 
 // A command that was started with our stdin, stdout and stderr, in our process group, so that a debugger can
 // use the terminal. Killed and reaped by the destructor. Loop thread only.
-class ChildProcess {
+class ChildProcess final : public RunningCommand {
  public:
   using Environment = std::map<std::string, std::optional<std::string>>;  // none: not there
 
@@ -28,15 +29,21 @@ class ChildProcess {
   static Result<std::unique_ptr<ChildProcess>> start(Loop& loop, const std::vector<std::string>& command,
                                                      const Environment& changed, Output output,
                                                      std::function<void()> on_exit);
-  ~ChildProcess();
+  ~ChildProcess() override;
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
-  [[nodiscard]] bool running() const { return pid_ > 0; }
-  [[nodiscard]] const CommandEnd& end() const { return end_; }
-  void kill(int signal_number) const;
-  // Whether it is in our process group, to which a terminal sends its signals.
-  [[nodiscard]] bool in_our_group() const;
+  [[nodiscard]] bool running() const override { return pid_ > 0; }
+  [[nodiscard]] const CommandEnd& end() const override { return end_; }
+  void kill(int signal_number) const override;
+  [[nodiscard]] bool in_our_group() const override;
+
+  // For others that start commands: our environment with these changes, NAME=VALUE each; why a command cannot
+  // be run, and what to do.
+  static std::vector<std::string> environment_with(const Environment& changed);
+  static Error cannot_run(const std::string& program, int error);
+  // Signals that this program ignores and a command is not to.
+  static const std::vector<int>& default_signals();
 
  private:
   ChildProcess(Loop& loop, pid_t pid, UniqueFd pid_fd, std::function<void()> on_exit);

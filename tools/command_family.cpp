@@ -134,12 +134,16 @@ void CommandFamily::spare(pid_t child) {
   if (const auto process = state_of(child)) before_[child] = process->started;
 }
 
+void CommandFamily::look_through(pid_t child) { looked_through_ = state_of(child); }
+
 bool CommandFamily::is_ours(const ProcessState& process,
                             const std::map<pid_t, ProcessState>& everybody) const {
   const ProcessState* at = &process;
   // Bounded: the pieces of a picture that was taken while it changed might form a circle.
   for (std::size_t steps = 0; steps < everybody.size(); ++steps) {
     if (at->parent == ::getpid()) {
+      if (looked_through_ && at->pid == looked_through_->pid && at->started == looked_through_->started)
+        return at != &process;
       const auto before = before_.find(at->pid);
       return before == before_.end() || before->second != at->started;
     }

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <sys/types.h>
@@ -42,6 +43,9 @@ class CommandFamily {
   // A child of ours that is none of them, nor is what descends from it while it lives.
   void spare(pid_t child);
 
+  // A child of ours that is none of them, though what descends from it is.
+  void look_through(pid_t child);
+
   // Those that exist now, also those that have ended and that nobody has reaped. Reads all of /proc.
   [[nodiscard]] std::vector<ProcessState> members() const;
 
@@ -70,6 +74,7 @@ class CommandFamily {
 
   int was_adopting_ = 0;
   bool adopting_ = false;
+  std::optional<ProcessState> looked_through_;
   std::map<pid_t, std::uint64_t> before_;     // our children from before: when each was started
   std::map<pid_t, std::uint64_t> cpu_ticks_;  // at the last awake()
 };

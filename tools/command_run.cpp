@@ -13,6 +13,7 @@
 #include <spdlog/spdlog.h>
 
 #include "libport/tape/disks.hpp"
+#include "tools/supervised_child.hpp"
 #include "tools/tool_log.hpp"
 
 namespace porttape {
@@ -94,14 +95,51 @@ void CommandRun::session_ended(int exit_status) {
   if (options_.on_session_end) options_.on_session_end(exit_status);
 }
 
-Result<void> CommandRun::run_command(const std::vector<std::string>& command) {
+Result<void> CommandRun::start_command(const std::vector<std::string>& command) {
   const PortPlace place = absolute(channel_->driver().place());
-  watch_signals();
-  Result<std::unique_ptr<ChildProcess>> started = ChildProcess::start(
-      loop_, with_place(command, place), environment_of(place),
-      options_.output_to_stderr ? ChildProcess::Output::all_to_stderr : ChildProcess::Output::ours, [] {});
+  const std::vector<std::string> placed = with_place(command, place);
+  const ChildProcess::Environment environment = environment_of(place);
+  const auto output =
+      options_.output_to_stderr ? ChildProcess::Output::all_to_stderr : ChildProcess::Output::ours;
+  if (options_.supervision) {
+    const Result<bool> supervised = start_supervised(placed, environment, output);
+    if (!supervised) return supervised.error();
+    if (*supervised) return {};
+  }
+  Result<std::unique_ptr<ChildProcess>> started =
+      ChildProcess::start(loop_, placed, environment, output, [] {});
   if (!started) return started.error();
   command_ = std::move(*started);
+  return {};
+}
+
+// False: this machine forbids it, which is told.
+Result<bool> CommandRun::start_supervised(const std::vector<std::string>& command,
+                                          const ChildProcess::Environment& environment,
+                                          ChildProcess::Output output) {
+  SupervisedLine* const line = channel_->driver().supervised();
+  if (line == nullptr) {
+    return make_error(Errc::usage,
+                      fmt::format("{} is no tty: only a command that opens one can be supervised; "
+                                  "leave out --driver, or name a pty",
+                                  channel_->driver().name()));
+  }
+  std::string forbidden;
+  Result<std::unique_ptr<SupervisedChild>> started =
+      SupervisedChild::start(loop_, *line, *options_.supervision, command, environment, output, forbidden);
+  if (!started) return started.error();
+  if (!*started) {
+    context_.log->error("{}; the command runs without a supervisor, on a plain pty", forbidden);
+    return false;
+  }
+  family_.look_through((*started)->guard());
+  command_ = std::move(*started);
+  return true;
+}
+
+Result<void> CommandRun::run_command(const std::vector<std::string>& command) {
+  watch_signals();
+  if (Result<void> started = start_command(command); !started) return started;
   while (command_->running()) loop_.run_one();
   kill_timer_.cancel();
   handle_ready();

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -15,6 +16,8 @@
 #include "tools/child_process.hpp"
 #include "tools/command_end.hpp"
 #include "tools/command_family.hpp"
+#include "tools/running_command.hpp"
+#include "tools/supervision.hpp"
 
 namespace porttape {
 
@@ -36,6 +39,7 @@ class CommandRun {
     spdlog::level::level_enum log_level = spdlog::level::err;
     bool waits_after_signal = false;  // for the command, however long; else it is killed after 5 s
     bool output_to_stderr = false;    // the command's stdout, too
+    std::optional<Supervision> supervision = {};  // of the command, on a driver's port that is a tty
     std::function<void(int exit_status)> on_session_end = {};  // while the command runs, or later
   };
 
@@ -72,6 +76,9 @@ class CommandRun {
   [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
 
  private:
+  Result<void> start_command(const std::vector<std::string>& command);
+  Result<bool> start_supervised(const std::vector<std::string>& command,
+                                const ChildProcess::Environment& environment, ChildProcess::Output output);
   void watch_signals();
   void handle_ready();
   void wait_for_device();
@@ -85,7 +92,7 @@ class CommandRun {
   PortContext context_;
   std::unique_ptr<Channel> channel_;
   Channel::Counters counters_;  // of one that has ended
-  std::unique_ptr<ChildProcess> command_;
+  std::unique_ptr<RunningCommand> command_;
   Timer kill_timer_;
   SignalWatch signals_;
   std::vector<std::string> notes_;

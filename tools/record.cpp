@@ -2,6 +2,7 @@
 #include <cctype>
 #include <fmt/format.h>
 #include <fmt/ostream.h>
+#include <optional>
 #include <ostream>
 #include <string>
 #include <utility>
@@ -31,8 +32,14 @@ constexpr std::string_view kRecordAbout =
     "2 wrong use, 6 no such device. Where COMMAND gave 0: 1 something is missing\n"
     "from the tape, 6 the device was lost.\n\n";
 
-void tell(std::ostream& err, std::string_view text) {
-  fmt::print(err, "porttape record: {}\n", printable_line(text));
+// Where a verb says what is not data.
+struct Voice {
+  std::string_view verb;
+  std::ostream& err;
+};
+
+void tell(const Voice& voice, std::string_view text) {
+  fmt::print(voice.err, "porttape {}: {}\n", voice.verb, printable_line(text));
 }
 
 // `device` as a user writes it in a command: `/dev/ttyUSB0`, `192.0.2.7:502`.
@@ -53,16 +60,16 @@ std::vector<std::string> with_placeholder(std::vector<std::string> words, const 
   return words;
 }
 
-void tell_unopened(const std::vector<std::string>& command, const std::string& device, std::ostream& err) {
-  tell(err, "the command never opened its port, so that there is no tape");
+void tell_unopened(const std::vector<std::string>& command, const std::string& device, const Voice& voice) {
+  tell(voice, "the command never opened its port, so that there is no tape");
   const std::vector<std::string> corrected = with_placeholder(command, device);
   const bool has_port =
       std::ranges::any_of(command, [](const std::string& word) { return word.find("{port}") != word.npos; });
   if (corrected != command) {
-    tell(err, fmt::format("it names the device itself; what is recorded is {{port}}: -- {}",
-                          shell_line(corrected)));
+    tell(voice, fmt::format("it names the device itself; what is recorded is {{port}}: -- {}",
+                            shell_line(corrected)));
   } else if (!has_port) {
-    tell(err, "write {port} in COMMAND for what it is to open, or let it open $PORTTAPE_PORT");
+    tell(voice, "write {port} in COMMAND for what it is to open, or let it open $PORTTAPE_PORT");
   }
 }
 
@@ -73,12 +80,12 @@ std::string recorded_text(const TapeSummary& tape) {
                      counted(tape.read.bytes, "byte"), counted(tape.read.blocks, "block"));
 }
 
-void tell_gaps(const TapeSummary& tape, std::ostream& err) {
+void tell_gaps(const TapeSummary& tape, const Voice& voice) {
   for (const GapSummary& gap : tape.events.gaps) {
-    tell(err, fmt::format("{}: {} missing at {} s: {}", tape.name,
-                          gap.bytes > 0 ? counted(gap.bytes, "byte") + (gap.bytes == 1 ? " is" : " are")
-                                        : "something is",
-                          seconds_number(to_us(gap.from)), gap.why));
+    tell(voice, fmt::format("{}: {} missing at {} s: {}", tape.name,
+                            gap.bytes > 0 ? counted(gap.bytes, "byte") + (gap.bytes == 1 ? " is" : " are")
+                                          : "something is",
+                            seconds_number(to_us(gap.from)), gap.why));
   }
 }
 
@@ -87,17 +94,17 @@ struct Told {
   bool bytes = false;  // there are any
 };
 
-Told tell_tape(const TapePaths& paths, std::ostream& err) {
+Told tell_tape(const TapePaths& paths, const Voice& voice) {
   const Result<TapeSummary> tape = summarize(paths);
   if (!tape) {
-    tell(err, tape.error().message);
+    tell(voice, tape.error().message);
     return {};
   }
-  tell(err, recorded_text(*tape));
+  tell(voice, recorded_text(*tape));
   const bool bytes = tape->write.bytes + tape->read.bytes > 0;
-  if (!bytes) tell(err, "no byte is on it: nothing passed between the command and the device");
-  tell_gaps(*tape, err);
-  for (const Error& damage : tape->damages()) tell(err, damage.message);
+  if (!bytes) tell(voice, "no byte is on it: nothing passed between the command and the device");
+  tell_gaps(*tape, voice);
+  for (const Error& damage : tape->damages()) tell(voice, damage.message);
   return {tape->events.count<event::Gap>() == 0 && tape->damages().empty(), bytes};
 }
 
@@ -110,14 +117,16 @@ std::string name_of(const std::vector<TapePaths>& tapes, bool group) {
   return name;
 }
 
-void tell_next(const std::vector<TapePaths>& tapes, const CommandVerbLine& line, std::ostream& err) {
+void tell_next(const std::vector<TapePaths>& tapes, const CommandVerbLine& line, bool supervised,
+               const Voice& voice) {
   const auto connections = line.values.find("connections");
   const bool group = connections != line.values.end() && connections->second == "each";
   const std::string name = shell_line(std::vector{name_of(tapes, group)});
   std::string driver =
       line.own_driver ? "" : "--driver " + shell_line(std::vector{line.values.at("driver")}) + ' ';
   if (group) driver += "--connections each ";
-  fmt::print(err, "  look at it    porttape cat {}\n  test with it  porttape test --tape {} {}-- {}\n",
+  if (supervised) driver += "--exec ";
+  fmt::print(voice.err, "  look at it    porttape cat {}\n  test with it  porttape test --tape {} {}-- {}\n",
              printable_line(name), printable_line(name), printable_line(driver),
              printable_line(shell_line(line.command)));
 }
@@ -130,50 +139,60 @@ int status_of(const RecordRun& record, bool whole) {
   return whole ? exit_status::kPass : exit_status::kRuntime;
 }
 
-Result<int> record_on(const CommandVerbLine& line, std::ostream& err) {
+Result<int> record_on(CommandVerbLine line, const Voice& voice, std::optional<Supervision> supervision) {
   const Result<ChannelPorts> ports = channel_ports({ChannelMode::record, line.values});
   if (!ports) return ports.error();
-  RecordRun record(*ports, line.command);
+  const std::string name = fmt::format("porttape {}", voice.verb);
+  RecordRun record(name, *ports, line.command, supervision);
   if (Result<void> ran = record.run(); !ran) return ran.error();
-  for (const std::string& note : record.notes()) tell(err, note);
+  for (const std::string& note : record.notes()) tell(voice, note);
   const CommandEnd& end = record.command_end();
-  if (end.exit_code() != 0 && !record.command_ended()) tell(err, "the command " + end.text());
+  if (end.exit_code() != 0 && !record.command_ended()) tell(voice, "the command " + end.text());
   if (!record.opened()) {
-    tell_unopened(line.command, main_part(*ports), err);
+    tell_unopened(line.command, main_part(*ports), voice);
   } else if (record.tapes().empty()) {
-    tell(err, "there is no tape; what went wrong is told above");
+    tell(voice, "there is no tape; what went wrong is told above");
   }
   Told all{.whole = true};
   for (const TapePaths& tape : record.tapes()) {
-    const Told told = tell_tape(tape, err);
+    const Told told = tell_tape(tape, voice);
     all = {all.whole && told.whole, all.bytes || told.bytes};
   }
-  if (all.bytes) tell_next(record.tapes(), line, err);
+  if (all.bytes) tell_next(record.tapes(), line, supervision.has_value(), voice);
   return status_of(record, all.whole);
 }
 
 }  // namespace
 
-Result<int> record_command(const CommandVerbLine& line, std::ostream& err) { return record_on(line, err); }
+Result<int> record_command(CommandVerbLine line, std::ostream& err) {
+  Result<std::optional<Supervision>> supervision = take_supervision(line.values, true);
+  if (!supervision) return supervision.error();
+  return record_on(std::move(line), {"record", err}, *supervision);
+}
+
+Result<int> record_supervised(CommandVerbLine line, const Supervision& supervision, std::ostream& err) {
+  return record_on(std::move(line), {"exec", err}, supervision);
+}
 
 int run_record(Arguments args, std::ostream& out, std::ostream& err) {
   std::vector<OptionSpec> options = channel_options(ChannelMode::record);
   OptionSpec mode = record_mode_option();
   mode.default_value = {};
   options.push_back(std::move(mode));
+  for (OptionSpec& option : supervision_options(true)) options.push_back(std::move(option));
   const CommandVerb verb{.name = "record",
                          .usage = "--device PORT --tape NAME [options] -- COMMAND…",
                          .about = kRecordAbout,
                          .options = std::move(options),
                          .example = "--device /dev/ttyUSB0 --tape laser -- ./laser_driver {port}"};
   return run_command_verb(verb, args, out, err, [&](CommandVerbLine line) -> Result<int> {
-    if (!line.values.contains("record-mode")) return record_command(line, err);
+    if (!line.values.contains("record-mode")) return record_command(std::move(line), err);
     const Result<Cassette> cassette = choose_cassette(line.values);
     if (!cassette) return cassette.error();
-    if (!cassette->note.empty()) tell(err, cassette->note);
+    if (!cassette->note.empty()) tell({"record", err}, cassette->note);
     line.values =
         cassette->records ? values_to_record(std::move(line.values)) : values_to_play(std::move(line.values));
-    return cassette->records ? record_command(line, err) : play_command(std::move(line), out, err);
+    return cassette->records ? record_command(std::move(line), err) : play_command(std::move(line), out, err);
   });
 }
 

@@ -6,12 +6,14 @@
 
 namespace porttape {
 
-RecordRun::RecordRun(ChannelPorts ports, std::vector<std::string> command)
+RecordRun::RecordRun(std::string_view name, ChannelPorts ports, std::vector<std::string> command,
+                     std::optional<Supervision> supervision)
     : ports_(std::move(ports)),
       command_(std::move(command)),
-      run_({.name = "porttape record",
+      run_({.name = name,
             .log_level = spdlog::level::warn,
             .waits_after_signal = true,
+            .supervision = supervision,
             .on_session_end = [this](int exit_status) { session_ended(exit_status); }}) {
   RecordingOptions recording = *ports_.device.get<RecordingOptions>();
   recording.on_ended = [this](const TapePaths& tape) { tapes_.push_back(tape); };

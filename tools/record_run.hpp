@@ -1,6 +1,8 @@
 #pragma once
 
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "libport/catalog/channel.hpp"
@@ -12,8 +14,9 @@ namespace porttape {
 // One run of a command on its device, with a tape of it. Call run() once.
 class RecordRun {
  public:
-  // `ports.device` is one that records.
-  RecordRun(ChannelPorts ports, std::vector<std::string> command);
+  // `ports.device` is one that records. `name` is before each line of the log, and must live on.
+  RecordRun(std::string_view name, ChannelPorts ports, std::vector<std::string> command,
+            std::optional<Supervision> supervision);
   RecordRun(const RecordRun&) = delete;
   RecordRun& operator=(const RecordRun&) = delete;
 

@@ -134,7 +134,7 @@ Result<int> record_cassette(CommandVerbLine line, std::ostream& err) {
   const bool faults = line.values.erase("faults") + line.values.erase("seed") > 0;
   if (faults) fmt::print(err, "porttape test: the tape is recorded now, without the faults\n");
   line.values = values_to_record(std::move(line.values));
-  Result<int> status = record_command(line, err);
+  Result<int> status = record_command(std::move(line), err);
   if (status && *status == exit_status::kPass && !find_tape(tape)) {
     fmt::print(err, "porttape test: incomplete: nothing was recorded\n");
     status = exit_status::kIncomplete;

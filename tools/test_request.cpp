@@ -26,10 +26,13 @@ std::vector<OptionSpec> test_options() {
     spec.default_value = replay_default(ReplayUse::test, spec.name, spec.default_value);
   }
   specs.push_back(kCommandTimeout);
+  for (OptionSpec& option : supervision_options(true)) specs.push_back(std::move(option));
   return specs;
 }
 
 Result<TestRequest> read_test(std::map<std::string, std::string> values, std::vector<std::string> command) {
+  const Result<std::optional<Supervision>> supervision = take_supervision(values, true);
+  if (!supervision) return supervision.error();
   ChannelSpec channel{ChannelMode::replay, std::move(values)};
   std::optional<Nanos> limit;
   bool never_ends = false;
@@ -44,6 +47,7 @@ Result<TestRequest> read_test(std::map<std::string, std::string> values, std::ve
   Result<ChannelPorts> ports = channel_ports(channel);
   if (!ports) return ports.error();
   TestRequest request{std::move(*ports), limit, never_ends, std::move(command)};
+  request.supervision = *supervision;
   for (const std::string& file : {request.replay().report_file, request.replay().junit_file}) {
     if (file.empty()) continue;
     if (Result<void> place = check_report_place(file); !place) return place.error();

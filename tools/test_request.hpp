@@ -10,6 +10,7 @@
 #include "libport/catalog/channel.hpp"
 #include "libport/tape/tape_name.hpp"
 #include "libport/taped/replay_port.hpp"
+#include "tools/supervision.hpp"
 
 namespace porttape {
 
@@ -23,6 +24,7 @@ struct TestRequest {
   std::string repeat_line = {};             // for the report, as is the next
   std::string step_line = {};
   bool looks_on = false;          // after a mismatch, for a moment, so that the report knows more
+  std::optional<Supervision> supervision = {};
   bool output_to_stderr = false;  // the command's, where stdout is for the verdict alone
 
   [[nodiscard]] const ReplayPort::Options& replay() const { return *ports.device.get<ReplayPort::Options>(); }

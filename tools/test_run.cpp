@@ -20,7 +20,9 @@ constexpr Nanos kAfterHangUp = seconds(10);  // a command that goes on after a m
 
 TestRun::TestRun(TestRequest request)
     : request_(std::move(request)),
-      run_({.name = "porttape test", .output_to_stderr = request_.output_to_stderr}),
+      run_({.name = "porttape test",
+            .output_to_stderr = request_.output_to_stderr,
+            .supervision = request_.supervision}),
       late_timer_(run_.loop(), [this] { end_late_command(); }),
       idle_timer_(run_.loop(), [this] { look_whether_idle(); }) {}
 

@@ -23,6 +23,7 @@ constexpr std::array kVerbs{
     Verb{"drive", "plays a tape's driver to a device and checks what it answers, gives the verdict",
          run_drive},
     Verb{"bless", "makes the tape of a driver that was changed on purpose, shows the difference", run_bless},
+    Verb{"exec", "runs a command with what a pty lacks: modem lines, parity, breaks, drains", run_exec},
     Verb{"soak", "looks for the seed whose faults break a command against a tape", run_soak},
     Verb{"shrink", "the fewest exchanges and faults of a tape under which a command still fails", run_shrink},
     Verb{"verify", "whether tapes are sound", run_verify},

@@ -95,8 +95,8 @@ class PortListener {
   virtual void on_flush(FlushQueue) {}
   // The peer has changed the settings of its line, or took others than apply() asked for.
   virtual void on_settings(const SeenSettings&, SettingsOrder) {}
-  // The peer has changed a signal of the line, behind all that came before. From a device's port also how each
-  // of its own stands when the line comes up, if it has any.
+  // The peer has changed a signal of the line, behind all that came before. From a device's port also how
+  // each of its own stands when the line comes up, if it has any.
   virtual void on_signal(const LineSignal&) {}
   // The peer waits until all that it wrote has left the session's other port (its drain()); `done` is called
   // then, once.

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <functional>
+#include <optional>
+#include <sys/types.h>
 
 #include "libport/base/line_settings.hpp"
 #include "libport/base/line_signal.hpp"
@@ -18,6 +20,8 @@ class LineSupervisor {
   virtual void line_shows(const LineSettings& settings) = 0;
   // The device has changed a signal: cts, dsr, cd, ri, or a break of its own.
   virtual void line_signalled(const LineSignal& signal) = 0;
+  // The port is being destroyed: it may not be called any more.
+  virtual void line_gone() = 0;
 
  protected:
   ~LineSupervisor() = default;
@@ -32,10 +36,13 @@ class SupervisedLine {
   // The descriptor that stands for the line, as long as supervise() holds: through it settings are read and
   // made. -1: there is none just now.
   [[nodiscard]] virtual int line_fd() const = 0;
-  // Passes on what the peer has written so far, and learns of opens and closes so far.
-  virtual void catch_up() = 0;
-  // The peer has made its line so, behind all that it has written.
-  virtual void made(const LineSettings& settings) = 0;
+  // The device number by which the peer's descriptors are known; nothing: there is no line just now.
+  [[nodiscard]] virtual std::optional<dev_t> line_device() const = 0;
+  // Passes on what the peer has written so far, and learns of opens and closes so far. False: some of it has
+  // to wait, since the device takes nothing yet.
+  virtual bool catch_up() = 0;
+  // The peer has made its line so.
+  virtual void made(const LineSettings& settings, SettingsOrder order) = 0;
   // The peer has changed a signal: dtr, rts, break.
   virtual void signalled(const LineSignal& signal) = 0;
   // The peer waits until all that it has written has left the device: `done` is called then, or when the line

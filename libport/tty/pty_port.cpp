@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdio>
 #include <sys/ioctl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 #include <utility>
 
@@ -33,12 +34,20 @@ constexpr std::size_t kMostHeld = std::size_t{128} * 1024;
 constexpr Nanos kRenewAgain = std::chrono::milliseconds(500);
 constexpr Nanos kRenewSeldom = std::chrono::seconds(5);
 
+std::optional<dev_t> device_number(const std::string& path) {
+  struct stat status {};
+  return ::stat(path.c_str(), &status) == 0 ? std::optional(status.st_rdev) : std::nullopt;
+}
+
 }  // namespace
 
 PtyPort::Line::Line(PtyPort& port, Pty made)
     : pty(std::move(made)),
+      device(device_number(pty.slave_path())),
       settings(pty.master()),
-      clocal_watch(port.context_.loop->urgent_events().watch(pty.master(), clear_clocal)),
+      clocal_watch(port.supervisor_ != nullptr
+                       ? nullptr
+                       : port.context_.loop->urgent_events().watch(pty.master(), clear_clocal)),
       master_watch(
           *port.context_.loop, pty.master(), [&port] { port.on_readable(); }, [this] { outbox.flush(); },
           [&port] { port.look_unread(); }),
@@ -62,6 +71,7 @@ PtyPort::PtyPort(const PortContext& context, PtyOptions options)
       unread_timer_(*context.loop, [this] { on_unread_timer(); }) {}
 
 PtyPort::~PtyPort() {
+  if (supervisor_ != nullptr) supervisor_->line_gone();
   if (peer_) context_.loop->sampler().remove(this);
 }
 
@@ -94,6 +104,7 @@ void PtyPort::drop_line() {
 
 void PtyPort::replace_line() {
   drop_held();
+  if (supervisor_ != nullptr && peer_) supervisor_->line_closed();
   openers_ = 0;
   events_lost_ = false;
   peer_ = false;
@@ -128,6 +139,7 @@ Result<void> PtyPort::apply(const LineSettings& settings) {
     if (home_ == settings) return {};  // shown already; a driver may be there that nothing has told of
     home_ = settings;
   }
+  if (supervisor_ != nullptr) supervisor_->line_shows(settings);
   return line_ ? line_->settings.show(settings) : Result<void>();
 }
 
@@ -138,7 +150,7 @@ void PtyPort::show_home() {
 }
 
 void PtyPort::look_at_settings(bool moved_on) {
-  if (!up_ || !line_) return;
+  if (!up_ || !line_ || supervisor_ != nullptr) return;
   if (const auto seen = line_->settings.look(moved_on))
     tell_settings(*seen, line_->pty.has_input() ? SettingsOrder::sampled : SettingsOrder::exact);
 }
@@ -149,6 +161,7 @@ void PtyPort::tell_settings(const SeenSettings& seen, SettingsOrder order) {
 }
 
 void PtyPort::watch_settings() {
+  if (supervisor_ != nullptr) return;
   context_.loop->sampler().add(this, [this] { look_at_settings(false); });
 }
 
@@ -272,6 +285,7 @@ void PtyPort::peer_arrived(Openers openers) {
   peer_ = true;
   openers_ = openers;
   context_.log->debug("{}: opened", name());
+  if (supervisor_ != nullptr) supervisor_->line_opened();
   watch_reading();
   watch_settings();
   set_up(true);
@@ -301,6 +315,10 @@ void PtyPort::peer_left() {
   hang_up_timer_.cancel();
   context_.loop->sampler().remove(this);
   context_.log->debug("{}: closed", name());
+  if (supervisor_ != nullptr) {
+    supervisor_->line_closed();
+    if (home_) supervisor_->line_shows(*home_);
+  }
   line_->master_watch.watch_readable(false);
   const std::size_t unsent = line_->outbox.pending();
   drop_unsent();
@@ -328,7 +346,9 @@ void PtyPort::peer_reopened() {
   // And what the last one left unread, as a close does; nothing has come for the new one yet.
   (void)line_->pty.read_away();
   hang_up_timer_.cancel();
+  if (supervisor_ != nullptr) supervisor_->line_closed();
   set_up(false);
+  if (supervisor_ != nullptr) supervisor_->line_opened();
   line_->settings.assume(home_);
   watch_settings();
   set_up(true);
@@ -408,7 +428,8 @@ ssize_t PtyPort::read_packet() {
   }
   const ssize_t size = ::read(line_->pty.master(), buffer.data(), buffer.size());
   if (size <= 0) return size;
-  const std::optional<SeenSettings> changed = up_ ? line_->settings.look(true) : std::nullopt;
+  const std::optional<SeenSettings> changed =
+      up_ && supervisor_ == nullptr ? line_->settings.look(true) : std::nullopt;
   const bool has_data = size > 1 && buffer.front() == TIOCPKT_DATA;
   context_.loop->sampler().touch(this);
   take_packet(ByteView(buffer).first(static_cast<std::size_t>(size)));
@@ -455,6 +476,39 @@ void PtyPort::driver_flushed(bool in, bool out) {
     if (was_congested && up_) listener().on_drained();
   }
   if (in || out) listener().on_flush(in && out ? FlushQueue::both : in ? FlushQueue::in : FlushQueue::out);
+}
+
+void PtyPort::supervise(LineSupervisor* supervisor) {
+  supervisor_ = supervisor;
+  if (supervisor == nullptr) return;
+  context_.loop->sampler().remove(this);
+  if (line_) line_->clocal_watch.reset();
+  if (home_) supervisor->line_shows(*home_);
+  if (peer_) supervisor->line_opened();
+}
+
+bool PtyPort::catch_up() {
+  on_event();
+  read_pending();
+  return !line_ || (held_.empty() && !line_->pty.has_input());
+}
+
+void PtyPort::made(const LineSettings& settings, SettingsOrder order) {
+  if (line_) line_->settings.take_as_known();
+  if (up_) listener().on_settings(SeenSettings::of(settings), order);
+}
+
+void PtyPort::signalled(const LineSignal& signal) {
+  if (up_) listener().on_signal(signal);
+}
+
+void PtyPort::wait_until_sent(std::function<void()> done) {
+  if (!up_) return done();
+  listener().on_drain(std::move(done));
+}
+
+void PtyPort::signal(const LineSignal& signal) {
+  if (supervisor_ != nullptr) supervisor_->line_signalled(signal);
 }
 
 void PtyPort::read_pending() {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -54,8 +55,9 @@ struct PtyOptions {
 // Settings. Each driver finds the line as apply() has it. What one makes different is seen by looking: around
 // each read, when it opens and closes, and by the loop's sampler; the kernel tells of no change. So a change
 // and bytes that are found together may have come in either order: told first is the one that was seen first,
-// a change before bytes that wait with it, and the order as `sampled`.
-class PtyPort final : public Port {
+// a change before bytes that wait with it, and the order as `sampled`. A supervisor of the driver tells them
+// instead (SupervisedLine), with signals, which a pty does not have.
+class PtyPort final : public Port, private SupervisedLine {
  public:
   PtyPort(const PortContext& context, PtyOptions options);
   ~PtyPort() override;
@@ -64,6 +66,7 @@ class PtyPort final : public Port {
   void open() override;
   void close() override;
   Result<void> apply(const LineSettings& settings) override;
+  void signal(const LineSignal& signal) override;
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
@@ -73,6 +76,7 @@ class PtyPort final : public Port {
   void hang_up(bool after_reading) override;
   void read_pending() override;
   void finish() override;
+  [[nodiscard]] SupervisedLine* supervised() override { return this; }
   [[nodiscard]] bool passive() const override { return true; }
   [[nodiscard]] bool keeps_datagrams() const override { return false; }
   bool end_writing() override { return false; }
@@ -89,11 +93,22 @@ class PtyPort final : public Port {
   struct Line {
     Line(PtyPort& port, Pty made);
     Pty pty;
+    std::optional<dev_t> device;
     PtySettings settings;
     std::unique_ptr<UrgentEvents::Watch> clocal_watch;  // keeps it cleared; null: the looks alone do
     FdWatch master_watch;
     Outbox outbox;
   };
+
+  void supervise(LineSupervisor* supervisor) override;
+  [[nodiscard]] int line_fd() const override { return line_ ? line_->pty.master() : -1; }
+  [[nodiscard]] std::optional<dev_t> line_device() const override {
+    return line_ ? line_->device : std::nullopt;
+  }
+  bool catch_up() override;
+  void made(const LineSettings& settings, SettingsOrder order) override;
+  void signalled(const LineSignal& signal) override;
+  void wait_until_sent(std::function<void()> done) override;
 
   Result<void> make_line();
   void replace_line();
@@ -135,6 +150,7 @@ class PtyPort final : public Port {
   PortContext context_;
   Pty::Access access_;
   PtyNames names_;
+  LineSupervisor* supervisor_ = nullptr;
   std::optional<LineSettings> home_;  // what the next driver finds; none: what the last one left
   std::unique_ptr<Line> line_;        // null before prepare(), and while no new pty can be made
   Timer hang_up_timer_;

@@ -1,0 +1,50 @@
+#include "libport/supervise/call.hpp"
+
+#include <algorithm>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <linux/seccomp.h>
+#include <sys/ioctl.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
+#include <sys/uio.h>
+
+#include "libport/supervise/call_filter.hpp"
+
+namespace porttape {
+
+Call::Call(int listener, const seccomp_notif& told)
+    : listener_(listener),
+      id_(told.id),
+      thread_(static_cast<pid_t>(told.pid)),
+      number_(native_call_number(told.data.arch, told.data.nr)),
+      small_(is_32_bit(told.data.arch)) {
+  std::ranges::copy(told.data.args, arguments_.begin());
+}
+
+bool Call::waits() const { return ::ioctl(listener_, SECCOMP_IOCTL_NOTIF_ID_VALID, &id_) == 0; }
+
+std::optional<dev_t> Call::device_of(int fd) const {
+  std::array<char, 64> path{};
+  *fmt::format_to_n(path.data(), path.size() - 1, "/proc/{}/fd/{}", thread_, fd).out = '\0';
+  struct stat status {};
+  if (::stat(path.data(), &status) != 0 || !S_ISCHR(status.st_mode)) return std::nullopt;
+  return status.st_rdev;
+}
+
+bool Call::read(std::uint64_t address, std::span<std::byte> into) const {
+  const iovec local{into.data(), into.size()};
+  // NOLINTNEXTLINE(performance-no-int-to-ptr): an address in another process
+  const iovec remote{reinterpret_cast<void*>(address), into.size()};
+  return ::process_vm_readv(thread_, &local, 1, &remote, 1, 0) == static_cast<ssize_t>(into.size());
+}
+
+bool Call::write(std::uint64_t address, std::span<const std::byte> what) const {
+  const iovec local{const_cast<std::byte*>(what.data()), what.size()};
+  // NOLINTNEXTLINE(performance-no-int-to-ptr): an address in another process
+  const iovec remote{reinterpret_cast<void*>(address), what.size()};
+  return waits() &&
+         ::process_vm_writev(thread_, &local, 1, &remote, 1, 0) == static_cast<ssize_t>(what.size());
+}
+
+}  // namespace porttape

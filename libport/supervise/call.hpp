@@ -1,0 +1,58 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <sys/types.h>
+
+struct seccomp_notif;
+
+namespace porttape {
+
+// A system call that a supervised thread waits in, before the kernel has done anything of it. A value; the
+// thread may be gone at any time, and its memory with it.
+class Call {
+ public:
+  Call(int listener, const seccomp_notif& told);
+
+  [[nodiscard]] std::uint64_t id() const { return id_; }
+  [[nodiscard]] pid_t thread() const { return thread_; }
+  [[nodiscard]] int number() const { return number_; }  // that of a 64-bit program; -1: no such
+  [[nodiscard]] std::uint64_t argument(std::size_t index) const { return arguments_.at(index); }
+  // Whose pointers and some structs are those of 32 bits.
+  [[nodiscard]] bool is_small() const { return small_; }
+
+  // Whether the thread still waits in it. What was read or opened by the thread's number before counts only
+  // then: numbers are used again.
+  [[nodiscard]] bool waits() const;
+
+  // The device number of the file that the thread knows as `fd`; nothing where there is none.
+  [[nodiscard]] std::optional<dev_t> device_of(int fd) const;
+
+  // Its memory, whole or not at all. False: that address is not the program's, or must not be reached.
+  bool read(std::uint64_t address, std::span<std::byte> into) const;
+  bool write(std::uint64_t address, std::span<const std::byte> what) const;
+  template <class T>
+  std::optional<T> read_as(std::uint64_t address) const {
+    T value{};
+    if (!read(address, std::as_writable_bytes(std::span(&value, 1)))) return std::nullopt;
+    return value;
+  }
+  template <class T>
+  bool write_as(std::uint64_t address, const T& value) const {
+    return write(address, std::as_bytes(std::span(&value, 1)));
+  }
+
+ private:
+  int listener_;
+  std::uint64_t id_;
+  pid_t thread_;
+  int number_;
+  bool small_;
+  std::array<std::uint64_t, 6> arguments_{};
+};
+
+}  // namespace porttape

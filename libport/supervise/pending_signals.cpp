@@ -1,0 +1,57 @@
+#include "libport/supervise/pending_signals.hpp"
+
+#include <array>
+#include <charconv>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <string_view>
+#include <unistd.h>
+
+#include "libport/base/unique_fd.hpp"
+
+namespace porttape {
+namespace {
+
+// The part of /proc/PID/status that has signals lies within its first 2 KiB.
+struct StatusText {
+  std::array<char, 4096> room{};
+  std::string_view text{};
+};
+
+StatusText status_of_thread(pid_t thread) {
+  StatusText status;
+  std::array<char, 64> path{};
+  *fmt::format_to_n(path.data(), path.size() - 1, "/proc/{}/status", thread).out = '\0';
+  const UniqueFd file(::open(path.data(), O_RDONLY | O_CLOEXEC));
+  const ssize_t size = file ? ::read(file.get(), status.room.data(), status.room.size()) : -1;
+  if (size > 0) status.text = {status.room.data(), static_cast<std::size_t>(size)};
+  return status;
+}
+
+std::uint64_t number_behind(std::string_view text, std::string_view key, int base) {
+  const std::size_t at = text.find(key);
+  if (at == std::string_view::npos) return 0;
+  std::uint64_t value = 0;
+  const char* const begin = text.data() + at + key.size();
+  (void)std::from_chars(begin, text.data() + text.size(), value, base);
+  return value;
+}
+
+}  // namespace
+
+PendingSignals pending_signals(pid_t thread) {
+  const StatusText status = status_of_thread(thread);
+  const std::string_view text(status.room.data(), status.text.size());
+  const std::uint64_t stopped =
+      number_behind(text, "\nSigBlk:\t", 16) | number_behind(text, "\nSigIgn:\t", 16);
+  return {number_behind(text, "\nSigPnd:\t", 16) & ~stopped,
+          number_behind(text, "\nShdPnd:\t", 16) & ~stopped};
+}
+
+pid_t process_of(pid_t thread) {
+  const StatusText status = status_of_thread(thread);
+  const std::string_view text(status.room.data(), status.text.size());
+  return static_cast<pid_t>(number_behind(text, "\nTgid:\t", 10));
+}
+
+}  // namespace porttape

@@ -1,0 +1,205 @@
+#include "libport/supervise/supervisor.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <fcntl.h>
+#include <linux/seccomp.h>
+#include <poll.h>
+#include <sys/ioctl.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+#include <utility>
+
+#include "libport/supervise/pending_signals.hpp"
+
+// Linux 5.14 and 6.6.
+#ifndef SECCOMP_ADDFD_FLAG_SEND
+#define SECCOMP_ADDFD_FLAG_SEND (1UL << 1)
+#endif
+#ifndef SECCOMP_IOCTL_NOTIF_SET_FLAGS
+#define SECCOMP_IOCTL_NOTIF_SET_FLAGS SECCOMP_IOW(4, __u64)
+#define SECCOMP_USER_NOTIF_FD_SYNC_WAKE_UP (1UL << 0)
+#endif
+
+namespace porttape {
+namespace {
+
+// A newer kernel's structs may be larger than ours.
+seccomp_notif_sizes sizes_here() {
+  seccomp_notif_sizes sizes{};
+  if (::syscall(SYS_seccomp, SECCOMP_GET_NOTIF_SIZES, 0, &sizes) != 0) sizes = {};
+  sizes.seccomp_notif = std::max<__u16>(sizes.seccomp_notif, sizeof(seccomp_notif));
+  sizes.seccomp_notif_resp = std::max<__u16>(sizes.seccomp_notif_resp, sizeof(seccomp_notif_resp));
+  return sizes;
+}
+
+bool has_more(int listener) {
+  pollfd polled{.fd = listener, .events = POLLIN, .revents = 0};
+  return ::poll(&polled, 1, 0) == 1 && (polled.revents & POLLIN) != 0;
+}
+
+bool has_hung_up(int listener) {
+  pollfd polled{.fd = listener, .events = 0, .revents = 0};
+  return ::poll(&polled, 1, 0) == 1 && (polled.revents & POLLHUP) != 0;
+}
+
+constexpr int kMostAtOnce = 64;  // then the loop's other work has its turn
+
+}  // namespace
+
+void KeptCall::finish(Outcome outcome) {
+  if (const auto finish = std::exchange(finish_, {})) finish(std::move(outcome));
+}
+
+void KeptCall::call_at(Instant when, std::function<void()> callback) {
+  at_ = when;
+  at_callback_ = std::move(callback);
+  if (reschedule_) reschedule_();
+}
+
+Supervisor::Supervisor(Loop& loop, UniqueFd listener, std::vector<std::unique_ptr<CallPart>> parts,
+                       std::unique_ptr<CallClock> clock)
+    : listener_(std::move(listener)),
+      parts_(std::move(parts)),
+      clock_(std::move(clock)),
+      told_(sizes_here().seccomp_notif),
+      response_(sizes_here().seccomp_notif_resp),
+      watch_(loop, listener_.get(), [this] { on_readable(); }) {
+  const std::uint64_t flags = SECCOMP_USER_NOTIF_FD_SYNC_WAKE_UP;
+  wakes_at_once_ = ::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_SET_FLAGS, flags) == 0;
+  clock_->on_wake([this] { on_wake(); });
+  watch_.watch_readable(true);
+}
+
+Supervisor::~Supervisor() {
+  for (const auto& kept : kept_) kept->finish_ = {};
+}
+
+void Supervisor::on_readable() {
+  // That there is one the loop has said, or there is none and the programs are gone.
+  for (int count = 0; count < kMostAtOnce && has_more(listener_.get()); ++count) {
+    if (!take_one()) break;
+  }
+  if (!has_hung_up(listener_.get())) return;
+  ended_ = true;
+  watch_.watch_readable(false);
+  forget_gone();
+  kept_.clear();
+  schedule();
+}
+
+// False: there was none.
+bool Supervisor::take_one() {
+  std::ranges::fill(told_, std::byte{0});
+  auto* const told = reinterpret_cast<seccomp_notif*>(told_.data());
+  if (::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_RECV, told) != 0)
+    return errno == ENOENT;  // its thread has gone
+  handle(Call(listener_.get(), *told));
+  return true;
+}
+
+void Supervisor::handle(const Call& call) {
+  for (const auto& part : parts_) {
+    CallPart::Decision decision = part->decide(*this, call);
+    if (std::holds_alternative<CallPart::NotMine>(decision)) continue;
+    if (Outcome* const outcome = std::get_if<Outcome>(&decision)) send(call, std::move(*outcome));
+    return;
+  }
+  send(call, outcome::Pass{});
+}
+
+void Supervisor::send(const Call& call, Outcome outcome) {
+  if (const auto* const install = std::get_if<outcome::Install>(&outcome)) {
+    seccomp_notif_addfd add{};
+    add.id = call.id();
+    add.srcfd = static_cast<__u32>(install->file.get());
+    add.newfd = static_cast<__u32>(install->at.value_or(0));
+    add.flags = SECCOMP_ADDFD_FLAG_SEND | (install->at ? SECCOMP_ADDFD_FLAG_SETFD : 0U);
+    add.newfd_flags = install->close_on_exec ? O_CLOEXEC : 0U;
+    if (::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_ADDFD, &add) >= 0 || errno == ENOENT) return;
+    outcome = outcome::Refuse{errno};
+  }
+  std::ranges::fill(response_, std::byte{0});
+  auto* const response = reinterpret_cast<seccomp_notif_resp*>(response_.data());
+  response->id = call.id();
+  if (const auto* const answer = std::get_if<outcome::Answer>(&outcome)) response->val = answer->value;
+  if (const auto* const refuse = std::get_if<outcome::Refuse>(&outcome)) response->error = -refuse->error;
+  if (std::holds_alternative<outcome::Pass>(outcome)) response->flags = SECCOMP_USER_NOTIF_FLAG_CONTINUE;
+  // ENOENT: a signal has ended the call, or the thread.
+  (void)::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_SEND, response);
+}
+
+std::shared_ptr<KeptCall> Supervisor::keep(const Call& call) {
+  auto kept = std::make_shared<KeptCall>(call);
+  kept->finish_ = [this, call](Outcome outcome) { send(call, std::move(outcome)); };
+  kept->reschedule_ = [this] { schedule(); };
+  kept_.push_back(kept);
+  schedule();
+  return kept;
+}
+
+void Supervisor::on_wake() {
+  const Instant now = clock_->now();
+  for (const auto& kept : std::list(kept_)) {
+    if (kept->over() || !kept->at_ || *kept->at_ > now) continue;
+    kept->at_.reset();
+    if (const auto callback = std::exchange(kept->at_callback_, {})) callback();
+  }
+  if (next_look_ && *next_look_ <= now) {
+    next_look_.reset();
+    forget_gone();
+    look_at_signals();
+  }
+  std::erase_if(kept_, [](const auto& kept) { return kept->over(); });
+  schedule();
+}
+
+// A signal for a whole process interrupts one of its threads: the kernel takes the first one, unless that
+// blocks it. Only a thread that it has taken may be told of the signal.
+bool Supervisor::is_interrupted(KeptCall& kept, std::set<pid_t>& told) {
+  const pid_t thread = kept.call().thread();
+  const PendingSignals pending = pending_signals(thread);
+  if (pending.of_thread != 0) return true;
+  if (pending.of_process == 0) {
+    kept.seen_before_ = false;
+    return false;
+  }
+  const pid_t process = process_of(thread);
+  const bool first_takes_it = process != 0 && (pending_signals(process).of_process & pending.of_process) != 0;
+  if (first_takes_it) return process == thread;
+  // Another that can take it has done so by the next look.
+  const bool seen_before = std::exchange(kept.seen_before_, true);
+  return seen_before && told.insert(process).second;
+}
+
+void Supervisor::look_at_signals() {
+  std::set<pid_t> told;
+  for (const auto& kept : std::list(kept_)) {
+    if (kept->over() || !is_interrupted(*kept, told)) continue;
+    if (const auto gone = std::exchange(kept->on_gone_, {})) gone();
+    kept->finish(outcome::Refuse{KeptCall::kRestart});
+  }
+}
+
+void Supervisor::forget_gone() {
+  for (const auto& kept : std::list(kept_)) {
+    if (kept->over() || kept->call().waits()) continue;
+    kept->finish_ = {};
+    if (const auto gone = std::exchange(kept->on_gone_, {})) gone();
+  }
+}
+
+void Supervisor::schedule() {
+  if (kept_.empty()) {
+    next_look_.reset();
+    return clock_->sleep();
+  }
+  if (!next_look_) next_look_ = clock_->now() + kSignalLook;
+  Instant next = *next_look_;
+  for (const auto& kept : kept_) {
+    if (!kept->over() && kept->at_) next = std::min(next, *kept->at_);
+  }
+  clock_->wake_at(next);
+}
+
+}  // namespace porttape

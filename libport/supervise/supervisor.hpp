@@ -1,0 +1,134 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <list>
+#include <memory>
+#include <optional>
+#include <set>
+#include <sys/types.h>
+#include <variant>
+#include <vector>
+
+#include "libport/base/time.hpp"
+#include "libport/base/unique_fd.hpp"
+#include "libport/loop/fd_watch.hpp"
+#include "libport/loop/loop.hpp"
+#include "libport/supervise/call.hpp"
+#include "libport/supervise/call_clock.hpp"
+#include "libport/supervise/call_filter.hpp"
+
+namespace porttape {
+
+// What becomes of a call.
+namespace outcome {
+struct Answer {  // it has been done: this is what it gives
+  std::int64_t value = 0;
+};
+struct Refuse {  // this is its errno
+  int error = 0;
+};
+struct Pass {};  // the kernel does it, as if nobody had looked
+// A descriptor for this file is what it gives: at `at`, or the lowest that is free.
+struct Install {
+  UniqueFd file;
+  std::optional<int> at = {};
+  bool close_on_exec = false;
+};
+}  // namespace outcome
+using Outcome = std::variant<outcome::Answer, outcome::Refuse, outcome::Pass, outcome::Install>;
+
+// A call whose outcome comes later: its thread waits. A signal that comes to the thread ends it, as it would
+// end the kernel's own.
+class KeptCall {
+ public:
+  // What the kernel makes of an interrupted call (errno.h of the kernel's): done again where the handler has
+  // SA_RESTART, else EINTR; and always EINTR.
+  static constexpr int kRestart = 512;
+  static constexpr int kNoHandlerRestart = 514;
+
+  explicit KeptCall(Call call) : call_(call) {}
+
+  [[nodiscard]] const Call& call() const { return call_; }
+  [[nodiscard]] bool over() const { return !finish_; }
+  // Only the first counts.
+  void finish(Outcome outcome);
+  // Called where a signal or the thread's end came first; nothing is to be finished then.
+  void on_gone(std::function<void()> callback) { on_gone_ = std::move(callback); }
+  // Calls back at that moment, unless it is over then. One at a time.
+  void call_at(Instant when, std::function<void()> callback);
+
+ private:
+  friend class Supervisor;
+
+  Call call_;
+  std::function<void(Outcome)> finish_;
+  std::function<void()> reschedule_;
+  std::function<void()> on_gone_;
+  std::optional<Instant> at_;
+  std::function<void()> at_callback_;
+  bool seen_before_ = false;  // a signal for the process, at the last look
+};
+
+class Supervisor;
+
+// One thing that the supervisor does with calls. The parts are asked in turn.
+class CallPart {
+ public:
+  virtual ~CallPart() = default;
+  [[nodiscard]] virtual std::vector<CallTrap> traps() const = 0;
+
+  struct NotMine {};
+  struct Kept {};  // keep() of the supervisor was called for it
+  using Decision = std::variant<NotMine, Kept, Outcome>;
+  virtual Decision decide(Supervisor& supervisor, const Call& call) = 0;
+};
+
+// Answers the trapped calls of the programs behind one listener (trap_calls()), on a loop. What no part wants
+// is passed. Owns the listener; destroyed before the programs have ended, their trapped calls fail with
+// ENOSYS, so that they are to be ended first. Loop thread only.
+class Supervisor {
+ public:
+  Supervisor(Loop& loop, UniqueFd listener, std::vector<std::unique_ptr<CallPart>> parts,
+             std::unique_ptr<CallClock> clock);
+  ~Supervisor();
+  Supervisor(const Supervisor&) = delete;
+  Supervisor& operator=(const Supervisor&) = delete;
+
+  // For a part, within decide().
+  std::shared_ptr<KeptCall> keep(const Call& call);
+
+  // Whether programs are left behind it.
+  [[nodiscard]] bool has_programs() const { return !ended_; }
+  // Whether the kernel wakes both sides as fast as it can (Linux 6.6).
+  [[nodiscard]] bool wakes_at_once() const { return wakes_at_once_; }
+
+  // How often a kept call's thread is looked at for signals.
+  static constexpr Nanos kSignalLook = std::chrono::milliseconds(1);
+
+ private:
+  void on_readable();
+  bool take_one();
+  void handle(const Call& call);
+  void send(const Call& call, Outcome outcome);
+  void on_wake();
+  static bool is_interrupted(KeptCall& kept, std::set<pid_t>& told);
+  void look_at_signals();
+  void forget_gone();
+  void schedule();
+
+  UniqueFd listener_;
+  std::vector<std::unique_ptr<CallPart>> parts_;
+  std::unique_ptr<CallClock> clock_;
+  std::vector<std::byte> told_;  // room for a notification of this kernel
+  std::vector<std::byte> response_;
+  std::list<std::shared_ptr<KeptCall>> kept_;
+  std::optional<Instant> next_look_;  // while there are any
+  FdWatch watch_;
+  bool wakes_at_once_ = false;
+  bool ended_ = false;
+};
+
+}  // namespace porttape

@@ -1,0 +1,468 @@
+#include "libport/supervise/tty_calls.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <sys/ioctl.h>
+#include <sys/syscall.h>
+#include <utility>
+
+#include "libport/loop/loop.hpp"
+#include "libport/tty/tty.hpp"
+
+namespace porttape {
+namespace {
+
+constexpr unsigned kRateOfItsOwn = 38400;  // stands for what ASYNC_SPD_… says, where that says something
+constexpr std::int64_t kMostTenths = 600;
+constexpr Nanos kTenth = std::chrono::milliseconds(100);
+constexpr tcflag_t kHidden = CSIZE | PARENB | PARODD | CMSPAR;
+
+constexpr std::array<std::uint32_t, 27> kRequests{
+    TCGETS,   TCSETS,   TCSETSW,  TCSETSF,    TCGETA,      TCSETA,      TCSETAW,     TCSETAF,    TCGETS2,
+    TCSETS2,  TCSETSW2, TCSETSF2, TCSBRK,     TCSBRKP,     TIOCSBRK,    TIOCCBRK,    TCFLSH,     TIOCMGET,
+    TIOCMSET, TIOCMBIS, TIOCMBIC, TIOCMIWAIT, TIOCGICOUNT, TIOCGSERIAL, TIOCSSERIAL, TIOCGRS485, TIOCSRS485};
+
+// How a request carries the settings.
+struct SettingsForm {
+  std::size_t size = 0;
+  std::size_t flags_at = 0;
+  std::size_t flags_size = 0;
+};
+
+SettingsForm form_of(std::uint32_t request) {
+  switch (request) {
+    case TCGETS2:
+    case TCSETS2:
+    case TCSETSW2:
+    case TCSETSF2:
+      return {sizeof(termios2), offsetof(termios2, c_cflag), sizeof(tcflag_t)};
+    case TCGETA:
+    case TCSETA:
+    case TCSETAW:
+    case TCSETAF:
+      return {sizeof(termio), offsetof(termio, c_cflag), sizeof(unsigned short)};
+    default:
+      return {sizeof(termios), offsetof(termios, c_cflag), sizeof(tcflag_t)};
+  }
+}
+
+tcflag_t flags_in(const SettingsForm& form, const std::byte* settings) {
+  tcflag_t flags = 0;  // a termio has its low half; of what is hidden that lacks CMSPAR alone
+  std::memcpy(&flags, settings + form.flags_at, form.flags_size);
+  return flags;
+}
+
+void put_flags(const SettingsForm& form, std::byte* settings, tcflag_t flags) {
+  std::memcpy(settings + form.flags_at, &flags, form.flags_size);
+}
+
+bool gives_settings(std::uint32_t request) {
+  return request == TCGETS || request == TCGETS2 || request == TCGETA;
+}
+
+bool makes_settings(std::uint32_t request) {
+  return request == TCSETS || request == TCSETS2 || request == TCSETA;
+}
+
+bool makes_settings_when_sent(std::uint32_t request) {
+  return request == TCSETSW || request == TCSETSW2 || request == TCSETAW || request == TCSETSF ||
+         request == TCSETSF2 || request == TCSETAF;
+}
+
+unsigned data_bits_of(tcflag_t flags) {
+  switch (flags & CSIZE) {
+    case CS5:
+      return 5;
+    case CS6:
+      return 6;
+    case CS7:
+      return 7;
+    default:
+      return 8;
+  }
+}
+
+Parity parity_of(tcflag_t flags) {
+  if ((flags & PARENB) == 0) return Parity::none;
+  const bool odd = (flags & PARODD) != 0;
+  if ((flags & CMSPAR) != 0) return odd ? Parity::mark : Parity::space;
+  return odd ? Parity::odd : Parity::even;
+}
+
+tcflag_t hidden_of(const LineSettings& settings) {
+  constexpr std::array<tcflag_t, 4> sizes{CS5, CS6, CS7, CS8};
+  tcflag_t flags = sizes.at(std::clamp(settings.data_bits, 5U, 8U) - 5);
+  switch (settings.parity) {
+    case Parity::none:
+      return flags;
+    case Parity::even:
+      return flags | PARENB;
+    case Parity::odd:
+      return flags | PARENB | PARODD;
+    case Parity::mark:
+      return flags | PARENB | PARODD | CMSPAR;
+    case Parity::space:
+      return flags | PARENB | CMSPAR;
+  }
+  return flags;
+}
+
+// The kernel's, for a program of 32 bits: some members are pointers.
+struct SmallSerialStruct {
+  int type;
+  int line;
+  unsigned port;
+  int irq;
+  int flags;
+  int xmit_fifo_size;
+  int custom_divisor;
+  int baud_base;
+  unsigned short close_delay;
+  char io_type;
+  char reserved_char;
+  int hub6;
+  unsigned short closing_wait;
+  unsigned short closing_wait2;
+  unsigned iomem_base;
+  unsigned short iomem_reg_shift;
+  unsigned port_high;
+  int reserved;
+};
+
+serial_struct plain_serial() {
+  serial_struct serial{};
+  serial.type = PORT_16550A;
+  serial.xmit_fifo_size = 16;
+  serial.baud_base = 115200;
+  serial.close_delay = 50;     // hundredths of a second
+  serial.closing_wait = 3000;  // the same
+  return serial;
+}
+
+Outcome done_well() { return outcome::Answer{0}; }
+Outcome bad_address() { return outcome::Refuse{EFAULT}; }
+
+}  // namespace
+
+TtyCalls::TtyCalls(SupervisedLine& line, const LineDefaults& defaults)
+    : line_(&line), model_(defaults), serial_(plain_serial()) {
+  line_->supervise(this);
+}
+
+TtyCalls::~TtyCalls() {
+  if (line_ != nullptr) line_->supervise(nullptr);
+}
+
+std::vector<CallTrap> TtyCalls::traps() const {
+  return {{.number = SYS_ioctl, .requests = {kRequests.begin(), kRequests.end()}}};
+}
+
+CallPart::Decision TtyCalls::decide(Supervisor& supervisor, const Call& call) {
+  if (line_ == nullptr || call.number() != SYS_ioctl) return NotMine{};
+  const auto request = static_cast<std::uint32_t>(call.argument(1));
+  if (std::ranges::find(kRequests, request) == kRequests.end()) return NotMine{};
+  const std::optional<dev_t> device = line_->line_device();
+  if (!device || call.device_of(static_cast<int>(call.argument(0))) != device) return NotMine{};
+  if (gives_settings(request)) return give_settings(call, request);
+  if (makes_settings(request) || makes_settings_when_sent(request))
+    return decide_settings(supervisor, call, request);
+  switch (request) {
+    case TCFLSH:
+      // What was written before is on its way, and not to be dropped.
+      return behind_writes(supervisor, call,
+                           [](const Call&, SettingsOrder) -> Outcome { return outcome::Pass{}; });
+    case TCSBRK:
+    case TCSBRKP:
+    case TIOCSBRK:
+    case TIOCCBRK:
+      return decide_break(supervisor, call, request);
+    default:
+      return decide_signals(supervisor, call, request);
+  }
+}
+
+CallPart::Decision TtyCalls::decide_signals(Supervisor& supervisor, const Call& call, std::uint32_t request) {
+  switch (request) {
+    case TIOCMGET:
+      (void)line_->catch_up();
+      return give_lines(call);
+    case TIOCMSET:
+    case TIOCMBIS:
+    case TIOCMBIC:
+      return behind_writes(supervisor, call, [this, request](const Call& waiting, SettingsOrder) {
+        return drive_lines(waiting, request);
+      });
+    case TIOCMIWAIT:
+      return wait_for_input(supervisor, call);
+    case TIOCGICOUNT:
+      return give_counters(call);
+    case TIOCGSERIAL:
+      return give_serial(call);
+    case TIOCSSERIAL:
+      return make_serial(call);
+    case TIOCGRS485:
+      return give_rs485(call);
+    case TIOCSRS485:
+      return make_rs485(call);
+    default:
+      return NotMine{};
+  }
+}
+
+// As soon as the device takes what the driver has written before, but not for ever.
+void TtyCalls::catch_up(const std::shared_ptr<KeptCall>& kept, Instant until, const Step& step) {
+  if (line_ == nullptr || line_->catch_up()) return step(SettingsOrder::exact);
+  if (Loop::now() >= until) return step(SettingsOrder::sampled);
+  kept->call_at(Loop::now() + kCatchUpLook, [this, weak = std::weak_ptr(kept), until, step] {
+    if (const auto waiting = weak.lock()) catch_up(waiting, until, step);
+  });
+}
+
+// `then` has its place behind all that the driver has written.
+CallPart::Decision TtyCalls::behind_writes(Supervisor& supervisor, const Call& call, const Then& then) {
+  if (line_->catch_up()) return then(call, SettingsOrder::exact);
+  const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
+  catch_up(kept, Loop::now() + kCatchUpLimit, [weak = std::weak_ptr(kept), then](SettingsOrder order) {
+    if (const auto waiting = weak.lock()) waiting->finish(then(waiting->call(), order));
+  });
+  return Kept{};
+}
+
+// And once that has left the device.
+void TtyCalls::when_sent(const std::shared_ptr<KeptCall>& kept, const KeptStep& step) {
+  catch_up(kept, Loop::now() + kCatchUpLimit, [this, weak = std::weak_ptr(kept), step](SettingsOrder order) {
+    const auto sent = [weak, step, order] {
+      if (const auto waiting = weak.lock(); waiting && !waiting->over()) step(waiting, order);
+    };
+    if (line_ == nullptr) return sent();
+    line_->wait_until_sent(sent);
+  });
+}
+
+CallPart::Decision TtyCalls::behind_sent(Supervisor& supervisor, const Call& call, const Then& then) {
+  when_sent(supervisor.keep(call), [then](const std::shared_ptr<KeptCall>& waiting, SettingsOrder order) {
+    waiting->finish(then(waiting->call(), order));
+  });
+  return Kept{};
+}
+
+CallPart::Decision TtyCalls::decide_settings(Supervisor& supervisor, const Call& call,
+                                             std::uint32_t request) {
+  const auto make = [this, request](const Call& waiting, SettingsOrder order) {
+    return make_settings(waiting, request, order);
+  };
+  return makes_settings(request) ? behind_writes(supervisor, call, make)
+                                 : behind_sent(supervisor, call, make);
+}
+
+Outcome TtyCalls::give_settings(const Call& call, std::uint32_t request) const {
+  const SettingsForm form = form_of(request);
+  std::array<std::byte, sizeof(termios2)> settings{};
+  if (::ioctl(line_->line_fd(), request, settings.data()) != 0) return outcome::Pass{};
+  put_flags(form, settings.data(), (flags_in(form, settings.data()) & ~kHidden) | hidden_);
+  return call.write(call.argument(2), std::span(settings).first(form.size)) ? done_well() : bad_address();
+}
+
+Outcome TtyCalls::make_settings(const Call& call, std::uint32_t request, SettingsOrder order) {
+  if (line_ == nullptr) return outcome::Pass{};
+  const SettingsForm form = form_of(request);
+  std::array<std::byte, sizeof(termios2)> settings{};
+  if (!call.read(call.argument(2), std::span(settings).first(form.size))) return bad_address();
+  if (::ioctl(line_->line_fd(), request, settings.data()) != 0) return outcome::Refuse{errno};
+  hidden_ = flags_in(form, settings.data()) & kHidden;
+  const LineSettings made = settings_now();
+  // The rate 0 lowers DTR and RTS on the device by itself, another one raises them again.
+  if (std::exchange(hung_up_, made.baud == 0) != hung_up_) hung_up_ ? model_.closed() : model_.opened();
+  line_->made(made, order);
+  look_at_inputs();
+  return done_well();
+}
+
+LineSettings TtyCalls::settings_now() const {
+  LineSettings settings;
+  if (const Result<ShownSettings> shown = shown_settings(line_->line_fd()))
+    settings = shown->settings.over(settings);
+  settings.data_bits = data_bits_of(hidden_);
+  settings.parity = parity_of(hidden_);
+  if (settings.baud != kRateOfItsOwn) return settings;
+  switch (static_cast<unsigned>(serial_.flags) & ASYNC_SPD_MASK) {
+    case ASYNC_SPD_HI:
+      settings.baud = 57600;
+      break;
+    case ASYNC_SPD_VHI:
+      settings.baud = 115200;
+      break;
+    case ASYNC_SPD_SHI:
+      settings.baud = 230400;
+      break;
+    case ASYNC_SPD_WARP:
+      settings.baud = 460800;
+      break;
+    case ASYNC_SPD_CUST:
+      if (serial_.custom_divisor > 0)
+        settings.baud = static_cast<unsigned>(serial_.baud_base / serial_.custom_divisor);
+      break;
+    default:
+      break;
+  }
+  return settings;
+}
+
+Outcome TtyCalls::give_lines(const Call& call) const {
+  return call.write_as(call.argument(2), model_.bits()) ? done_well() : bad_address();
+}
+
+Outcome TtyCalls::drive_lines(const Call& call, std::uint32_t request) {
+  const std::optional<int> bits = call.read_as<int>(call.argument(2));
+  if (!bits) return bad_address();
+  for (const auto& [name, bit] :
+       {std::pair{LineSignal::Name::dtr, TIOCM_DTR}, {LineSignal::Name::rts, TIOCM_RTS}}) {
+    const bool named = (*bits & bit) != 0;
+    if (request == TIOCMSET) {
+      drive(name, named);
+    } else if (named) {
+      drive(name, request == TIOCMBIS);
+    }
+  }
+  look_at_inputs();
+  return done_well();
+}
+
+void TtyCalls::drive(LineSignal::Name name, bool on) {
+  if (model_.drive(name, on)) signalled({name, on});
+}
+
+void TtyCalls::signalled(const LineSignal& signal) {
+  if (line_ != nullptr) line_->signalled(signal);
+}
+
+CallPart::Decision TtyCalls::wait_for_input(Supervisor& supervisor, const Call& call) {
+  std::erase_if(input_waits_, [](const InputWait& wait) { return wait.call->over(); });
+  input_waits_.push_back({supervisor.keep(call), static_cast<int>(call.argument(2)), model_.counters()});
+  return Kept{};
+}
+
+void TtyCalls::look_at_inputs() {
+  const LineModel::Counters now = model_.counters();
+  for (const InputWait& wait : input_waits_) {
+    const bool changed = ((wait.mask & TIOCM_CTS) != 0 && wait.since.cts != now.cts) ||
+                         ((wait.mask & TIOCM_DSR) != 0 && wait.since.dsr != now.dsr) ||
+                         ((wait.mask & TIOCM_CD) != 0 && wait.since.cd != now.cd) ||
+                         ((wait.mask & TIOCM_RI) != 0 && wait.since.ri != now.ri);
+    if (changed) wait.call->finish(done_well());
+  }
+  std::erase_if(input_waits_, [](const InputWait& wait) { return wait.call->over(); });
+}
+
+CallPart::Decision TtyCalls::decide_break(Supervisor& supervisor, const Call& call, std::uint32_t request) {
+  const auto length = static_cast<std::int64_t>(call.argument(2));
+  switch (request) {
+    case TCSBRK:
+      if (length == 0) return send_break(supervisor, call, kBreak);
+      return behind_sent(supervisor, call, [](const Call&, SettingsOrder) { return done_well(); });
+    case TCSBRKP:
+      return send_break(supervisor, call, length > 0 ? std::min(length, kMostTenths) * kTenth : kBreak);
+    case TIOCSBRK:
+      return behind_sent(supervisor, call, [this](const Call&, SettingsOrder) {
+        signalled({LineSignal::Name::brk, true});
+        return done_well();
+      });
+    default:
+      signalled({LineSignal::Name::brk, false});
+      return done_well();
+  }
+}
+
+CallPart::Decision TtyCalls::send_break(Supervisor& supervisor, const Call& call, Nanos length) {
+  when_sent(supervisor.keep(call), [this, length](const std::shared_ptr<KeptCall>& waiting, SettingsOrder) {
+    signalled({LineSignal::Name::brk, true});
+    const auto end = [this] { signalled({LineSignal::Name::brk, false}); };
+    waiting->on_gone(end);
+    waiting->call_at(Loop::now() + length, [end, weak = std::weak_ptr(waiting)] {
+      end();
+      if (const auto over = weak.lock()) over->finish(done_well());
+    });
+  });
+  return Kept{};
+}
+
+Outcome TtyCalls::give_counters(const Call& call) const {
+  const LineModel::Counters& counted = model_.counters();
+  serial_icounter_struct counters{};
+  counters.cts = counted.cts;
+  counters.dsr = counted.dsr;
+  counters.rng = counted.ri;
+  counters.dcd = counted.cd;
+  counters.brk = counted.breaks;
+  return call.write_as(call.argument(2), counters) ? done_well() : bad_address();
+}
+
+Outcome TtyCalls::give_serial(const Call& call) const {
+  if (!call.is_small()) return call.write_as(call.argument(2), serial_) ? done_well() : bad_address();
+  SmallSerialStruct small{};
+  small.type = serial_.type;
+  small.flags = serial_.flags;
+  small.xmit_fifo_size = serial_.xmit_fifo_size;
+  small.custom_divisor = serial_.custom_divisor;
+  small.baud_base = serial_.baud_base;
+  small.close_delay = serial_.close_delay;
+  small.closing_wait = serial_.closing_wait;
+  return call.write_as(call.argument(2), small) ? done_well() : bad_address();
+}
+
+// What a driver may change of its port, as the kernel's serial drivers have it: the rest is the hardware's.
+Outcome TtyCalls::make_serial(const Call& call) {
+  const auto take = [this](const auto& wanted) {
+    serial_.flags = wanted.flags;
+    serial_.custom_divisor = wanted.custom_divisor;
+    serial_.close_delay = wanted.close_delay;
+    serial_.closing_wait = wanted.closing_wait;
+    return done_well();
+  };
+  if (call.is_small()) {
+    const auto small = call.read_as<SmallSerialStruct>(call.argument(2));
+    return small ? take(*small) : bad_address();
+  }
+  const auto wanted = call.read_as<serial_struct>(call.argument(2));
+  return wanted ? take(*wanted) : bad_address();
+}
+
+Outcome TtyCalls::give_rs485(const Call& call) const {
+  return call.write_as(call.argument(2), rs485_) ? done_well() : bad_address();
+}
+
+// The driver is given back what was taken.
+Outcome TtyCalls::make_rs485(const Call& call) {
+  const auto wanted = call.read_as<serial_rs485>(call.argument(2));
+  if (!wanted) return bad_address();
+  rs485_ = *wanted;
+  return call.write_as(call.argument(2), rs485_) ? done_well() : bad_address();
+}
+
+void TtyCalls::line_opened() {
+  hung_up_ = false;
+  model_.opened();
+  look_at_inputs();
+}
+
+void TtyCalls::line_closed() {
+  model_.closed();
+  for (const InputWait& wait : std::exchange(input_waits_, {})) wait.call->finish(outcome::Refuse{EIO});
+}
+
+void TtyCalls::line_gone() {
+  line_closed();
+  line_ = nullptr;
+}
+
+void TtyCalls::line_shows(const LineSettings& settings) { hidden_ = hidden_of(settings); }
+
+void TtyCalls::line_signalled(const LineSignal& signal) {
+  model_.show(signal);
+  look_at_inputs();
+}
+
+}  // namespace porttape

@@ -1,0 +1,88 @@
+#pragma once
+
+#include <asm/termbits.h>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <linux/serial.h>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "libport/base/line_settings.hpp"
+#include "libport/port/supervised_line.hpp"
+#include "libport/supervise/line_model.hpp"
+#include "libport/supervise/supervisor.hpp"
+
+namespace porttape {
+
+// Gives a driver on a pty what only a serial line has: modem lines, breaks, counters, parity and data bits
+// that are read back as they were set, drains that last, and its settings and flushes an exact place among
+// what it writes. Does so for every descriptor of that pty, whatever way a program got it.
+//
+// What the kernel's pty does right is left to it, and all of it once the line's port has gone.
+class TtyCalls final : public CallPart, private LineSupervisor {
+ public:
+  TtyCalls(SupervisedLine& line, const LineDefaults& defaults);
+  ~TtyCalls() override;
+  TtyCalls(const TtyCalls&) = delete;
+  TtyCalls& operator=(const TtyCalls&) = delete;
+
+  [[nodiscard]] std::vector<CallTrap> traps() const override;
+  Decision decide(Supervisor& supervisor, const Call& call) override;
+
+ private:
+  // Bytes that the device does not take yet hold up a change of settings behind them so long.
+  static constexpr Nanos kCatchUpLimit = std::chrono::seconds(1);
+  static constexpr Nanos kCatchUpLook = std::chrono::milliseconds(1);
+  static constexpr Nanos kBreak = std::chrono::milliseconds(250);  // where the driver does not say how long
+
+  struct InputWait {
+    std::shared_ptr<KeptCall> call;
+    int mask = 0;
+    LineModel::Counters since;
+  };
+
+  void line_opened() override;
+  void line_closed() override;
+  void line_shows(const LineSettings& settings) override;
+  void line_signalled(const LineSignal& signal) override;
+  void line_gone() override;
+
+  using Then = std::function<Outcome(const Call& call, SettingsOrder order)>;
+  using Step = std::function<void(SettingsOrder order)>;
+  using KeptStep = std::function<void(const std::shared_ptr<KeptCall>& waiting, SettingsOrder order)>;
+  void catch_up(const std::shared_ptr<KeptCall>& kept, Instant until, const Step& step);
+  Decision behind_writes(Supervisor& supervisor, const Call& call, const Then& then);
+  void when_sent(const std::shared_ptr<KeptCall>& kept, const KeptStep& step);
+  Decision behind_sent(Supervisor& supervisor, const Call& call, const Then& then);
+
+  Decision decide_settings(Supervisor& supervisor, const Call& call, std::uint32_t request);
+  Decision decide_signals(Supervisor& supervisor, const Call& call, std::uint32_t request);
+  Decision decide_break(Supervisor& supervisor, const Call& call, std::uint32_t request);
+  Outcome give_settings(const Call& call, std::uint32_t request) const;
+  Outcome make_settings(const Call& call, std::uint32_t request, SettingsOrder order);
+  Outcome give_lines(const Call& call) const;
+  Outcome drive_lines(const Call& call, std::uint32_t request);
+  void drive(LineSignal::Name name, bool on);
+  void signalled(const LineSignal& signal);
+  Decision wait_for_input(Supervisor& supervisor, const Call& call);
+  void look_at_inputs();
+  Decision send_break(Supervisor& supervisor, const Call& call, Nanos length);
+  Outcome give_counters(const Call& call) const;
+  Outcome give_serial(const Call& call) const;
+  Outcome make_serial(const Call& call);
+  Outcome give_rs485(const Call& call) const;
+  Outcome make_rs485(const Call& call);
+  [[nodiscard]] LineSettings settings_now() const;
+
+  SupervisedLine* line_;  // null: it has gone
+  LineModel model_;
+  tcflag_t hidden_ = CS8;  // of c_cflag what a pty does not keep
+  bool hung_up_ = false;   // B0
+  serial_struct serial_{};
+  serial_rs485 rs485_{};
+  std::vector<InputWait> input_waits_;
+};
+
+}  // namespace porttape

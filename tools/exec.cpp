@@ -1,0 +1,95 @@
+#include <algorithm>
+#include <fmt/format.h>
+#include <fmt/ostream.h>
+#include <ostream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "libport/base/printable.hpp"
+#include "libport/catalog/channel.hpp"
+#include "tools/cassette_verbs.hpp"
+#include "tools/command_run.hpp"
+#include "tools/command_verb.hpp"
+#include "tools/supervision.hpp"
+#include "tools/verbs.hpp"
+
+namespace porttape {
+namespace {
+
+constexpr std::string_view kExecAbout =
+    "Runs COMMAND under a supervisor that gives it what a pty lacks: modem lines and\n"
+    "their counters, breaks, parity and data bits, drains that last as long as the\n"
+    "device needs, an exact place for each setting and flush. COMMAND is not changed,\n"
+    "and may be static, have threads, fork, or be debugged.\n\n"
+    "  --device PORT              a line to this device\n"
+    "  --device PORT --tape NAME  and a tape of it, as `porttape record --exec`\n"
+    "  --tape NAME                the tape in the device's place; what COMMAND does\n"
+    "                             otherwise is told (`porttape test --exec` judges)\n\n"
+    "Exit status: COMMAND's own, 128 + N after signal N. Without COMMAND having run:\n"
+    "2 wrong use, 6 no such device. Where COMMAND gave 0: 1 or 6 for our own trouble.\n\n";
+
+void tell_exec(std::ostream& err, std::string_view text) {
+  fmt::print(err, "porttape exec: {}\n", printable_line(text));
+}
+
+std::vector<OptionSpec> exec_options() {
+  std::vector<OptionSpec> specs = supervision_options(false);
+  for (const ChannelMode mode : {ChannelMode::record, ChannelMode::bridge, ChannelMode::replay}) {
+    for (OptionSpec& spec : channel_options(mode)) {
+      const bool known = std::ranges::find(specs, spec.name, &OptionSpec::name) != specs.end();
+      if (!known && spec.name != "once") specs.push_back(std::move(spec));
+    }
+  }
+  return specs;
+}
+
+// Without a tape that is made: a line to a device, or a tape in its place.
+Result<int> run_on_line(const CommandVerbLine& line, ChannelMode mode, const Supervision& supervision,
+                        std::ostream& err) {
+  const Result<ChannelPorts> ports = channel_ports({mode, line.values});
+  if (!ports) return ports.error();
+  CommandRun run({.name = "porttape exec",
+                  .log_level = spdlog::level::warn,
+                  .waits_after_signal = true,
+                  .supervision = supervision});
+  if (Result<void> started = run.start_session(*ports); !started) return started.error();
+  if (Result<void> ran = run.run_command(line.command); !ran) return ran.error();
+  run.finish();
+  for (const std::string& note : run.notes()) tell_exec(err, note);
+  if (run.counters().opens == 0)
+    tell_exec(err,
+              "the command never opened its port: write {port} in COMMAND for what it is to open, or let "
+              "it open $PORTTAPE_PORT");
+  const int status = run.command_end().exit_code();
+  if (status != exit_status::kPass) return status;
+  return mode == ChannelMode::bridge && run.counters().device_losses > 0 ? exit_status::kDevice : status;
+}
+
+Result<int> exec_on(CommandVerbLine line, std::ostream& err) {
+  const Result<std::optional<Supervision>> supervision = take_supervision(line.values, false);
+  if (!supervision) return supervision.error();
+  const bool device = line.values.contains("device");
+  const bool tape = line.values.contains("tape");
+  if (!device && !tape) {
+    return make_error(Errc::usage,
+                      "--device PORT is missing, or --tape NAME of a tape in its place; type porttape exec "
+                      "--device PORT -- COMMAND…");
+  }
+  if (device && tape) return record_supervised(std::move(line), **supervision, err);
+  return run_on_line(line, device ? ChannelMode::bridge : ChannelMode::replay, **supervision, err);
+}
+
+}  // namespace
+
+int run_exec(Arguments args, std::ostream& out, std::ostream& err) {
+  const CommandVerb verb{.name = "exec",
+                         .usage = "[--device PORT] [--tape NAME] [options] -- COMMAND…",
+                         .about = kExecAbout,
+                         .options = exec_options(),
+                         .example = "--device /dev/ttyUSB0 --tape ups -- ./ups_driver {port}"};
+  return run_command_verb(verb, args, out, err,
+                          [&](CommandVerbLine line) { return exec_on(std::move(line), err); });
+}
+
+}  // namespace porttape

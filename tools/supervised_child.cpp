@@ -1,0 +1,56 @@
+#include "tools/supervised_child.hpp"
+
+#include <fmt/format.h>
+#include <sys/wait.h>
+#include <unistd.h>
+#include <utility>
+
+#include "libport/supervise/tty_calls.hpp"
+
+namespace porttape {
+namespace {
+
+using Stage = SupervisedCommand::Trouble::Stage;
+
+Error started_not(const SupervisedCommand::Trouble& trouble, const std::string& program) {
+  if (trouble.stage == Stage::exec) return ChildProcess::cannot_run(program, trouble.error);
+  if (trouble.error == 0) return make_error(Errc::io, trouble.message);
+  return make_error(Errc::io, fmt::format("{}: {}", trouble.message, errno_text(trouble.error)));
+}
+
+}  // namespace
+
+Result<std::unique_ptr<SupervisedChild>> SupervisedChild::start(
+    Loop& loop, SupervisedLine& line, const Supervision& supervision, const std::vector<std::string>& command,
+    const ChildProcess::Environment& changed, ChildProcess::Output output, std::string& forbidden) {
+  std::vector<std::unique_ptr<CallPart>> parts;
+  parts.push_back(std::make_unique<TtyCalls>(line, supervision.lines));
+  const SupervisedCommand::Options options{.command = command,
+                                           .environment = ChildProcess::environment_with(changed),
+                                           .output_to_stderr = output == ChildProcess::Output::all_to_stderr,
+                                           .traps = parts.front()->traps(),
+                                           .default_signals = ChildProcess::default_signals()};
+  std::unique_ptr<SupervisedChild> child(new SupervisedChild());
+  SupervisedCommand::Trouble trouble;
+  child->command_ = SupervisedCommand::start(
+      loop, options,
+      [made = child.get()](int status) {
+        made->end_ = WIFSIGNALED(status) ? CommandEnd{.signal = WTERMSIG(status)}
+                                         : CommandEnd{.status = WEXITSTATUS(status)};
+      },
+      trouble);
+  if (!child->command_) {
+    if (trouble.stage != Stage::trap) return started_not(trouble, command.front());
+    forbidden = trouble.message;
+    return std::unique_ptr<SupervisedChild>();
+  }
+  child->supervisor_ = std::make_unique<Supervisor>(loop, child->command_->take_listener(), std::move(parts),
+                                                    std::make_unique<RealClock>(loop));
+  return child;
+}
+
+bool SupervisedChild::in_our_group() const {
+  return running() && ::getpgid(command_->command()) == ::getpgrp();
+}
+
+}  // namespace porttape

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "libport/base/result.hpp"
+#include "libport/loop/loop.hpp"
+#include "libport/port/supervised_line.hpp"
+#include "libport/supervise/supervised_command.hpp"
+#include "libport/supervise/supervisor.hpp"
+#include "tools/child_process.hpp"
+#include "tools/running_command.hpp"
+#include "tools/supervision.hpp"
+
+namespace porttape {
+
+// A command under a supervisor of ours, which answers for the line what a pty lacks.
+class SupervisedChild final : public RunningCommand {
+ public:
+  // Where that cannot be here (the machine forbids it), there is none, and `forbidden` says why.
+  // Errc::usage when there is no such command.
+  static Result<std::unique_ptr<SupervisedChild>> start(Loop& loop, SupervisedLine& line,
+                                                        const Supervision& supervision,
+                                                        const std::vector<std::string>& command,
+                                                        const ChildProcess::Environment& changed,
+                                                        ChildProcess::Output output, std::string& forbidden);
+  ~SupervisedChild() override = default;
+
+  [[nodiscard]] bool running() const override { return command_->running(); }
+  [[nodiscard]] const CommandEnd& end() const override { return end_; }
+  void kill(int signal_number) const override { command_->kill(signal_number); }
+  [[nodiscard]] bool in_our_group() const override;
+  // The process between us and the command.
+  [[nodiscard]] pid_t guard() const { return command_->guard(); }
+
+ private:
+  SupervisedChild() = default;
+
+  CommandEnd end_;
+  // Goes after the command: trapped calls without a supervisor fail.
+  std::unique_ptr<Supervisor> supervisor_;
+  std::unique_ptr<SupervisedCommand> command_;
+};
+
+}  // namespace porttape

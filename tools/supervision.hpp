@@ -1,0 +1,26 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "libport/base/result.hpp"
+#include "libport/port/port_type.hpp"
+#include "libport/supervise/line_model.hpp"
+
+namespace porttape {
+
+// How a command is supervised (`porttape exec`, and --exec of other verbs).
+struct Supervision {
+  LineDefaults lines = {};
+};
+
+// --lines; with `flag` also --exec, without which they count for nothing.
+std::vector<OptionSpec> supervision_options(bool flag);
+
+// Takes these options out of `values`; nothing without --exec where that is an option. Errc::usage names the
+// one that is wrong.
+Result<std::optional<Supervision>> take_supervision(std::map<std::string, std::string>& values, bool flag);
+
+}  // namespace porttape
