@@ -37,9 +37,10 @@ std::size_t fitting(std::string_view text, std::size_t columns) {
 }
 
 // What a line of the events file says besides time and kind: `"text":"here"`; the whole line where it is not
-// of the usual form. Of settings, which people read more often: in words.
+// of the usual form. Of settings and signals, which people read more often: in words.
 std::string details(const Record& record) {
   if (const auto* settings = std::get_if<event::Settings>(record.event)) return settings_text(*settings);
+  if (const auto signal = signal_of(*record.event)) return signal_text(*signal);
   const std::string usual =
       "{\"t_us\":" + std::to_string(to_us(record.at)) + ",\"event\":" + json_quote(name_of(*record.event));
   std::string_view line = record.event_line;

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdio>
+#include <fmt/format.h>
 
 #include "libport/base/line_settings_text.hpp"
 
@@ -40,6 +41,13 @@ std::string settings_text(const event::Settings& settings) {
   const bool sampled = settings.order == SettingsOrder::sampled;
   const std::string_view who = !settings.by ? "line" : *settings.by == Side::driver ? "driver" : "device";
   return std::string(who) + ": " + to_text(settings.line) + (sampled ? " (sampled)" : "");
+}
+
+std::string signal_text(const TapedSignal& taped) {
+  const std::string_view who = taped.by == Side::driver ? "driver" : "device";
+  const std::string_view state = taped.signal.on ? "on" : "off";
+  if (taped.signal.name == LineSignal::Name::brk) return fmt::format("{}: {}", who, state);
+  return fmt::format("{}: {} {}", who, name_of(taped.signal.name), state);
 }
 
 }  // namespace porttape

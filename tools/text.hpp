@@ -20,5 +20,7 @@ std::string rate_text(std::uint64_t bytes, std::int64_t us);
 
 // "driver: 115200 baud, 1 stop bit, RTS/CTS (sampled)".
 std::string settings_text(const event::Settings& settings);
+// `driver: dtr off`; of a break, whose event says what it is: `driver: on`.
+std::string signal_text(const TapedSignal& taped);
 
 }  // namespace porttape

@@ -131,6 +131,10 @@ void FilterPort::on_settings(const SeenSettings& settings, SettingsOrder order) 
   in_.put([this, settings, order] { ForwardingPort::on_settings(settings, order); });
 }
 
+void FilterPort::on_signal(const LineSignal& signal) {
+  in_.put([this, signal] { ForwardingPort::on_signal(signal); });
+}
+
 // A replay that is over has its last bytes behind what is held; a tape that must not fail has no time.
 void FilterPort::on_finished(int exit_status) {
   if (exit_status == exit_status::kRuntime) return ForwardingPort::on_finished(exit_status);
@@ -162,6 +166,14 @@ void FilterPort::peer_flushed(FlushQueue queue) {
 
 void FilterPort::peer_set(const SeenSettings& settings, SettingsOrder order) {
   out_.put([this, settings, order] { ForwardingPort::peer_set(settings, order); });
+}
+
+void FilterPort::signal(const LineSignal& signal) {
+  out_.put([this, signal] { ForwardingPort::signal(signal); });
+}
+
+void FilterPort::drain(std::function<void()> done) {
+  out_.put([this, done = std::move(done)] { ForwardingPort::drain(done); });
 }
 
 void FilterPort::on_drained() {

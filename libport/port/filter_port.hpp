@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string_view>
@@ -47,6 +48,8 @@ class FilterPort : public ForwardingPort {
   bool end_writing() final;
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const final;
   Result<void> apply(const LineSettings& settings) final;
+  void signal(const LineSignal& signal) final;
+  void drain(std::function<void()> done) final;
   void set_reading(bool on) final;
   void hang_up(bool after_reading) final;
   void read_pending() final;
@@ -88,6 +91,7 @@ class FilterPort : public ForwardingPort {
   void on_resumed() final;
   void on_flush(FlushQueue queue) final;
   void on_settings(const SeenSettings& settings, SettingsOrder order) final;
+  void on_signal(const LineSignal& signal) final;
   void on_finished(int exit_status) final;
 
   std::size_t write_some(ByteView data) final;

@@ -49,6 +49,8 @@ struct Session::DriverSide final : PortListener {
   void on_settings(const SeenSettings& seen, SettingsOrder order) override {
     session.driver_settings(seen, order);
   }
+  void on_signal(const LineSignal& signal) override { session.driver_signalled(signal); }
+  void on_drain(std::function<void()> done) override { session.driver_drains(std::move(done)); }
   Answers on_ended() override { return session.driver_ended(); }
   [[nodiscard]] bool half_closes() const override { return session.device_->has_half_close(); }
   bool wants_rest() override {
@@ -87,6 +89,9 @@ struct Session::DeviceSide final : PortListener {
   void on_settings(const SeenSettings&, SettingsOrder) override {
     session.show_settings();
   }  // it took others than asked for
+  void on_signal(const LineSignal& signal) override {
+    if (session.driver_up_) session.driver_->signal(signal);
+  }
   void on_dropped(std::uint64_t bytes, std::string_view why) override { session.dropped(bytes, why); }
   Session& session;
   Gate gate;
@@ -155,7 +160,9 @@ void Session::device_up() {
   device_state_ = DeviceState::up;
   failures_.up(Loop::now());
   context_.log->debug("{}: up", device_->name());
+  for (const LineSignal& signal : std::exchange(early_signals_, {})) device_->signal(signal);
   read_driver();
+  for (std::function<void()>& done : std::exchange(early_drains_, {})) device_->drain(std::move(done));
 }
 
 Session::State Session::state() const {
@@ -333,6 +340,7 @@ void Session::driver_down(const LineDown& down) {
                     down.reason == LineDown::Reason::hung_up ? "hung up" : "the driver has closed it");
   driver_up_ = false;
   early_settings_.reset();
+  drop_early();
   if (end_.step() == SessionEnd::Step::leaving) {
     end();
   } else if (!driver_->passive()) {
@@ -389,6 +397,7 @@ void Session::device_drained() {
 void Session::device_down(const LineDown& down) {
   if (device_state_ == DeviceState::draining) return close_device();
   device_state_ = DeviceState::down;
+  drop_early();
   switch (down.reason) {
     case LineDown::Reason::failed:
     case LineDown::Reason::lost:
@@ -561,6 +570,30 @@ void Session::driver_settings(const SeenSettings& seen, SettingsOrder order) {
                       set.error().message);
     show_settings();
   }
+}
+
+void Session::driver_signalled(const LineSignal& signal) {
+  if (device_state_ == DeviceState::opening || device_state_ == DeviceState::draining) {
+    early_signals_.push_back(signal);
+  } else {
+    device_->signal(signal);
+  }
+}
+
+void Session::driver_drains(std::function<void()> done) {
+  if (device_state_ == DeviceState::opening || device_state_ == DeviceState::draining) {
+    early_drains_.push_back(std::move(done));
+  } else if (device_has_line()) {
+    device_->drain(std::move(done));
+  } else {
+    done();
+  }
+}
+
+// The line that they were for is over.
+void Session::drop_early() {
+  early_signals_.clear();
+  for (const std::function<void()>& done : std::exchange(early_drains_, {})) done();
 }
 
 void Session::driver_flushed(FlushQueue queue) {

@@ -134,6 +134,9 @@ class Session final : public Channel {
   void driver_flushed(FlushQueue queue);
   void on_drain_timer();
   void driver_settings(const SeenSettings& seen, SettingsOrder order);
+  void driver_signalled(const LineSignal& signal);
+  void driver_drains(std::function<void()> done);
+  void drop_early();
   void show_settings();
   void device_complete(int exit_status);
   void driver_complete();
@@ -160,6 +163,8 @@ class Session final : public Channel {
   Instant drain_until_{};
   std::optional<std::size_t> left_at_look_;  // that the device had not taken
   std::optional<EarlySettings> early_settings_;
+  std::vector<LineSignal> early_signals_;             // for a device that is being opened
+  std::vector<std::function<void()>> early_drains_;  // the same
   Timer open_timer_;  // for a device that has just failed
   Failures failures_;
   Counters counters_;

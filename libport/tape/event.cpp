@@ -32,6 +32,8 @@ constexpr auto kQueues = std::to_array<std::string_view>({"in", "out", "both"});
 constexpr auto kTransports = std::to_array<std::string_view>({"stream", "datagram"});
 constexpr auto kStamped = std::to_array<std::string_view>({"arrival", "read"});
 constexpr auto kOrders = std::to_array<std::string_view>({"exact", "sampled"});
+constexpr auto kStates = std::to_array<std::string_view>({"off", "on"});
+constexpr auto kModemLines = std::to_array<std::string_view>({"dtr", "rts", "cts", "dsr", "cd", "ri"});
 constexpr auto kParities =
     std::to_array({Parity::none, Parity::even, Parity::odd, Parity::mark, Parity::space});
 
@@ -97,6 +99,15 @@ void put(JsonObject& line, const event::Settings& settings) {
   put_word(line, "order", settings.order, kOrders);
 }
 void put(JsonObject& line, const event::Flush& flush) { put_word(line, "queue", flush.queue, kQueues); }
+void put(JsonObject& line, const event::Modem& modem) {
+  put_word(line, "line", modem.line, kModemLines);
+  put_word(line, "state", modem.on, kStates);
+  put_word(line, "by", modem.by, kSides);
+}
+void put(JsonObject& line, const event::Break& signal) {
+  put_word(line, "state", signal.on, kStates);
+  put_word(line, "by", signal.by, kSides);
+}
 void put(JsonObject& line, const event::Mark& mark) { put(line, "text", mark.text); }
 void put(JsonObject& line, const event::Gap& gap) {
   line.add("bytes", gap.bytes);
@@ -224,6 +235,13 @@ void take(const json::object& line, event::Settings& settings) {
 void take(const json::object& line, event::Flush& flush) {
   flush.queue = value_of<event::Flush::Queue>(text_of(line, "queue"), kQueues);
 }
+void take(const json::object& line, event::Modem& modem) {
+  modem = {value_of<LineSignal::Name>(text_of(line, "line"), kModemLines),
+           value_of<bool>(text_of(line, "state"), kStates), value_of<Side>(text_of(line, "by"), kSides)};
+}
+void take(const json::object& line, event::Break& signal) {
+  signal = {value_of<bool>(text_of(line, "state"), kStates), value_of<Side>(text_of(line, "by"), kSides)};
+}
 void take(const json::object& line, event::Mark& mark) { mark.text = text_of(line, "text"); }
 void take(const json::object& line, event::Gap& gap) {
   gap.bytes = count_of(line, "bytes").value_or(0);
@@ -257,6 +275,20 @@ Event event_of(std::string name, const json::object& line,
 }
 
 }  // namespace
+
+Event signal_event(const TapedSignal& signal) {
+  if (signal.signal.name == LineSignal::Name::brk) return event::Break{signal.signal.on, signal.by};
+  return event::Modem{signal.signal.name, signal.signal.on, signal.by};
+}
+
+std::optional<TapedSignal> signal_of(const Event& event) {
+  if (const auto* modem = std::get_if<event::Modem>(&event); modem != nullptr && modem->line && modem->on)
+    return TapedSignal{modem->by.value_or(is_output(*modem->line) ? Side::driver : Side::device),
+                       {*modem->line, *modem->on}};
+  if (const auto* signal = std::get_if<event::Break>(&event); signal != nullptr && signal->on)
+    return TapedSignal{signal->by.value_or(Side::driver), {LineSignal::Name::brk, *signal->on}};
+  return std::nullopt;
+}
 
 std::string_view name_of(const Event& event) {
   return std::visit(

@@ -8,6 +8,7 @@
 
 #include "libport/base/line_fault.hpp"
 #include "libport/base/line_settings.hpp"
+#include "libport/base/line_signal.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
 #include "libport/tape/payload_totals.hpp"
@@ -77,6 +78,22 @@ struct Flush {
   friend bool operator==(const Flush&, const Flush&) = default;
 };
 
+// A modem line went on or off: dtr and rts are the driver's to change, the others the device's.
+struct Modem {
+  static constexpr std::string_view kName = "modem";
+  std::optional<LineSignal::Name> line;  // never brk
+  std::optional<bool> on;
+  std::optional<Side> by;
+  friend bool operator==(const Modem&, const Modem&) = default;
+};
+
+struct Break {
+  static constexpr std::string_view kName = "break";
+  std::optional<bool> on;
+  std::optional<Side> by;
+  friend bool operator==(const Break&, const Break&) = default;
+};
+
 struct Mark {
   static constexpr std::string_view kName = "mark";
   std::string text;
@@ -113,14 +130,25 @@ struct Unknown {
 }  // namespace event
 
 using Event = std::variant<event::Unknown, event::Open, event::Close, event::DeviceLost, event::DeviceBack,
-                           event::HalfClose, event::Zero, event::Settings, event::Flush, event::Mark,
-                           event::Gap, event::Fault, event::End>;
+                           event::HalfClose, event::Zero, event::Settings, event::Flush, event::Modem,
+                           event::Break, event::Mark, event::Gap, event::Fault, event::End>;
 
 // An event in its place on a tape.
 struct TapeEvent {
   TapeTime at{};
   Event what;
 };
+
+// A change of a line's signal as an event, and back; nothing where the event is another, or not all of it is
+// known.
+struct TapedSignal {
+  Side by = Side::driver;
+  LineSignal signal;
+
+  friend bool operator==(const TapedSignal&, const TapedSignal&) = default;
+};
+Event signal_event(const TapedSignal& signal);
+std::optional<TapedSignal> signal_of(const Event& event);
 
 // The kind's name on the tape. Refers to the event.
 std::string_view name_of(const Event& event);

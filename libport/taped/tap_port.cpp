@@ -136,6 +136,17 @@ void TapPort::on_settings(const SeenSettings& settings, SettingsOrder order) {
   ForwardingPort::on_settings(settings, order);
 }
 
+void TapPort::signal(const LineSignal& signal) {
+  tell_passed();
+  note(signal_event({Side::driver, signal}));
+  ForwardingPort::signal(signal);
+}
+
+void TapPort::on_signal(const LineSignal& signal) {
+  note(signal_event({Side::device, signal}));
+  ForwardingPort::on_signal(signal);
+}
+
 void TapPort::note_gap(std::uint64_t bytes, std::string_view why) {
   note(event::Gap{bytes, std::nullopt, std::string(why)});
 }

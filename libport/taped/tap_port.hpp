@@ -46,6 +46,7 @@ class TapPort final : public ForwardingPort, private Recorder {
   void peer_flushed(FlushQueue queue) override;
   void peer_set(const SeenSettings& settings, SettingsOrder order) override;
   Result<void> apply(const LineSettings& settings) override;
+  void signal(const LineSignal& signal) override;
   void finish() override;
   [[nodiscard]] Recorder* recorder() override { return this; }
 
@@ -65,6 +66,7 @@ class TapPort final : public ForwardingPort, private Recorder {
   void on_interrupted(const LineDown& down) override;
   void on_resumed() override;
   void on_settings(const SeenSettings& settings, SettingsOrder order) override;
+  void on_signal(const LineSignal& signal) override;
   void on_dropped(std::uint64_t bytes, std::string_view why) override;
   void on_fault(const LineFault& fault) override;
 
