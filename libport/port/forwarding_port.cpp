@@ -22,6 +22,8 @@ std::optional<std::size_t> ForwardingPort::unread_by_peer() const { return inner
 std::optional<LineSettings> ForwardingPort::settings() const { return inner_->settings(); }
 Result<void> ForwardingPort::apply(const LineSettings& settings) { return inner_->apply(settings); }
 void ForwardingPort::signal(const LineSignal& signal) { inner_->signal(signal); }
+void ForwardingPort::watch_signals(bool on) { inner_->watch_signals(on); }
+bool ForwardingPort::shows_signals() const { return inner_->shows_signals(); }
 void ForwardingPort::drain(std::function<void()> done) { inner_->drain(std::move(done)); }
 void ForwardingPort::set_reading(bool on) { inner_->set_reading(on); }
 void ForwardingPort::hang_up(bool after_reading) { inner_->hang_up(after_reading); }

@@ -33,6 +33,8 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   [[nodiscard]] std::optional<LineSettings> settings() const override;
   Result<void> apply(const LineSettings& settings) override;
   void signal(const LineSignal& signal) override;
+  void watch_signals(bool on) override;
+  [[nodiscard]] bool shows_signals() const override;
   void drain(std::function<void()> done) override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;

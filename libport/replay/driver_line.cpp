@@ -48,11 +48,15 @@ DriverLine::Answer DriverLine::at_event(Instant now, std::optional<LineStep>& st
   const auto* settings = head.event == nullptr ? nullptr : std::get_if<event::Settings>(head.event);
   const auto* flush = head.event == nullptr ? nullptr : std::get_if<event::Flush>(head.event);
   const bool sets = settings != nullptr && settings->by == Side::device;
-  if ((!sets && flush == nullptr) || !open_) return {.done = true};
+  const auto signal = head.event == nullptr ? std::nullopt : signal_of(*head.event);
+  const bool signals = signal && signal->by == Side::device;
+  if ((!sets && !signals && flush == nullptr) || !open_) return {.done = true};
   if (const Answer due = wait_until_due(now, head.at); !due.done) return due;
   pace_.played(head.at, pace_.due(head.at), now);
   if (sets) {
     step = LineStep{.kind = LineStep::Kind::settings, .settings = settings->line};
+  } else if (signals) {
+    step = LineStep{.kind = LineStep::Kind::signal, .signal = signal->signal};
   } else {
     step = LineStep{.kind = LineStep::Kind::flush, .queue = flush->queue};
   }

@@ -27,6 +27,7 @@ struct Engine::Impl {
       line_ended,
       flush,
       settings,
+      signal,
       seek,
       close,
       finish
@@ -35,6 +36,7 @@ struct Engine::Impl {
     Instant at{};
     Bytes data{};          // write
     SeenSettings line{};   // settings
+    LineSignal signal{};   // signal
     TapeTime to{};         // seek
     std::size_t used = 0;  // of data
     // open, close: what it means is settled, and the walk is on its way; write: the run's books have it
@@ -143,6 +145,9 @@ bool Engine::Impl::work_on(Input& input) {
       return !driver_open || run.flush(now);
     case Input::Kind::settings:
       run.set_line(input.line);
+      return true;
+    case Input::Kind::signal:
+      run.signalled(now, input.signal);
       return true;
     case Input::Kind::seek:
       run.seek(now, input.to);
@@ -339,6 +344,10 @@ void Engine::on_flush(Instant now) { impl_->tell({.kind = Impl::Input::Kind::flu
 void Engine::on_settings(Instant now, const SeenSettings& settings) {
   impl_->tell({.kind = Impl::Input::Kind::settings, .at = now, .line = settings});
 }
+void Engine::on_signal(Instant now, const LineSignal& signal) {
+  impl_->tell({.kind = Impl::Input::Kind::signal, .at = now, .signal = signal});
+}
+void Engine::show_signals(bool on) { impl_->run.show_signals(on); }
 void Engine::on_close(Instant now) { impl_->tell({.kind = Impl::Input::Kind::close, .at = now}); }
 void Engine::on_line_ended(Instant now) { impl_->tell({.kind = Impl::Input::Kind::line_ended, .at = now}); }
 void Engine::finish(Instant now) { impl_->tell({.kind = Impl::Input::Kind::finish, .at = now}); }

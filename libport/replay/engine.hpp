@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "libport/base/bytes.hpp"
+#include "libport/base/line_signal.hpp"
 #include "libport/base/time.hpp"
 #include "libport/replay/answer_source.hpp"
 #include "libport/replay/expectation.hpp"
@@ -24,6 +25,12 @@ struct ReplayActions {
   Bytes deliver;
   // Where each (piece of an) arrival ends in `deliver`; the last is its size.
   std::vector<std::size_t> block_ends;
+  // Of the device, each behind so many bytes of `deliver`.
+  struct Signal {
+    std::size_t behind = 0;
+    LineSignal signal;
+  };
+  std::vector<Signal> signals;
   // Where the tape plays the driver: what it does with its line then.
   std::optional<LineStep> line_step;
   // New ones, to tell. At most 16 between two calls; the report counts all.
@@ -41,8 +48,8 @@ struct ReplayActions {
   bool exit = false;
 
   [[nodiscard]] bool empty() const {
-    return deliver.empty() && !line_step && mismatches.empty() && !end_sending && !hang_up && !run_ended &&
-           !exit;
+    return deliver.empty() && signals.empty() && !line_step && mismatches.empty() && !end_sending &&
+           !hang_up && !run_ended && !exit;
   }
 };
 
@@ -111,6 +118,10 @@ class Engine {
   void on_flush(Instant now);
   // It has made its line so. What the tape has of that and it never makes is in the run's report.
   void on_settings(Instant now, const SeenSettings& settings);
+  // It has changed a signal of its line.
+  void on_signal(Instant now, const LineSignal& signal);
+  // Its line shows signals: the device's are played, and its own are gates and checked. Before on_open().
+  void show_signals(bool on);
   void on_close(Instant now);
   // Where the tape plays the driver: the device has ended the line. Where the tape has no such end there, the
   // run is over. A line that the driver opens anew (LineStep) is told by on_open() once it is there.

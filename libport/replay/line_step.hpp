@@ -10,10 +10,11 @@ namespace porttape {
 
 // What a driver does with its line beside writing to it, where the tape plays the driver.
 struct LineStep {
-  enum class Kind : std::uint8_t { open, close, settings, flush };
+  enum class Kind : std::uint8_t { open, close, settings, flush, signal };
   Kind kind = Kind::open;
   SeenSettings settings{};                     // that it makes its line; what it leaves alone is absent
   std::optional<event::Flush::Queue> queue{};  // that it drops; nothing: not known
+  LineSignal signal{};                         // that it changes
 
   friend bool operator==(const LineStep&, const LineStep&) = default;
 };

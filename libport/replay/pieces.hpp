@@ -17,7 +17,7 @@ namespace porttape {
 class Pieces {
  public:
   static constexpr Nanos kLongestWait = std::chrono::milliseconds(10);  // for the one before to be read
-  static constexpr Nanos kMostLate = std::chrono::milliseconds(100);   // none is held longer after it was due
+  static constexpr Nanos kMostLate = std::chrono::milliseconds(100);  // none is held longer after it was due
 
   // `seed`: of random cuts.
   Pieces(Chunks chunks, std::uint32_t seed) : chunks_(chunks), seed_(seed) {}

@@ -37,6 +37,8 @@ void Player::begin(Instant now) {
   gate_.begin_run();
   sessions_.forget_passed_open();
   driver_line_.begin();
+  signals_.forget();
+  late_signals_.clear();
   missed_half_close_.reset();
   think_times_ = {};
   gaps_reached_ = most_gaps_ = 0;
@@ -83,6 +85,8 @@ void Player::start_at(TapeTime tape, Instant now, Begins begins) {
   asked_ = schedule_.passed().writes;
   answer_ = LeftOut::no;
   session_start_ = tape;
+  signals_.begin_session();
+  session_bytes_ = schedule_.passed().reads + schedule_.passed().writes;
   wake_ = now;
   pieces_.begin(now);
   matcher_.answered();
@@ -129,6 +133,8 @@ std::optional<Player::TimingFault> Player::play(Instant now, std::size_t max_byt
   Turn turn{now, Mode::deliver, blocked, max_bytes, &out};
   if (out.deliver.empty()) delivered_due_.reset();
   holds_piece_ = false;
+  for (const LineSignal& signal : std::exchange(late_signals_, {}))
+    out.signals.push_back({out.deliver.size(), signal});
   for (bool go_on = true; go_on;) {
     if (!seek()) break;
     turn.blocked = blocked || by_hand_.stands();
@@ -166,8 +172,53 @@ Player::Progress Player::step(Turn& turn) {
     case RecordKind::gap:
       return at_gap();
     case RecordKind::event:
-      if (drives_) return at_own_step(turn, &DriverLine::at_event);
-      break;
+      return drives_ ? at_own_step(turn, &DriverLine::at_event) : at_event(turn);
+  }
+  pop();
+  return Progress::passed;
+}
+
+Player::Progress Player::at_event(Turn& turn) {
+  const Record& head = *schedule_.head();
+  const std::optional<TapedSignal> taped = head.event == nullptr ? std::nullopt : signal_of(*head.event);
+  if (taped && shows_signals_ && !schedule_.line_closed()) {
+    return taped->by == Side::device ? at_device_signal(turn, taped->signal)
+                                     : at_driver_signal(turn, taped->signal);
+  }
+  pop();
+  return Progress::passed;
+}
+
+// Due as a read would be. How it stood when the line came up is told then; a flush drops bytes alone.
+Player::Progress Player::at_device_signal(Turn& turn, const LineSignal& signal) {
+  const TapeTime at = schedule_.head()->at;
+  const bool stood = session_bytes_ == schedule_.passed().reads + schedule_.passed().writes;
+  if (!gate_opens(turn.now, at)) return Progress::waits;
+  const Instant when = stood && !signals_.told(signal.name) ? turn.now : pace_.due(at);
+  const bool passed_over =
+      turn.mode == Mode::drop_all || (turn.mode != Mode::deliver && passes_over(turn, when));
+  if (turn.mode == Mode::flush && passed_over) late_signals_.push_back(signal);
+  if (!passed_over) {
+    if (turn.blocked) return wait(std::nullopt);
+    if (turn.mode != Mode::deliver || early(turn, when)) return wait(when);
+    turn.out->signals.push_back({turn.out->deliver.size(), signal});
+  }
+  signals_.tell(signal.name);
+  if (when != turn.now || passed_over) pace_.played(at, when, passed_over ? when : turn.now);
+  pop();
+  return Progress::passed;
+}
+
+// A gate like a write: what follows is timed from it. One that never comes is waited for with patience.
+Player::Progress Player::at_driver_signal(const Turn& turn, const LineSignal& signal) {
+  const TapeTime at = schedule_.head()->at;
+  if (gated() && turn.mode == Mode::deliver) {
+    if (!gate_opens(turn.now, at)) return Progress::waits;
+    std::optional<Instant> since = signals_.take(signal);
+    const Instant patience = gate_.patience_end(at);
+    if (!since && turn.now < patience) return wait(patience);
+    if (!since) since = patience;
+    pace_.go_on_from(at, *since, *since);
   }
   pop();
   return Progress::passed;

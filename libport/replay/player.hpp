@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "libport/base/time.hpp"
 #include "libport/replay/arrivals.hpp"
@@ -18,6 +19,7 @@
 #include "libport/replay/pieces.hpp"
 #include "libport/replay/replay_clock.hpp"
 #include "libport/replay/schedule.hpp"
+#include "libport/replay/signal_steps.hpp"
 #include "libport/replay/tape_sessions.hpp"
 #include "libport/replay/think_times.hpp"
 #include "libport/replay/timeline.hpp"
@@ -52,6 +54,13 @@ class Player {
 
   // What makes answers follow; null: nothing. Must outlive it.
   void set_replies(Replies* replies) { replies_ = replies; }
+  // The driver's line shows signals: its own are gates like writes. Before begin().
+  void show_signals(bool on) { shows_signals_ = on; }
+  // The driver has changed one.
+  void signalled(Instant now, const LineSignal& signal) {
+    if (shows_signals_) signals_.made(now, signal);
+    wake_ = now;
+  }
 
   // At the driver's first open; seek() follows.
   void begin(Instant now);
@@ -187,6 +196,9 @@ class Player {
   Progress at_device_end(Turn& turn, bool ReplayActions::*what);
   Progress at_half_close(Turn& turn);
   Progress at_driver_end(Turn& turn, bool seen);
+  Progress at_event(Turn& turn);
+  Progress at_device_signal(Turn& turn, const LineSignal& signal);
+  Progress at_driver_signal(const Turn& turn, const LineSignal& signal);
   Progress at_own_step(const Turn& turn,
                        DriverLine::Answer (DriverLine::*way)(Instant, std::optional<LineStep>&));
   Progress at_write(Turn& turn);
@@ -250,6 +262,10 @@ class Player {
   std::size_t most_gaps_ = 0;  // reached before a jump back
   std::optional<TapeTime> preroll_from_;
   std::optional<Handshake> handshake_;  // in the preroll
+  SignalSteps signals_;
+  std::uint64_t session_bytes_ = 0;       // passed before the session
+  std::vector<LineSignal> late_signals_;  // of the device, that a flush has passed
+  bool shows_signals_ = false;
   Schedule::Totals prerolled_;
   std::optional<Instant> wake_;
   std::optional<TimingFault> fault_;

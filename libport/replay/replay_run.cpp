@@ -92,7 +92,7 @@ void ReplayRun::begin(Instant now) {
   ledger_.emplace(now);
   matcher_.rewind();
   if (replies_) replies_->begin();
-  settings_.begin(line_);
+  settings_.begin(line_, shows_signals_);
   player_.begin(now);
   if (lookup_) lookup_->begin_run();
   resyncing_ = false;

@@ -78,6 +78,16 @@ class ReplayRun {
   void set_line(const SeenSettings& settings) {
     if (ledger_) settings_.made(settings);
   }
+  // The driver has changed a signal, on a line that shows them.
+  void signalled(Instant now, const LineSignal& signal) {
+    if (!ledger_) return;
+    settings_.made(signal);
+    player_.signalled(now, signal);
+  }
+  void show_signals(bool on) {
+    shows_signals_ = on;
+    player_.show_signals(on);
+  }
   // The driver has closed, or ends its writing: what it wrote is all of this session.
   void end_of_writes(Instant now);
   // When play() is to be called next; nothing: when something has happened.
@@ -163,6 +173,7 @@ class ReplayRun {
   NoRecords none_;   // and the matcher's
   Matcher matcher_;
   SettingsCheck settings_;
+  bool shows_signals_ = false;
   Player player_;
 
   std::optional<RunLedger> ledger_;  // while a run goes on

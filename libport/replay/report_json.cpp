@@ -97,7 +97,7 @@ JsonObject settings_json(const RunReport& report) {
   for (const auto& [at, what] : report.settings.missing) {
     JsonObject one;
     one.add("tape_us", to_us(at));
-    add_settings(one, what);
+    add_line(one, what);
     missing.add(one);
   }
   return JsonObject()

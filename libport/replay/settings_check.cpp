@@ -24,6 +24,12 @@ bool agree(const SeenSettings& one, const SeenSettings& other) {
          agree(one.hw_flow, other.hw_flow) && agree(one.sw_flow, other.sw_flow);
 }
 
+// A signal is another change than settings.
+bool agree(const LineView& one, const LineView& other) {
+  return agree(one.settings, other.settings) && one.dtr == other.dtr && one.rts == other.rts &&
+         one.brk == other.brk;
+}
+
 }  // namespace
 
 void SettingsCheck::Keys::add(const SeenSettings& known) {
@@ -35,19 +41,22 @@ void SettingsCheck::Keys::add(const SeenSettings& known) {
   sw_flow = sw_flow || known.sw_flow;
 }
 
-SeenSettings SettingsCheck::Keys::of(SeenSettings settings) const {
+LineView SettingsCheck::Keys::of(LineView line) const {
+  SeenSettings& settings = line.settings;
   if (!baud) settings.baud.reset();
   if (!data_bits) settings.data_bits.reset();
   if (!parity) settings.parity.reset();
   if (!stop_bits) settings.stop_bits.reset();
   if (!hw_flow) settings.hw_flow.reset();
   if (!sw_flow) settings.sw_flow.reset();
-  return settings;
+  return signals ? line : LineView::of(settings);
 }
 
-void SettingsCheck::begin(const SeenSettings& line) {
+void SettingsCheck::begin(const SeenSettings& line, bool shows_signals) {
   *this = {};
-  line_ = line;
+  line_ = LineView::opened();
+  line_.settings = line;
+  shows_signals_ = shows_signals;
 }
 
 void SettingsCheck::pass(const Record& record, std::uint64_t writes, bool expected) {
@@ -56,13 +65,26 @@ void SettingsCheck::pass(const Record& record, std::uint64_t writes, bool expect
   if (record.kind == RecordKind::read && !record.data.empty() && stand_ == Stand::answer)
     stand_ = Stand::sure;
   if (record.kind == RecordKind::close) end_latest(record.at);
-  const auto* settings = record.event == nullptr ? nullptr : std::get_if<event::Settings>(record.event);
+  if (record.kind == RecordKind::open && shows_signals_)
+    add_taped({record.at, LineView::opened(), false, true, writes});
+  if (record.event == nullptr) return;
+  if (const auto signal = signal_of(*record.event)) {
+    const LineView what = LineView::of(signal->signal);
+    if (shows_signals_ && what != LineView())
+      add_taped({record.at, what, signal->by == Side::driver && expected, true, writes});
+    return;
+  }
+  const auto* settings = std::get_if<event::Settings>(record.event);
   if (settings == nullptr || !settings->by) return;
   const bool by_driver = *settings->by == Side::driver && expected;
   if (by_driver) end_latest(record.at);
+  add_taped({record.at, LineView::of(settings->line), by_driver, true, writes});
+  if (by_driver && !shows_signals_) stand_ = Stand::question;
+}
+
+void SettingsCheck::add_taped(const Taped& taped) {
   if (taped_.size() == kMostHeld) settle();
-  taped_.push_back({record.at, settings->line, by_driver, true, writes});
-  if (by_driver) stand_ = Stand::question;
+  taped_.push_back(taped);
 }
 
 // The latest of the driver's on the tape is replaced, or its line closed.
@@ -74,20 +96,26 @@ void SettingsCheck::end_latest(TapeTime at) {
 }
 
 void SettingsCheck::made(const SeenSettings& settings) {
-  if (!keys_) keys_ = Keys{false, false, false, false, false, false};
+  if (!keys_) keys_ = Keys{false, false, false, false, false, false, shows_signals_};
   keys_->add(settings);
+  add_made(LineView::of(settings));
+}
+
+void SettingsCheck::made(const LineSignal& signal) { add_made(LineView::of(signal)); }
+
+void SettingsCheck::add_made(const LineView& line) {
   if (made_.size() == kMostHeld) settle();
-  made_.push_back(settings);
+  made_.push_back(line);
 }
 
 // Each that changes what the replaying line shows. What may not have been seen is taken for not made.
 std::vector<std::size_t> SettingsCheck::required(const Keys& keys, std::size_t end) const {
   std::vector<std::size_t> places;
-  SeenSettings line = keys.of(line_);
+  LineView line = keys.of(line_);
   for (std::size_t i = 0; i < end; ++i) {
     const Taped& each = taped_[i];
     if (!each.seen) continue;
-    const SeenSettings next = keys.of(each.what).over(line);
+    const LineView next = keys.of(each.what).over(line);
     if (each.by_driver && next != line) places.push_back(i);
     line = next;
   }
@@ -96,7 +124,8 @@ std::vector<std::size_t> SettingsCheck::required(const Keys& keys, std::size_t e
 
 // The longest sequence that both have: first how long it is behind each pair of places.
 SettingsCheck::Outcome SettingsCheck::compare(std::size_t end) const {
-  const Keys keys = keys_.value_or(Keys{});
+  Keys keys = keys_.value_or(Keys{});
+  keys.signals = shows_signals_;
   Outcome outcome;
   outcome.required = required(keys, end);
   const std::size_t rows = outcome.required.size();

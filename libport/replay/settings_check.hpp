@@ -6,16 +6,18 @@
 #include <vector>
 
 #include "libport/base/line_settings.hpp"
+#include "libport/base/line_signal.hpp"
 #include "libport/base/time.hpp"
+#include "libport/replay/line_view.hpp"
 #include "libport/tape/record.hpp"
 
 namespace porttape {
 
-// What became of the driver's settings that are on a tape.
+// What became of the driver's settings and signals that are on a tape.
 struct SettingsReport {
   struct Missing {
     TapeTime at{};
-    SeenSettings what;
+    LineView what;
 
     friend bool operator==(const Missing&, const Missing&) = default;
   };
@@ -28,12 +30,13 @@ struct SettingsReport {
   friend bool operator==(const SettingsReport&, const SettingsReport&) = default;
 };
 
-// Whether a driver makes the settings that are recorded: in their order, with any others between them. The
-// tape is told as the walk passes it, the driver's as they come; either may be ahead of the other. As many
-// recorded ones as can be count as made.
+// Whether a driver makes the settings, and changes the signals, that are recorded: in their order, with any
+// others between them. The tape is told as the walk passes it, the driver's as they come; either may be ahead
+// of the other. As many recorded ones as can be count as made.
 //
 // A recorded one has to be made where it changes the line in what the replaying one shows, and stood long
-// enough to be seen for sure: for kSeenAfter, or until something that the driver wrote was answered.
+// enough to be seen for sure: for kSeenAfter, or until something that the driver wrote was answered. On a
+// line that shows signals each is told, however short.
 //
 // A plain value, of bounded memory: far more on one side than on the other is compared piece by piece.
 class SettingsCheck {
@@ -41,15 +44,16 @@ class SettingsCheck {
   // Shorter ones may fall between two looks at a pty.
   static constexpr Micros kSeenAfter{50'000};
 
-  // A run begins, and the device's line is so, as far as known.
-  void begin(const SeenSettings& line);
+  // A run begins, and the device's line is so, as far as known. `shows_signals`: the replaying line does.
+  void begin(const SeenSettings& line, bool shows_signals = false);
 
   // The walk passes it; so many bytes of writes are before it. What is not `expected` nobody has to make.
   void pass(const Record& record, std::uint64_t writes, bool expected = true);
   // Something behind what was passed has reached the driver.
   void delivered() { delivered_ = taped_.size(); }
-  // The driver has made its line so.
+  // The driver has made its line so, or changed a signal.
   void made(const SeenSettings& settings);
+  void made(const LineSignal& signal);
 
   // How far the driver came, and so what of the passed counts: what is before its last byte, that of so many
   // bytes of recorded writes; also what is before the last that reached it; or all.
@@ -60,16 +64,17 @@ class SettingsCheck {
   // A change on the tape.
   struct Taped {
     TapeTime at{};
-    SeenSettings what;
+    LineView what;
     bool by_driver = false;
     bool seen = true;  // stood long enough
     std::uint64_t writes = 0;
   };
   struct Keys {
     bool baud = true, data_bits = false, parity = false, stop_bits = true, hw_flow = true, sw_flow = true;
+    bool signals = false;
 
     void add(const SeenSettings& known);
-    [[nodiscard]] SeenSettings of(SeenSettings settings) const;
+    [[nodiscard]] LineView of(LineView line) const;
   };
   // The latest of the driver's on the tape: whether it is sure to be seen, or what is still to come for that.
   enum class Stand : std::uint8_t { sure, question, answer };
@@ -80,6 +85,8 @@ class SettingsCheck {
     std::size_t made_end = 0;           // and in made_
   };
 
+  void add_taped(const Taped& taped);
+  void add_made(const LineView& line);
   void end_latest(TapeTime at);
   // Of the first `end` of taped_.
   [[nodiscard]] std::vector<std::size_t> required(const Keys& keys, std::size_t end) const;
@@ -87,9 +94,10 @@ class SettingsCheck {
   void add(const Outcome& outcome, std::size_t end, SettingsReport& to) const;
   void settle();
 
-  SeenSettings line_;  // before taped_
+  LineView line_;  // before taped_
   std::vector<Taped> taped_;
-  std::vector<SeenSettings> made_;
+  std::vector<LineView> made_;
+  bool shows_signals_ = false;
   std::optional<Keys> keys_;   // that the replaying line shows; nothing: it has shown none yet
   std::size_t delivered_ = 0;  // of taped_
   Stand stand_ = Stand::sure;

@@ -61,6 +61,8 @@ void SwappedTape::swap_event(Record& record) {
     event::Settings swapped = *settings;
     swapped.by = settings->by == Side::driver ? std::optional(Side::device) : std::nullopt;
     event_ = swapped;
+  } else if (const auto signal = signal_of(*record.event)) {
+    event_ = signal_event({*other(signal->by), signal->signal});
   } else {
     return;
   }

@@ -151,6 +151,7 @@ void Session::open_device() {
 
 void Session::open_device_now() {
   if (device_state_ != DeviceState::opening || !end_.running()) return;
+  device_->watch_signals(driver_->shows_signals());
   device_->open();
   if (const auto early = std::exchange(early_settings_, std::nullopt); early && driver_up_)
     driver_settings(early->seen, early->order);

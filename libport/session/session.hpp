@@ -163,9 +163,9 @@ class Session final : public Channel {
   Instant drain_until_{};
   std::optional<std::size_t> left_at_look_;  // that the device had not taken
   std::optional<EarlySettings> early_settings_;
-  std::vector<LineSignal> early_signals_;             // for a device that is being opened
+  std::vector<LineSignal> early_signals_;            // for a device that is being opened
   std::vector<std::function<void()>> early_drains_;  // the same
-  Timer open_timer_;  // for a device that has just failed
+  Timer open_timer_;                                 // for a device that has just failed
   Failures failures_;
   Counters counters_;
   DropTally untold_;   // in the log

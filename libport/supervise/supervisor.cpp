@@ -33,18 +33,6 @@ seccomp_notif_sizes sizes_here() {
   return sizes;
 }
 
-bool has_more(int listener) {
-  pollfd polled{.fd = listener, .events = POLLIN, .revents = 0};
-  return ::poll(&polled, 1, 0) == 1 && (polled.revents & POLLIN) != 0;
-}
-
-bool has_hung_up(int listener) {
-  pollfd polled{.fd = listener, .events = 0, .revents = 0};
-  return ::poll(&polled, 1, 0) == 1 && (polled.revents & POLLHUP) != 0;
-}
-
-constexpr int kMostAtOnce = 64;  // then the loop's other work has its turn
-
 }  // namespace
 
 void KeptCall::finish(Outcome outcome) {
@@ -76,11 +64,10 @@ Supervisor::~Supervisor() {
 }
 
 void Supervisor::on_readable() {
-  // That there is one the loop has said, or there is none and the programs are gone.
-  for (int count = 0; count < kMostAtOnce && has_more(listener_.get()); ++count) {
-    if (!take_one()) break;
-  }
-  if (!has_hung_up(listener_.get())) return;
+  // One whose thread has gone meanwhile is told no more, and to receive it would wait for the next.
+  pollfd polled{.fd = listener_.get(), .events = POLLIN, .revents = 0};
+  if (::poll(&polled, 1, 0) != 1) return;
+  if ((polled.revents & POLLIN) != 0) return take_one();  // the loop comes again for the others
   ended_ = true;
   watch_.watch_readable(false);
   forget_gone();
@@ -88,14 +75,10 @@ void Supervisor::on_readable() {
   schedule();
 }
 
-// False: there was none.
-bool Supervisor::take_one() {
+void Supervisor::take_one() {
   std::ranges::fill(told_, std::byte{0});
   auto* const told = reinterpret_cast<seccomp_notif*>(told_.data());
-  if (::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_RECV, told) != 0)
-    return errno == ENOENT;  // its thread has gone
-  handle(Call(listener_.get(), *told));
-  return true;
+  if (::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_RECV, told) == 0) handle(Call(listener_.get(), *told));
 }
 
 void Supervisor::handle(const Call& call) {

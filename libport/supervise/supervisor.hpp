@@ -110,7 +110,7 @@ class Supervisor {
 
  private:
   void on_readable();
-  bool take_one();
+  void take_one();
   void handle(const Call& call);
   void send(const Call& call, Outcome outcome);
   void on_wake();

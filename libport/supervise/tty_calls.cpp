@@ -187,7 +187,7 @@ CallPart::Decision TtyCalls::decide(Supervisor& supervisor, const Call& call) {
 CallPart::Decision TtyCalls::decide_signals(Supervisor& supervisor, const Call& call, std::uint32_t request) {
   switch (request) {
     case TIOCMGET:
-      (void)line_->catch_up();
+      if (!open_) (void)line_->catch_up();  // the open is not known yet, which raises DTR and RTS
       return give_lines(call);
     case TIOCMSET:
     case TIOCMBIS:
@@ -443,12 +443,14 @@ Outcome TtyCalls::make_rs485(const Call& call) {
 }
 
 void TtyCalls::line_opened() {
+  open_ = true;
   hung_up_ = false;
   model_.opened();
   look_at_inputs();
 }
 
 void TtyCalls::line_closed() {
+  open_ = false;
   model_.closed();
   for (const InputWait& wait : std::exchange(input_waits_, {})) wait.call->finish(outcome::Refuse{EIO});
 }

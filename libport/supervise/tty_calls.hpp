@@ -80,6 +80,7 @@ class TtyCalls final : public CallPart, private LineSupervisor {
   LineModel model_;
   tcflag_t hidden_ = CS8;  // of c_cflag what a pty does not keep
   bool hung_up_ = false;   // B0
+  bool open_ = false;
   serial_struct serial_{};
   serial_rs485 rs485_{};
   std::vector<InputWait> input_waits_;

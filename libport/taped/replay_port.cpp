@@ -60,6 +60,7 @@ ReplayPort::ReplayPort(const PortContext& context, Options options)
     : context_(context),
       options_(std::move(options)),
       timer_(*context.loop, [this] { on_timer(); }),
+      drain_timer_(*context.loop, [this] { end_drains(); }),
       silence_timer_(*context.loop, [this] { end_silence(); }) {
   if (!options_.clock) options_.clock = context_.replay_clock;
 }
@@ -181,6 +182,8 @@ void ReplayPort::close() {
   open_ = false;
   if (drives()) return;
   settings_ = own_settings_;
+  sent_until_ = {};
+  end_drains();
   if (aftermath_) aftermath_->finish();
   engine_->on_close(Loop::now());
   pump();
@@ -190,6 +193,7 @@ void ReplayPort::write(ByteView data) {
   if (aftermath_) aftermath_->write(data);
   if (context_.pulled) pump();
   last_heard_ = Loop::now();
+  sent_until_ = std::max(sent_until_, last_heard_) + line_time(data.size());
   engine_->on_write(last_heard_, data);
   congested_ = engine_->backlog() > kMostBacklog;
   pump();
@@ -231,6 +235,35 @@ void ReplayPort::peer_flushed(FlushQueue queue) {
 void ReplayPort::peer_set(const SeenSettings& settings, SettingsOrder) {
   engine_->on_settings(Loop::now(), settings);
   pump();
+}
+
+void ReplayPort::signal(const LineSignal& signal) {
+  engine_->on_signal(Loop::now(), signal);
+  pump();
+}
+
+void ReplayPort::watch_signals(bool on) {
+  if (engine_) engine_->show_signals(on);
+}
+
+// Of a line whose settings are not known: none.
+Nanos ReplayPort::line_time(std::size_t bytes) const {
+  if (!settings_ || settings_->baud == 0 || options_.config.timing == Timing::none) return Nanos{};
+  const unsigned bits =
+      1 + settings_->data_bits + (settings_->parity == Parity::none ? 0U : 1U) + settings_->stop_bits;
+  const double seconds = static_cast<double>(bytes) * bits / settings_->baud / options_.config.rate;
+  return std::chrono::duration_cast<Nanos>(std::chrono::duration<double>(seconds));
+}
+
+void ReplayPort::drain(std::function<void()> done) {
+  if (sent_until_ <= Loop::now()) return done();
+  drains_.push_back(std::move(done));
+  drain_timer_.set(sent_until_);
+}
+
+void ReplayPort::end_drains() {
+  drain_timer_.cancel();
+  for (const std::function<void()>& done : std::exchange(drains_, {})) done();
 }
 
 void ReplayPort::faulted(const LineFault& fault) {
@@ -352,8 +385,31 @@ void ReplayPort::pump() {
   if (finish_timer_) continue_finish();
 }
 
+// Bytes and signals in their order.
+void ReplayPort::deliver(const ReplayActions& actions) {
+  const ByteView all(actions.deliver);
+  std::size_t done = 0;
+  const auto deliver_to = [&](std::size_t end) {
+    if (end <= done || dropping_) return;
+    std::vector<std::size_t> ends;
+    for (const std::size_t each : actions.block_ends) {
+      if (each > done) ends.push_back(std::min(each, end) - done);
+      if (each >= end) break;
+    }
+    listener().on_arrivals(all.subspan(done, end - done), ends);
+    done = end;
+  };
+  for (const ReplayActions::Signal& each : actions.signals) {
+    deliver_to(each.behind);
+    listener().on_signal(each.signal);
+  }
+  if (actions.signals.empty() && !all.empty() && !dropping_)
+    return listener().on_arrivals(all, actions.block_ends);
+  deliver_to(all.size());
+}
+
 void ReplayPort::perform(ReplayActions& actions) {
-  if (!actions.deliver.empty() && !dropping_) listener().on_arrivals(actions.deliver, actions.block_ends);
+  deliver(actions);
   if (actions.line_step) do_step(*actions.line_step);
   if (actions.end_sending) (void)listener().on_ended();
   for (const Mismatch& mismatch : actions.mismatches) {
@@ -401,6 +457,8 @@ void ReplayPort::do_step(const LineStep& step) {
       return close_line(LineDown::Reason::closed);
     case LineStep::Kind::settings:
       return listener().on_settings(step.settings, SettingsOrder::exact);
+    case LineStep::Kind::signal:
+      return listener().on_signal(step.signal);
     case LineStep::Kind::flush:
       break;
   }

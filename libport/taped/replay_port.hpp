@@ -73,6 +73,10 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   [[nodiscard]] std::optional<LineSettings> settings() const override { return settings_; }
   Result<void> apply(const LineSettings& settings) override;
   void peer_set(const SeenSettings& settings, SettingsOrder order) override;
+  void signal(const LineSignal& signal) override;
+  void watch_signals(bool on) override;
+  // Lasts as long as the tape's line takes for the bytes, by its settings and the replay's rate.
+  void drain(std::function<void()> done) override;
   void peer_left_unread(std::uint64_t bytes) override { left_unread_ = bytes; }
   [[nodiscard]] WaitingCalls* waiting() override { return this; }
   [[nodiscard]] Playback* playback_control() override { return this; }
@@ -121,7 +125,10 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   [[nodiscard]] Result<void> check_seek(Micros to) const;
   void pump();
   [[nodiscard]] Instant pump_time(Instant now) const;
+  void deliver(const ReplayActions& actions);
   void perform(ReplayActions& actions);
+  [[nodiscard]] Nanos line_time(std::size_t bytes) const;
+  void end_drains();
   void set_timer();
   [[nodiscard]] bool may_spin(Instant due) const;
   void on_timer();
@@ -153,6 +160,9 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   std::optional<std::uint64_t> left_unread_;  // by the driver that has just gone
   std::optional<FaultsReport> faults_;        // of the run that goes on
   std::optional<Instant> run_begun_;
+  Instant sent_until_{};  // what the driver wrote has left the tape's line then
+  std::vector<std::function<void()>> drains_;
+  Timer drain_timer_;
   std::optional<Timer> finish_timer_;
   Instant finish_limit_{};
   bool any_run_ = false;  // has ended

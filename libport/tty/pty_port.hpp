@@ -67,6 +67,7 @@ class PtyPort final : public Port, private SupervisedLine {
   void close() override;
   Result<void> apply(const LineSettings& settings) override;
   void signal(const LineSignal& signal) override;
+  [[nodiscard]] bool shows_signals() const override { return supervisor_ != nullptr; }
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
