@@ -6,11 +6,15 @@
 namespace porttape {
 
 void DeviceLine::on_event(const Event& event, bool played) {
+  if (const auto* drain = std::get_if<event::Drain>(&event);
+      drain != nullptr && played && drains_.size() < kMostDrains)
+    drains_.push_back(drain->took);
   const auto* settings = std::get_if<event::Settings>(&event);
   if (settings == nullptr || !settings->by) {
-    const bool flush_or_mark =
-        std::holds_alternative<event::Flush>(event) || std::holds_alternative<event::Mark>(event);
-    if (!flush_or_mark) asked_.reset();
+    const bool beside_it = std::holds_alternative<event::Flush>(event) ||
+                           std::holds_alternative<event::Mark>(event) ||
+                           std::holds_alternative<event::Drain>(event) || signal_of(event).has_value();
+    if (!beside_it) asked_.reset();
     return;
   }
   const SeenSettings& what = settings->line;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "libport/base/line_settings.hpp"
+#include "libport/base/time.hpp"
 #include "libport/tape/event.hpp"
 
 namespace porttape {
@@ -23,9 +24,12 @@ class DeviceLine {
   [[nodiscard]] std::optional<SeenSettings> own() const;
   // What it takes instead of `asked`, as it did on the tape. That may be what it had before: it refused.
   [[nodiscard]] std::optional<SeenSettings> taken_for(const LineSettings& asked) const;
+  // How long each drain of the driver's took in what is played, in order; the first of very many.
+  [[nodiscard]] const std::vector<Micros>& drains() const { return drains_; }
 
  private:
   static constexpr std::size_t kMostAnswers = 64;
+  static constexpr std::size_t kMostDrains = 65536;
 
   SeenSettings line_;  // so far
   SeenSettings before_;
@@ -34,6 +38,7 @@ class DeviceLine {
   bool driver_first_ = false;              // in it the driver's came before the device's
   std::optional<SeenSettings> asked_;      // by the driver, and not answered
   std::vector<std::pair<SeenSettings, SeenSettings>> answers_;
+  std::vector<Micros> drains_;
 };
 
 }  // namespace porttape

@@ -108,6 +108,7 @@ void put(JsonObject& line, const event::Break& signal) {
   put_word(line, "state", signal.on, kStates);
   put_word(line, "by", signal.by, kSides);
 }
+void put(JsonObject& line, const event::Drain& drain) { line.add("took_us", drain.took.count()); }
 void put(JsonObject& line, const event::Mark& mark) { put(line, "text", mark.text); }
 void put(JsonObject& line, const event::Gap& gap) {
   line.add("bytes", gap.bytes);
@@ -241,6 +242,9 @@ void take(const json::object& line, event::Modem& modem) {
 }
 void take(const json::object& line, event::Break& signal) {
   signal = {value_of<bool>(text_of(line, "state"), kStates), value_of<Side>(text_of(line, "by"), kSides)};
+}
+void take(const json::object& line, event::Drain& drain) {
+  drain.took = Micros{number_of(line, "took_us").value_or(0)};
 }
 void take(const json::object& line, event::Mark& mark) { mark.text = text_of(line, "text"); }
 void take(const json::object& line, event::Gap& gap) {

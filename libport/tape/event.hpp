@@ -94,6 +94,14 @@ struct Break {
   friend bool operator==(const Break&, const Break&) = default;
 };
 
+// The driver waited until all that it had written was sent (tcdrain). The event's own time is the end of
+// that.
+struct Drain {
+  static constexpr std::string_view kName = "drain";
+  Micros took{};
+  friend bool operator==(const Drain&, const Drain&) = default;
+};
+
 struct Mark {
   static constexpr std::string_view kName = "mark";
   std::string text;
@@ -131,7 +139,7 @@ struct Unknown {
 
 using Event = std::variant<event::Unknown, event::Open, event::Close, event::DeviceLost, event::DeviceBack,
                            event::HalfClose, event::Zero, event::Settings, event::Flush, event::Modem,
-                           event::Break, event::Mark, event::Gap, event::Fault, event::End>;
+                           event::Break, event::Drain, event::Mark, event::Gap, event::Fault, event::End>;
 
 // An event in its place on a tape.
 struct TapeEvent {

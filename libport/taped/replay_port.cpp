@@ -182,7 +182,6 @@ void ReplayPort::close() {
   open_ = false;
   if (drives()) return;
   settings_ = own_settings_;
-  sent_until_ = {};
   end_drains();
   if (aftermath_) aftermath_->finish();
   engine_->on_close(Loop::now());
@@ -193,7 +192,6 @@ void ReplayPort::write(ByteView data) {
   if (aftermath_) aftermath_->write(data);
   if (context_.pulled) pump();
   last_heard_ = Loop::now();
-  sent_until_ = std::max(sent_until_, last_heard_) + line_time(data.size());
   engine_->on_write(last_heard_, data);
   congested_ = engine_->backlog() > kMostBacklog;
   pump();
@@ -246,19 +244,13 @@ void ReplayPort::watch_signals(bool on) {
   if (engine_) engine_->show_signals(on);
 }
 
-// Of a line whose settings are not known: none.
-Nanos ReplayPort::line_time(std::size_t bytes) const {
-  if (!settings_ || settings_->baud == 0 || options_.config.timing == Timing::none) return Nanos{};
-  const unsigned bits =
-      1 + settings_->data_bits + (settings_->parity == Parity::none ? 0U : 1U) + settings_->stop_bits;
-  const double seconds = static_cast<double>(bytes) * bits / settings_->baud / options_.config.rate;
-  return std::chrono::duration_cast<Nanos>(std::chrono::duration<double>(seconds));
-}
-
 void ReplayPort::drain(std::function<void()> done) {
-  if (sent_until_ <= Loop::now()) return done();
+  const std::vector<Micros>& recorded = line_.drains();
+  const std::size_t index = drains_begun_++;
+  if (index >= recorded.size() || options_.config.timing == Timing::none) return done();
+  const std::chrono::duration<double, std::micro> lasts = recorded[index] / options_.config.rate;
   drains_.push_back(std::move(done));
-  drain_timer_.set(sent_until_);
+  drain_timer_.set_after(std::chrono::duration_cast<Nanos>(lasts));
 }
 
 void ReplayPort::end_drains() {
@@ -527,6 +519,7 @@ void ReplayPort::end_aftermath(RunReport report, const LineDown& down) {
 
 void ReplayPort::take_report(RunReport report) {
   any_run_ = true;
+  drains_begun_ = 0;
   const Instant now = Loop::now();
   report.nobody_came = !run_begun_;
   const Instant begun = std::exchange(run_begun_, std::nullopt).value_or(now);

@@ -75,7 +75,8 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   void peer_set(const SeenSettings& settings, SettingsOrder order) override;
   void signal(const LineSignal& signal) override;
   void watch_signals(bool on) override;
-  // Lasts as long as the tape's line takes for the bytes, by its settings and the replay's rate.
+  // Each lasts as long as the one did that has its place on the tape, by the replay's rate; where the tape
+  // has none, no time.
   void drain(std::function<void()> done) override;
   void peer_left_unread(std::uint64_t bytes) override { left_unread_ = bytes; }
   [[nodiscard]] WaitingCalls* waiting() override { return this; }
@@ -127,7 +128,6 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   [[nodiscard]] Instant pump_time(Instant now) const;
   void deliver(const ReplayActions& actions);
   void perform(ReplayActions& actions);
-  [[nodiscard]] Nanos line_time(std::size_t bytes) const;
   void end_drains();
   void set_timer();
   [[nodiscard]] bool may_spin(Instant due) const;
@@ -160,8 +160,8 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   std::optional<std::uint64_t> left_unread_;  // by the driver that has just gone
   std::optional<FaultsReport> faults_;        // of the run that goes on
   std::optional<Instant> run_begun_;
-  Instant sent_until_{};  // what the driver wrote has left the tape's line then
-  std::vector<std::function<void()>> drains_;
+  std::vector<std::function<void()>> drains_;  // that last
+  std::size_t drains_begun_ = 0;               // in this run
   Timer drain_timer_;
   std::optional<Timer> finish_timer_;
   Instant finish_limit_{};

@@ -142,6 +142,14 @@ void TapPort::signal(const LineSignal& signal) {
   ForwardingPort::signal(signal);
 }
 
+void TapPort::drain(std::function<void()> done) {
+  tell_passed();
+  ForwardingPort::drain([this, alive = std::weak_ptr<int>(alive_), begin = now_(), done = std::move(done)] {
+    if (!alive.expired()) note(event::Drain{std::chrono::duration_cast<Micros>(now_() - begin)});
+    done();
+  });
+}
+
 void TapPort::on_signal(const LineSignal& signal) {
   note(signal_event({Side::device, signal}));
   ForwardingPort::on_signal(signal);

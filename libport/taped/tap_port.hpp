@@ -47,6 +47,7 @@ class TapPort final : public ForwardingPort, private Recorder {
   void peer_set(const SeenSettings& settings, SettingsOrder order) override;
   Result<void> apply(const LineSettings& settings) override;
   void signal(const LineSignal& signal) override;
+  void drain(std::function<void()> done) override;
   void finish() override;
   [[nodiscard]] Recorder* recorder() override { return this; }
 
@@ -106,6 +107,7 @@ class TapPort final : public ForwardingPort, private Recorder {
   bool open_ = false;
   bool writing_ended_ = false;  // in this session
   RepeatFilter repeats_;
+  std::shared_ptr<int> alive_ = std::make_shared<int>();  // for drains that end later
 };
 
 }  // namespace porttape
