@@ -33,6 +33,13 @@ class ToldPort final : public Port, private WaitingCalls, private Recorder, priv
     say("apply " + std::to_string(settings.baud));
     return {};
   }
+  void signal(const LineSignal& signal) override { say("signal " + std::string(name_of(signal.name))); }
+  void watch_signals(bool on) override { say(on ? "watch signals" : "watch none"); }
+  [[nodiscard]] bool shows_signals() const override { return true; }
+  void drain(std::function<void()> done) override {
+    say("drain");
+    done();
+  }
   void set_reading(bool on) override { say(on ? "reading" : "not reading"); }
   void hang_up(bool after_reading) override { say(after_reading ? "hang up later" : "hang up"); }
   void read_pending() override { say("read pending"); }
@@ -83,6 +90,12 @@ TEST_F(ForwardingPortTest, PassesOnEveryCallToTheInnerPort) {
   wrapper.open();
   wrapper.write(as_bytes("x"));
   EXPECT_TRUE(wrapper.apply({.baud = 300}).has_value());
+  wrapper.watch_signals(true);
+  wrapper.signal({LineSignal::Name::rts, true});
+  bool sent = false;
+  wrapper.drain([&sent] { sent = true; });
+  EXPECT_TRUE(sent);
+  EXPECT_TRUE(wrapper.shows_signals());
   wrapper.set_reading(false);
   wrapper.hang_up(true);
   wrapper.read_pending();
@@ -91,9 +104,10 @@ TEST_F(ForwardingPortTest, PassesOnEveryCallToTheInnerPort) {
   wrapper.faulted({.kind = "drop"});
   wrapper.close();
   wrapper.finish();
-  EXPECT_EQ(calls, (std::vector<std::string>{"prepare", "open", "write x", "apply 300", "not reading",
-                                             "hang up later", "read pending", "peer flushed", "peer set",
-                                             "faulted drop", "close", "finish"}));
+  EXPECT_EQ(calls,
+            (std::vector<std::string>{"prepare", "open", "write x", "apply 300", "watch signals",
+                                      "signal rts", "drain", "not reading", "hang up later", "read pending",
+                                      "peer flushed", "peer set", "faulted drop", "close", "finish"}));
   EXPECT_TRUE(wrapper.congested());
   EXPECT_TRUE(wrapper.end_writing());
   EXPECT_TRUE(wrapper.has_half_close());
@@ -131,6 +145,8 @@ class WholeLog final : public PortListener {
   void on_resumed() override { calls.emplace_back("resumed"); }
   void on_flush(FlushQueue) override { calls.emplace_back("flush"); }
   void on_settings(const SeenSettings&, SettingsOrder) override { calls.emplace_back("settings"); }
+  void on_signal(const LineSignal&) override { calls.emplace_back("signal"); }
+  void on_drain(std::function<void()>) override { calls.emplace_back("drain"); }
   void on_dropped(std::uint64_t, std::string_view) override { calls.emplace_back("dropped"); }
   void on_fault(const LineFault&) override { calls.emplace_back("fault"); }
   std::vector<std::string> calls;
@@ -155,11 +171,13 @@ TEST(ForwardingPort, PassesOnEveryCallToTheListener) {
   told.on_resumed();
   told.on_flush(FlushQueue::both);
   told.on_settings({}, SettingsOrder::exact);
+  told.on_signal({});
+  told.on_drain([] {});
   told.on_dropped(1, "why");
   told.on_fault({});
   EXPECT_EQ(log.calls,
             (std::vector<std::string>{"up", "data", "arrivals", "drained", "down", "finished", "complete",
-                                      "interrupted", "resumed", "flush", "settings", "dropped", "fault"}));
+                                      "interrupted", "resumed", "flush", "settings", "signal", "drain", "dropped", "fault"}));
   EXPECT_EQ(told.on_ended(), PortListener::Answers::until_hang_up);
   EXPECT_TRUE(told.half_closes());
   EXPECT_TRUE(told.wants_rest());

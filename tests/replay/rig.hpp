@@ -70,6 +70,14 @@ class Rig {
     engine.on_settings(now(), settings);
     return settle();
   }
+  Rig& signal(LineSignal::Name name, bool on) {
+    engine.on_signal(now(), {name, on});
+    return settle();
+  }
+  Rig& flush() {
+    engine.on_flush(now());
+    return settle();
+  }
   Rig& stand(bool on = true) {
     engine.stand(now(), on);
     return settle();
@@ -127,6 +135,11 @@ class Rig {
   void advance() {
     if (++advances_ > 5'000'000) FAIL() << "no progress";
     ReplayActions actions = engine.advance(now(), max_bytes);
+    for (const ReplayActions::Signal& each : actions.signals) {
+      signals.push_back(std::string(name_of(each.signal.name)) + (each.signal.on ? " on" : " off") +
+                        " behind " + std::to_string(delivered.size() + each.behind) + " at " +
+                        std::to_string(now_us()));
+    }
     if (!actions.deliver.empty()) {
       deliveries.push_back({now_us(), std::string(as_text(actions.deliver)), actions.block_ends});
       delivered += as_text(actions.deliver);
@@ -195,6 +208,7 @@ class Rig {
   MemoryAnswers answers;
   Engine engine;
   std::size_t max_bytes = 65536;
+  std::vector<std::string> signals;  // of the device
   std::vector<Delivery> deliveries;
   std::string delivered;
   std::vector<Mismatch> mismatches;

@@ -52,7 +52,8 @@ class SettingsCheckTest : public testing::Test {
   [[nodiscard]] std::string result(Reach reach = Reach::all, std::uint64_t up_to = 0) const {
     const SettingsReport report = check.report(reach, up_to);
     std::string text = std::to_string(report.made) + '/' + std::to_string(report.recorded);
-    for (const auto& missing : report.missing) text += ' ' + std::to_string(missing.what.baud.value_or(0));
+    for (const auto& missing : report.missing)
+      text += ' ' + std::to_string(missing.what.settings.baud.value_or(0));
     return text;
   }
 

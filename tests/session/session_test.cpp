@@ -89,6 +89,56 @@ TEST_F(SessionTest, TheDevicesLineFollowsTheDriversAsFarAsItIsSeen) {
             (LineSettings{.baud = 115200, .data_bits = 7, .parity = Parity::even, .hw_flow = true}));
 }
 
+TEST_F(SessionTest, SignalsGoBothWays) {
+  driver.shows_signals = true;
+  start();
+  driver.up();
+  device.calls.clear();
+  driver.calls.clear();
+  driver.signal({LineSignal::Name::rts, false});
+  device.signal({LineSignal::Name::cts, true});
+  EXPECT_EQ(device.calls, "rts_off ");
+  EXPECT_EQ(driver.calls, "cts_on ");
+}
+
+TEST_F(SessionTest, SignalsAreWatchedForADriverThatSeesThem) {
+  start();
+  driver.up();
+  EXPECT_EQ(device.calls.find("watch_signals"), std::string::npos);
+  driver.down(Reason::closed);
+  driver.shows_signals = true;
+  driver.up();
+  EXPECT_NE(device.calls.find("watch_signals open "), std::string::npos);
+}
+
+TEST_F(SessionTest, WhatADriverDoesBeforeTheDeviceIsThereWaitsForIt) {
+  device.up_at_once = false;
+  start();
+  driver.up();
+  device.calls.clear();
+  int sent = 0;
+  driver.signal({LineSignal::Name::dtr, false});
+  driver.wait_until_sent([&sent] { ++sent; });
+  EXPECT_EQ(device.calls, "");
+  device.up();
+  EXPECT_EQ(device.calls, "dtr_off drain ");
+  EXPECT_EQ(sent, 0);
+  device.drains.at(0)();
+  EXPECT_EQ(sent, 1);
+}
+
+TEST_F(SessionTest, ADrainEndsWithTheLine) {
+  device.up_at_once = false;
+  start();
+  driver.up();
+  int sent = 0;
+  driver.wait_until_sent([&sent] { ++sent; });
+  driver.down(Reason::closed);
+  EXPECT_EQ(sent, 1);
+  driver.wait_until_sent([&sent] { ++sent; });
+  EXPECT_EQ(sent, 2) << "there is no device to wait for";
+}
+
 TEST_F(SessionTest, TheDriverFindsTheDevicesSettingsAtItsFirstOpen) {
   device.settings = LineSettings{.baud = 4800};
   start();

@@ -37,6 +37,8 @@ class MemoryPort final : public Port, private Recorder {
     Result<void> prepared;
     std::optional<LineSettings> settings;  // it is a serial line
     bool takes_settings = true;
+    bool shows_signals = false;
+    std::vector<std::function<void()>> drains;  // that the test ends
     int status = 0;
 
     void up() { port->listener().on_up(); }
@@ -62,6 +64,8 @@ class MemoryPort final : public Port, private Recorder {
     void set(const SeenSettings& seen, SettingsOrder order = SettingsOrder::exact) {
       port->listener().on_settings(seen, order);
     }
+    void signal(const LineSignal& signal) { port->listener().on_signal(signal); }
+    void wait_until_sent(std::function<void()> done) { port->listener().on_drain(std::move(done)); }
     void finish(int exit_status) { port->listener().on_finished(exit_status); }
     void complete() { port->listener().on_complete(status); }
   };
@@ -101,6 +105,17 @@ class MemoryPort final : public Port, private Recorder {
     if (!peer_->takes_settings) return make_error(Errc::io, "no such rate");
     peer_->settings = settings;
     return {};
+  }
+  void signal(const LineSignal& signal) override {
+    peer_->calls += std::string(name_of(signal.name)) + (signal.on ? "_on " : "_off ");
+  }
+  void watch_signals(bool on) override {
+    if (on) peer_->calls += "watch_signals ";
+  }
+  [[nodiscard]] bool shows_signals() const override { return peer_->shows_signals; }
+  void drain(std::function<void()> done) override {
+    peer_->calls += "drain ";
+    peer_->drains.push_back(std::move(done));
   }
   void hang_up(bool after_reading) override {
     peer_->calls += after_reading ? "hang_up_after_reading " : "hang_up ";

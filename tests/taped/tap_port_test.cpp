@@ -44,6 +44,11 @@ class Notes final : public LineObserver {
       book_->text += to_text(settings->line);
       book_->text += settings->order == SettingsOrder::sampled ? ", sampled]" : "]";
     }
+    if (const auto signal = signal_of(event)) {
+      book_->text += signal->by == Side::driver ? "[driver " : "[device ";
+      book_->text += name_of(signal->signal.name);
+      book_->text += signal->signal.on ? " on]" : " off]";
+    }
     book_->text += ' ';
   }
   Result<bool> request(Instant, const RecorderRequest&) override {
@@ -157,6 +162,22 @@ TEST_F(TapPortTest, SettingsAreToldWhenTheLineComesUpAndWhenOneOfThemChangesThem
   device.resume();
   EXPECT_EQ(one.text, "device-lost device-back settings[device 9600 baud, 8N1] ");
   EXPECT_EQ(other.text.substr(other.text.size() - one.text.size()), one.text);
+}
+
+TEST_F(TapPortTest, SignalsAndDrainsHaveTheirPlaceAmongTheBlocks) {
+  tap.open();
+  one.text.clear();
+  device.calls.clear();
+  device.signal({LineSignal::Name::cts, true});
+  tap.write(as_bytes("a"));
+  tap.signal({LineSignal::Name::rts, false});
+  int sent = 0;
+  tap.drain([&sent] { ++sent; });
+  tap.signal({LineSignal::Name::brk, true});
+  device.drains.at(0)();
+  EXPECT_EQ(sent, 1);
+  EXPECT_EQ(one.text, "modem[device cts on] w:a modem[driver rts off] break[driver break on] drain ");
+  EXPECT_EQ(device.calls, "rts_off drain break_on ");
 }
 
 TEST_F(TapPortTest, ADeviceThatRefusesIsToldWithWhatItHas) {

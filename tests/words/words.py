@@ -241,6 +241,14 @@ TOOL_ROWS = [
     ("test --tape good --session 7 -- true", ["'session'", "has 1 session, and no number 7"]),
     ("test --tape good --session first -- true", ["'session' is 'first'", "accepted: all, or the number"]),
     ("test --tape good --connections each -- true", ["'connections'", "tcp-listen:, unix-listen:"]),
+    ("exec", ["command is missing", "porttape exec [--device PORT]".replace("[", r"\[").replace("]", r"\]")]),
+    ("exec -- true", ["--device PORT is missing, or --tape NAME", "porttape exec --device PORT"]),
+    ("exec --tape gone -- true", ["no tape 'gone'"]),
+    ("exec --tape good --lines maybe -- true", ["'lines'", "accepted: on, off, loopback"]),
+    ("exec --tape good --driver unix:s -- true", ["unix:s", "is no tty"]),
+    ("exec --tape good -- ./no-such-driver", ["'./no-such-driver' cannot be run: No such file"]),
+    ("record --lines on --device unix:s --tape new -- true", ["'lines' goes with --exec"]),
+    ("test --lines on --tape good -- true", ["'lines' goes with --exec"]),
     ("drive", ["no tape given", "porttape drive TAPE --device PORT"]),
     ("drive good", ["'device' is missing: PORT"]),
     ("drive good /dev/ttyUSB0", ["--device is missing before '/dev/ttyUSB0'; type porttape drive good --device /dev/ttyUSB0$"]),
@@ -445,7 +453,7 @@ def wrong_tape(name, verified, printed, played):
 
 def helps():
     """Every help text: on stdout, and in 80 columns."""
-    verbs = {TOOL: ["", "info", "cat", "record", "test", "drive", "verify", "rules", "rules check", "rules infer",
+    verbs = {TOOL: ["", "info", "cat", "record", "test", "drive", "exec", "verify", "rules", "rules check", "rules infer",
                     "status", "ctl"],
              DAEMON: ["", "record", "replay", "bridge", "run"]}
     for program, names in verbs.items():

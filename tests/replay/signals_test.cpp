@@ -1,0 +1,123 @@
+// Modem lines and breaks on the tape, played to a driver whose line shows them.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/replay/rig.hpp"
+
+namespace porttape {
+namespace {
+
+using Name = LineSignal::Name;
+using test::MemoryTape;
+using test::Rig;
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+Event by_device(Name name, bool on) { return signal_event({Side::device, {name, on}}); }
+Event by_driver(Name name, bool on) { return signal_event({Side::driver, {name, on}}); }
+
+struct Shown : Rig {
+  explicit Shown(const MemoryTape& tape, const ReplayConfig& config = {}) : Rig(tape, config) {
+    engine.show_signals(true);
+  }
+};
+
+MemoryTape answers_and_drops() {
+  return MemoryTape()
+      .open(0)
+      .event(300, by_device(Name::cts, true))
+      .write(1'000, "ask")
+      .read(3'000, "answer")
+      .event(5'000, by_device(Name::cts, false))
+      .read(6'000, "rest")
+      .close(9'000);
+}
+
+TEST(Signals, TheDevicesComeAtTheirTimeAmongTheBytes) {
+  Shown rig(answers_and_drops());
+  rig.open();
+  EXPECT_THAT(rig.signals, ElementsAre("cts on behind 0 at 0")) << "how it stood at the open";
+  rig.until(10'000).write("ask").wait(20'000);
+  EXPECT_THAT(rig.signals, ElementsAre("cts on behind 0 at 0", "cts off behind 6 at 14000"));
+  EXPECT_EQ(rig.delivered, "answerrest");
+  rig.close();
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+}
+
+TEST(Signals, ALineThatShowsNoneIsNotHeldUp) {
+  Rig rig(answers_and_drops());
+  rig.open().write("ask").wait(20'000);
+  EXPECT_THAT(rig.signals, IsEmpty());
+  EXPECT_EQ(rig.delivered, "answerrest");
+}
+
+TEST(Signals, AFlushDropsBytesAndNoSignal) {
+  Shown rig(answers_and_drops());
+  rig.open().write("ask").blocked(true);
+  rig.clock(50'000).engine.on_flush(rig.now());
+  rig.blocked(false);
+  EXPECT_EQ(rig.delivered, "");
+  EXPECT_THAT(rig.signals, ElementsAre("cts on behind 0 at 0", testing::StartsWith("cts off behind 0")));
+}
+
+// A board that greets when DTR is raised.
+MemoryTape greets_after_reset() {
+  return MemoryTape()
+      .open(0)
+      .event(1'000, by_driver(Name::dtr, false))
+      .event(2'000, by_driver(Name::dtr, true))
+      .read(12'000, "hello")
+      .close(20'000);
+}
+
+TEST(Signals, TheDriversOwnAreGates) {
+  Shown rig(greets_after_reset());
+  rig.open().until(100'000);
+  EXPECT_EQ(rig.delivered, "");
+  rig.signal(Name::dtr, false).wait(50'000).signal(Name::dtr, true).wait(9'999);
+  EXPECT_EQ(rig.delivered, "");
+  rig.wait(1);
+  EXPECT_EQ(rig.delivered, "hello");
+}
+
+TEST(Signals, OneThatNeverComesIsWaitedForWithPatience) {
+  Shown rig(greets_after_reset());
+  rig.open().until(5'000'000);
+  EXPECT_EQ(rig.delivered, "hello");
+}
+
+TEST(Signals, WhatTheDriverDidNotDoIsAMismatchWhereThatIsChecked) {
+  ReplayConfig config;
+  config.check_settings = true;
+  Shown made(greets_after_reset(), config);
+  made.open().signal(Name::dtr, false).signal(Name::dtr, true).wait(50'000).close();
+  EXPECT_EQ(made.verdict(), Verdict::pass);
+  EXPECT_EQ(made.report->settings.recorded, 2);
+
+  Shown not_made(greets_after_reset(), config);
+  not_made.open().signal(Name::dtr, false).wait(3'000'000).close();
+  EXPECT_EQ(not_made.verdict(), Verdict::settings_mismatch);
+  ASSERT_EQ(not_made.report->settings.missing.size(), 1U);
+  EXPECT_EQ(to_text(not_made.report->settings.missing.front().what), "dtr on");
+
+  Rig blind(greets_after_reset(), config);
+  blind.open().wait(50'000).close();
+  EXPECT_EQ(blind.verdict(), Verdict::pass) << "a plain pty shows no signals";
+}
+
+TEST(Signals, ABreakIsOneOfThem) {
+  Shown rig(MemoryTape()
+                .open(0)
+                .event(1'000, by_driver(Name::brk, true))
+                .event(2'000, by_driver(Name::brk, false))
+                .event(4'000, by_device(Name::brk, true))
+                .read(5'000, "x")
+                .close(9'000));
+  rig.open().signal(Name::brk, true).wait(1'000).signal(Name::brk, false).wait(10'000);
+  EXPECT_THAT(rig.signals, ElementsAre("break on behind 0 at 3000"));
+  EXPECT_EQ(rig.delivered, "x");
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,198 @@
+// A real program on a real pty, under the supervisor: what it finds, and what the line's port is told.
+
+#include "libport/supervise/tty_calls.hpp"
+
+#include <cstdlib>
+#include <fcntl.h>
+#include <fstream>
+#include <functional>
+#include <memory>
+#include <sstream>
+#include <string>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "libport/base/line_settings_text.hpp"
+#include "libport/supervise/supervised_command.hpp"
+#include "tests/support/temp_dir.hpp"
+
+extern char** environ;
+
+namespace porttape {
+namespace {
+
+using Name = LineSignal::Name;
+
+// A pty as its port has it, without a session.
+class PtyLine : public SupervisedLine {
+ public:
+  PtyLine() : master_(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC)) {
+    ::grantpt(master_.get());
+    ::unlockpt(master_.get());
+    path = ::ptsname(master_.get());
+    struct stat status {};
+    if (::stat(path.c_str(), &status) == 0) device_ = status.st_rdev;
+  }
+
+  void supervise(LineSupervisor* told) override { supervisor = told; }
+  [[nodiscard]] int line_fd() const override { return master_.get(); }
+  [[nodiscard]] std::optional<dev_t> line_device() const override { return device_; }
+  bool catch_up() override {
+    std::array<char, 256> some{};
+    const ssize_t size = takes ? ::read(master_.get(), some.data(), some.size()) : -1;
+    if (size > 0) say("wrote " + std::string(some.data(), static_cast<std::size_t>(size)));
+    return takes;
+  }
+  void made(const LineSettings& settings, SettingsOrder order) override {
+    say(to_text(SeenSettings::of(settings)) + (order == SettingsOrder::sampled ? " sampled" : ""));
+  }
+  void signalled(const LineSignal& signal) override {
+    say(std::string(name_of(signal.name)) + (signal.on ? " on" : " off"));
+    if (on_signal) on_signal(signal);
+  }
+  void wait_until_sent(std::function<void()> done) override {
+    if (!holds) return done();
+    held = std::move(done);
+    on_held();
+  }
+
+  void say(std::string what) { told.push_back(std::move(what)); }
+
+  std::string path;
+  LineSupervisor* supervisor = nullptr;
+  std::vector<std::string> told;
+  bool takes = true;
+  bool holds = false;
+  std::function<void()> held;
+  std::function<void()> on_held = [] {};
+  std::function<void(const LineSignal&)> on_signal;
+
+ private:
+  UniqueFd master_;
+  std::optional<dev_t> device_;
+};
+
+std::vector<std::string> environment_here() {
+  std::vector<std::string> all;
+  for (char** entry = environ; *entry != nullptr; ++entry) all.emplace_back(*entry);
+  return all;
+}
+
+class TtyCallsTest : public testing::Test {
+ public:
+  // Runs the steps and gives what came of them, a line each.
+  std::vector<std::string> run(const std::vector<std::string>& steps, const LineDefaults& lines = {}) {
+    std::vector<std::string> command{TTY_PROGRAM, line.path, dir / "result"};
+    command.insert(command.end(), steps.begin(), steps.end());
+    std::vector<std::unique_ptr<CallPart>> parts;
+    parts.push_back(std::make_unique<TtyCalls>(line, lines));
+    line.supervisor->line_opened();
+    SupervisedCommand::Trouble trouble;
+    bool over = false;
+    const auto running = SupervisedCommand::start(
+        loop, {.command = command, .environment = environment_here(), .traps = parts.front()->traps()},
+        [&](int wait_status) {
+          status = wait_status;
+          over = true;
+        },
+        trouble);
+    if (!running) {
+      ADD_FAILURE() << trouble.message;
+      return {};
+    }
+    const Supervisor supervisor(loop, running->take_listener(), std::move(parts),
+                                std::make_unique<RealClock>(loop));
+    while (!over) loop.run_one();
+    return lines_of(dir / "result");
+  }
+
+  static std::vector<std::string> lines_of(const std::string& path) {
+    std::vector<std::string> all;
+    std::ifstream file(path);
+    for (std::string text; std::getline(file, text);) all.push_back(text);
+    return all;
+  }
+
+  Loop loop;
+  TempDir dir;
+  PtyLine line;
+  int status = -1;
+  Timer later{loop, [this] { line.supervisor->line_signalled({Name::cts, false}); }};
+  Timer gone{loop, [this] { line.supervisor->line_closed(); }};
+};
+
+using testing::ElementsAre;
+
+TEST_F(TtyCallsTest, ADriverReadsModemLines) {
+  EXPECT_THAT(run({"lines"}), ElementsAre("lines 0 dtr rts cts dsr cd"));
+  EXPECT_EQ(status, 0);
+  EXPECT_THAT(run({"lines"}, {.cts = false, .dsr = false, .cd = false, .ri = true}),
+              ElementsAre("lines 0 dtr rts ri"));
+}
+
+TEST_F(TtyCallsTest, WhatItDrivesIsToldBehindWhatItWrote) {
+  EXPECT_THAT(run({"write:a", "rts-", "rts-", "write:b", "dtr-", "lines"}),
+              ElementsAre("write 1", "write 1", "lines 0 cts dsr cd"));
+  EXPECT_THAT(line.told, ElementsAre("wrote a", "rts off", "wrote b", "dtr off"));
+}
+
+TEST_F(TtyCallsTest, ParityAndDataBitsAreReadBackAndHaveTheirPlace) {
+  EXPECT_THAT(run({"write:x", "set:8E", "write:y", "set:7O", "set:7O", "set:8N"}),
+              ElementsAre("write 1", "set 0 8E", "write 1", "set 0 7O", "set 0 7O", "set 0 8N"));
+  EXPECT_THAT(line.told, ElementsAre("wrote x", "19200 baud, 8E1", "wrote y", "19200 baud, 7O1",
+                                     "19200 baud, 7O1", "19200 baud, 8N1"));
+}
+
+TEST_F(TtyCallsTest, ADrainLastsUntilTheDeviceHasAll) {
+  line.holds = true;
+  Timer sent(loop, [this] {
+    line.say("sent");
+    line.held();
+  });
+  line.on_held = [&] { sent.set_after(std::chrono::milliseconds(5)); };
+  EXPECT_THAT(run({"write:x", "drain"}), ElementsAre("write 1", "drain 0"));
+  EXPECT_THAT(line.told, ElementsAre("wrote x", "sent"));
+}
+
+TEST_F(TtyCallsTest, ABreakBeginsAndEnds) {
+  EXPECT_THAT(run({"break"}), ElementsAre("break 0"));
+  EXPECT_THAT(line.told, ElementsAre("break on", "break off"));
+}
+
+TEST_F(TtyCallsTest, AWaitForALineEndsWithItsChange) {
+  line.on_signal = [this](const LineSignal&) {
+    loop.post([this] { later.set_after(std::chrono::milliseconds(5)); });
+  };
+  EXPECT_THAT(run({"rts-", "wait", "count", "lines"}),
+              ElementsAre("wait 0 0", "count 0 cts 1", "lines 0 dtr dsr cd"));
+}
+
+TEST_F(TtyCallsTest, ASignalEndsAWait) {
+  EXPECT_THAT(run({"alarm:20", "wait"}), ElementsAre("wait -1 EINTR"));
+}
+
+TEST_F(TtyCallsTest, TheLinesEndEndsAWait) {
+  line.on_signal = [this](const LineSignal&) {
+    loop.post([this] { gone.set_after(std::chrono::milliseconds(5)); });
+  };
+  EXPECT_THAT(run({"rts-", "wait"}), ElementsAre("wait -1 EIO"));
+}
+
+TEST_F(TtyCallsTest, ABadAddressIsTheDriversOwnError) {
+  EXPECT_THAT(run({"bad"}), ElementsAre("bad -1 EFAULT"));
+}
+
+TEST_F(TtyCallsTest, ADeviceThatTakesNothingHoldsAChangeUpForAWhileOnly) {
+  line.takes = false;
+  EXPECT_THAT(run({"write:x", "set:8E"}), ElementsAre("write 1", "set 0 8E"));
+  EXPECT_THAT(line.told, ElementsAre("19200 baud, 8E1 sampled"));
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,95 @@
+// tty_program TTY RESULT STEP…: does the steps to a tty, one after another, and writes a line of what came of
+// each.
+#include <errno.h>
+#include <fcntl.h>
+#include <linux/serial.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/ioctl.h>
+#include <sys/time.h>
+#include <termios.h>
+#include <unistd.h>
+
+static void on_alarm(int number) { (void)number; }
+
+static void change(int fd, const char* step) {
+  int bit = strncmp(step, "rts", 3) == 0 ? TIOCM_RTS : TIOCM_DTR;
+  ioctl(fd, step[3] == '+' ? TIOCMBIS : TIOCMBIC, &bit);
+}
+
+static void set(int fd, FILE* out, const char* frame) {
+  struct termios tio;
+  tcgetattr(fd, &tio);
+  cfmakeraw(&tio);
+  tio.c_cflag &= ~(tcflag_t)(CSIZE | PARENB | PARODD);
+  tio.c_cflag |= frame[0] == '7' ? CS7 : CS8;
+  if (frame[1] != 'N') tio.c_cflag |= PARENB;
+  if (frame[1] == 'O') tio.c_cflag |= PARODD;
+  cfsetspeed(&tio, B19200);
+  const int result = tcsetattr(fd, TCSADRAIN, &tio);
+  memset(&tio, 0, sizeof(tio));
+  tcgetattr(fd, &tio);
+  fprintf(out, "set %d %c%c\n", result, (tio.c_cflag & CSIZE) == CS7 ? '7' : '8',
+          (tio.c_cflag & PARENB) == 0   ? 'N'
+          : (tio.c_cflag & PARODD) != 0 ? 'O'
+                                        : 'E');
+}
+
+static void alarm_in(int ms) {
+  struct sigaction action;
+  memset(&action, 0, sizeof(action));
+  action.sa_handler = on_alarm;  // without SA_RESTART
+  sigaction(SIGALRM, &action, NULL);
+  struct itimerval timer = {{0, 0}, {0, ms * 1000}};
+  setitimer(ITIMER_REAL, &timer, NULL);
+}
+
+int main(int count, char** words) {
+  FILE* out = fopen(words[2], "w");
+  const int fd = open(words[1], O_RDWR | O_NOCTTY);
+  if (fd < 0 || out == NULL) return 9;
+  for (int i = 3; i < count; ++i) {
+    const char* step = words[i];
+    errno = 0;
+    if (strcmp(step, "lines") == 0) {
+      int bits = 0;
+      const int result = ioctl(fd, TIOCMGET, &bits);
+      fprintf(out, "lines %d%s%s%s%s%s%s\n", result, bits & TIOCM_DTR ? " dtr" : "",
+              bits & TIOCM_RTS ? " rts" : "", bits & TIOCM_CTS ? " cts" : "", bits & TIOCM_DSR ? " dsr" : "",
+              bits & TIOCM_CD ? " cd" : "", bits & TIOCM_RI ? " ri" : "");
+    } else if (strncmp(step, "rts", 3) == 0 || strncmp(step, "dtr", 3) == 0) {
+      change(fd, step);
+    } else if (strncmp(step, "set:", 4) == 0) {
+      set(fd, out, step + 4);
+    } else if (strcmp(step, "drain") == 0) {
+      fprintf(out, "drain %d\n", tcdrain(fd));
+    } else if (strcmp(step, "break") == 0) {
+      fprintf(out, "break %d\n", ioctl(fd, TCSBRKP, 1));
+    } else if (strncmp(step, "write:", 6) == 0) {
+      fprintf(out, "write %zd\n", write(fd, step + 6, strlen(step + 6)));
+    } else if (strncmp(step, "alarm:", 6) == 0) {
+      alarm_in(atoi(step + 6));
+    } else if (strcmp(step, "wait") == 0) {
+      const int result = ioctl(fd, TIOCMIWAIT, TIOCM_CTS);
+      fprintf(out, "wait %d %s\n", result,
+              errno == 0       ? "0"
+              : errno == EINTR ? "EINTR"
+              : errno == EIO   ? "EIO"
+                               : "other");
+    } else if (strcmp(step, "count") == 0) {
+      struct serial_icounter_struct counters;
+      const int result = ioctl(fd, TIOCGICOUNT, &counters);
+      fprintf(out, "count %d cts %d\n", result, counters.cts);
+    } else if (strcmp(step, "bad") == 0) {
+      const int result = ioctl(fd, TIOCMGET, (void*)8);
+      fprintf(out, "bad %d %s\n", result, errno == EFAULT ? "EFAULT" : "other");
+    } else {
+      return 8;
+    }
+    fflush(out);
+  }
+  close(fd);
+  return fclose(out) == 0 ? 0 : 7;
+}
