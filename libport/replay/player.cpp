@@ -192,7 +192,8 @@ Player::Progress Player::at_event(Turn& turn) {
 // Due as a read would be. How it stood when the line came up is told then; a flush drops bytes alone.
 Player::Progress Player::at_device_signal(Turn& turn, const LineSignal& signal) {
   const TapeTime at = schedule_.head()->at;
-  const bool stood = session_bytes_ == schedule_.passed().reads + schedule_.passed().writes;
+  const bool stood = signal.name != LineSignal::Name::brk &&
+                     session_bytes_ == schedule_.passed().reads + schedule_.passed().writes;
   if (!gate_opens(turn.now, at)) return Progress::waits;
   const Instant when = stood && !signals_.told(signal.name) ? turn.now : pace_.due(at);
   const bool passed_over =

@@ -350,7 +350,7 @@ RunReport with_settings(std::uint64_t made, bool checked) {
   const std::array<unsigned, 3> rates = {300, 1200, 2400};
   for (std::size_t i = made; i < rates.size(); ++i) {
     const auto at = tape_time_us(static_cast<std::int64_t>(i) * 1'000'000);
-    report.settings.missing.push_back({at, {.baud = rates.at(i), .stop_bits = 1}});
+    report.settings.missing.push_back({at, LineView::of(SeenSettings{.baud = rates.at(i), .stop_bits = 1})});
   }
   report.settings_checked = checked;
   if (checked && made < 3) report.verdict = Verdict::settings_mismatch;

@@ -73,7 +73,7 @@ TEST_F(SettingsCheckTest, WhatIsNeverMadeIsMissingWithItsPlace) {
   make({1, 3});
   EXPECT_EQ(result(), "2/3 2");
   EXPECT_EQ(check.report(Reach::all, 0).missing.at(0),
-            (SettingsReport::Missing{tape_time_us(2'000'000), baud(2)}));
+            (SettingsReport::Missing{tape_time_us(2'000'000), LineView::of(baud(2))}));
 }
 
 TEST_F(SettingsCheckTest, AHuntWithOneMoreStepIsNoLeapOverTheRest) {

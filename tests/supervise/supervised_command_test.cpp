@@ -46,7 +46,7 @@ class SupervisedCommandTest : public testing::Test {
   }
 
   Loop loop;
-  TempDir dir;
+  test::TempDir dir;
   std::optional<int> status;
   SupervisedCommand::Trouble trouble;
 };
@@ -83,7 +83,8 @@ TEST_F(SupervisedCommandTest, WhatPrepareSaysIsTold) {
 TEST_F(SupervisedCommandTest, ASecondSupervisorIsRefusedInWords) {
   EXPECT_EQ(start({"true"},
                   [] {
-                    (void)trap_calls({{.number = SYS_getsid}});
+                    Result<UniqueFd> other = trap_calls({{.number = SYS_getsid}});
+                    (void)other->release();  // whose supervisor lives
                     return Result<void>();
                   }),
             nullptr);

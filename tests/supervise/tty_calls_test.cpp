@@ -2,6 +2,7 @@
 
 #include "libport/supervise/tty_calls.hpp"
 
+#include <array>
 #include <cstdlib>
 #include <fcntl.h>
 #include <fstream>
@@ -30,7 +31,7 @@ namespace {
 using Name = LineSignal::Name;
 
 // A pty as its port has it, without a session.
-class PtyLine : public SupervisedLine {
+class PtyLine final : public SupervisedLine {
  public:
   PtyLine() : master_(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC)) {
     ::grantpt(master_.get());
@@ -40,7 +41,7 @@ class PtyLine : public SupervisedLine {
     if (::stat(path.c_str(), &status) == 0) device_ = status.st_rdev;
   }
 
-  void supervise(LineSupervisor* told) override { supervisor = told; }
+  void supervise(LineSupervisor* by) override { supervisor = by; }
   [[nodiscard]] int line_fd() const override { return master_.get(); }
   [[nodiscard]] std::optional<dev_t> line_device() const override { return device_; }
   bool catch_up() override {
@@ -120,7 +121,7 @@ class TtyCallsTest : public testing::Test {
   }
 
   Loop loop;
-  TempDir dir;
+  test::TempDir dir;
   PtyLine line;
   int status = -1;
   Timer later{loop, [this] { line.supervisor->line_signalled({Name::cts, false}); }};
