@@ -2,12 +2,13 @@
 
 import re
 
-from far import arduino, transfer
+from far import arduino, chip, transfer
 from far.echo import Echo
 from far.gps import Gps
+from far.meter import Meter
 from far.modem import Modem
 from far.ups import ApcSmart, Megatec
-from parts.case import ROOT, Case, Unpacked
+from parts.case import ROOT, Case, Exec, NodeModule, Unpacked
 
 BOOTLOADER = Unpacked("arduino-core-avr",
                       "usr/share/arduino/hardware/arduino/avr/bootloaders/optiboot/optiboot_atmega328.hex")
@@ -44,6 +45,46 @@ def only_over_and_out(report):
     extra = mismatch and mismatch["kind"] == "extra" and mismatch["got_hex"] == "4f4f"
     return "but for OO" if missing or extra else None
 
+
+def holds(**expected):
+    """A judge of a tape: how many events of these kinds it has at least."""
+    def judge(tape):
+        missing = [kind for kind, least in expected.items() if tape.count(kind.replace("_", "-")) < least]
+        return f"too few events: {', '.join(missing)}" if missing else None
+    return judge
+
+
+def made_mode(*modes):
+    """A judge of a tape: the driver made its line so, in this order (`19200 7O1`), whatever it made between."""
+    def judge(tape):
+        made = [f"{event.get('baud')} {event.get('databits')}{event.get('parity', '?')[:1].upper()}{event.get('stopbits')}"
+                for event in tape.events if event["event"] == "settings" and event.get("by") == "driver"]
+        sampled = [event for event in tape.events if event["event"] == "settings" and event.get("order") == "sampled"]
+        if sampled:
+            return f"no exact place has {sampled[0]}"
+        rest = iter(made)
+        missing = [mode for mode in modes if mode not in rest]
+        return f"not made: {', '.join(missing)}; but {', '.join(made)}" if missing else None
+    return judge
+
+
+def both(*judges):
+    return lambda tape: next(filter(None, (judge(tape) for judge in judges)), None)
+
+
+def over_and_out(tape):
+    return None if tape.written.endswith(b"OO") else f"the end is {tape.written[-8:]!r}, not OO"
+
+
+def dump_of(size):
+    def prepare(folder):
+        (folder / "flash.bin").write_bytes(chip.flash_of(chip.FLASH, size))
+    return prepare
+
+
+# What serial ports of this machine there are is none of a test's business: the names are of the driver's own /dev.
+AS_ADAPTER = ["--as", "/dev/ttyUSB0,vid=0403,pid=6001,serial=PT1"]
+SERIALPORT = NodeModule("serialport", "12.0.0")
 
 CASES = [
     Case("gpsd_nmea", "gpsd reads a receiver that speaks NMEA; it tries another rate and parity first",
@@ -87,4 +128,38 @@ CASES = [
          ["lrzsz"], ["lrzsz.sh", "rz"], transfer.sz, 9600, prepare=transfer.make_files),
     Case("ser2net", "ser2net's client sets rates, stop bits and flow control",
          ["ser2net"], ["ser2net.sh"], lambda _: Echo(None), 9600),
+    # Those that a pty is not enough for. The far end has no signals of its own, as any pty: --lines gives them.
+    Case("statserial", "statserial shows the signals of the line",
+         ["statserial"], ["statserial.sh"], lambda _: Echo(None), 9600,
+         exec=Exec("TIOCMGET failed: Inappropriate ioctl", ["--lines", "on"])),
+    Case("genericups", "NUT holds a UPS that has nothing but signals: its battery is low",
+         ["nut-server"], ["genericups.sh", "3", "LB OL"], lambda _: Echo(None), 9600,
+         exec=Exec("TIOCMSET: Inappropriate ioctl", ["--lines", "cts=off,dsr=on,cd=on,ri=off"], tape=holds(modem=1))),
+    Case("genericups_ob", "another one: it is on its battery",
+         ["nut-server"], ["genericups.sh", "4", "OB"], lambda _: Echo(None), 9600,
+         exec=Exec("TIOCMSET: Inappropriate ioctl", ["--lines", "cts=off,dsr=off,cd=on,ri=off"], tape=holds(modem=1))),
+    Case("kermit_lines", "C-Kermit watches the carrier and waits for signals",
+         ["ckermit"], ["kermit_lines.sh"], lambda _: Echo(None), 9600,
+         exec=Exec("no signals|signals unavailable", ["--lines", "on"])),
+    Case("stm32flash", "stm32flash reads a chip by its boot loader, at 8E1",
+         ["stm32flash"], ["stm32flash.sh"], lambda _: chip.Chip(), 9600, prepare=dump_of(4096),
+         exec=Exec("Failed to set terminal flags", tape=made_mode("57600 8E1"))),
+    Case("pyserial", "pyserial has parity twice, signals, breaks, RS485, low latency",
+         ["python3-serial"], ["pyserial_lines.sh"], lambda _: Echo(None), 9600,
+         exec=Exec("Invalid argument|Inappropriate ioctl", ["--lines", "loopback"],
+                   tape=both(made_mode("9600 8E1", "9600 7E1", "9600 7O1", "9600 8E1", "9600 7E1"),
+                             holds(modem=8, **{"break": 2})))),
+    Case("list_ports", "pyserial and udevadm find an adapter by its ids, and names in /dev lead to it",
+         ["python3-serial", "udev"], ["list_ports.sh"], lambda _: Echo(None), 9600,
+         exec=Exec("is not listed", AS_ADAPTER, AS_ADAPTER)),
+    Case("sigrok", "libserialport finds its port, at 19200 7O1, and sigrok takes five readings of a meter",
+         ["sigrok-cli"], ["sigrok.sh"], lambda _: Meter(), 19200,
+         exec=Exec("invalid parameters", AS_ADAPTER, AS_ADAPTER,
+                   tape=both(made_mode("19200 7O1"), holds(modem=2)))),
+    Case("node", "node's serialport lists an adapter, opens it at 7E1 and reads its signals",
+         ["nodejs", "udev"], ["node.sh"], lambda _: Echo(None), 9600, unpacked=[SERIALPORT],
+         exec=Exec("is not listed", AS_ADAPTER, AS_ADAPTER, tape=made_mode("9600 7E1"))),
+    Case("sz_exec", "lrzsz's sz again: the two bytes it flushes away at last reach the device, and the tape",
+         ["lrzsz"], ["lrzsz.sh", "sz"], transfer.rz, 9600, prepare=transfer.make_files, judge=transfer.received_whole,
+         exec=Exec(tape=over_and_out)),
 ]

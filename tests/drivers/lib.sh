@@ -7,3 +7,6 @@ source "$(dirname "${BASH_SOURCE[0]}")/../e2e/lib.sh"
 # shellcheck disable=SC2034 # it is for those who source this
 port=$1
 shift
+
+# outcome: each line of its input is what the driver found, which must be the same each time.
+outcome() { sed 's/^/outcome: /'; }

@@ -31,6 +31,28 @@ class Unpacked:
 
 
 @dataclass(frozen=True)
+class NodeModule:
+    """A module of node's, by npm: it lies beside what is unpacked, and nowhere else."""
+
+    package: str
+    version: str
+
+    def path(self):
+        place = Unpacked.FOLDER / "node_modules" / self.package
+        return place if place.is_dir() else None
+
+
+@dataclass(frozen=True)
+class Exec:
+    """How a driver is run under porttape's supervisor, where a pty is not enough for it."""
+
+    refused: str = ""  # what it says on a plain pty, where it fails (a regular expression); none: it only loses there
+    live: list = field(default_factory=list)  # options of porttape exec, on the device and when recorded
+    replayed: list = field(default_factory=list)  # those against the tape
+    tape: Callable = nothing  # (tape) -> what is wrong with it, or None
+
+
+@dataclass(frozen=True)
 class Case:
     name: str
     shows: str  # one line for --list
@@ -47,6 +69,7 @@ class Case:
     forgives: Callable = nothing  # (report) -> why a verdict other than pass is the driver's own doing on any pty, or None
     device_options: str = ""  # of the device's port, when recorded
     unpacked: list = field(default_factory=list)
+    exec: Exec = None  # all ways are under porttape exec
 
     @property
     def settings_checked(self):

@@ -5,11 +5,12 @@ import os
 import pathlib
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 
 from far import partner
-from parts.case import ROOT
+from parts.case import ROOT, NodeModule, Unpacked
 
 PR_SET_CHILD_SUBREAPER = 36
 
@@ -33,7 +34,19 @@ def install(cases):
     return all(file.path() or unpack(file) for case in cases for file in case.unpacked)
 
 
+def install_module(module):
+    Unpacked.FOLDER.mkdir(parents=True, exist_ok=True)
+    command = ["npm", "install", "--no-audit", "--no-fund", "--silent", f"{module.package}@{module.version}"]
+    try:
+        subprocess.run(command, cwd=Unpacked.FOLDER, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    except FileNotFoundError:
+        print(f"there is no npm to install {module.package} with", file=sys.stderr)
+    return module.path() is not None
+
+
 def unpack(file):
+    if isinstance(file, NodeModule):
+        return install_module(file)
     with tempfile.TemporaryDirectory() as folder:
         if subprocess.run(["apt-get", "-o", "APT::Sandbox::User=root", "-qq", "download", file.package], cwd=folder).returncode:
             return False

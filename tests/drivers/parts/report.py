@@ -1,6 +1,6 @@
 """What is printed: each result as it comes, and the table of all."""
 
-WAYS = ("direct", "recorded", "replayed")
+WAYS = ("pty", "direct", "recorded", "replayed")
 
 
 class Table:

@@ -49,6 +49,7 @@ class Ways:
             yield self._replayed(case, folder)
 
     def _direct(self, case, folder):
+        """Of a driver that opens the device's line itself: (Result, Seen)."""
         finished, seen, wrong = self._on_far_end(case, folder, "direct", lambda path, script: script(path))
         return Result("direct", wrong, [describe(seen)], finished.seconds), seen
 
