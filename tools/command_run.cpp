@@ -126,7 +126,8 @@ Result<bool> CommandRun::start_supervised(const std::vector<std::string>& comman
   }
   std::string forbidden;
   Result<std::unique_ptr<SupervisedChild>> started =
-      SupervisedChild::start(loop_, *line, *options_.supervision, command, environment, output, forbidden);
+      SupervisedChild::start(loop_, *line, *options_.supervision, command, environment, output, forbidden,
+                             [log = context_.log](const std::string& what) { log->error("{}", what); });
   if (!started) return started.error();
   if (!*started) {
     context_.log->error("{}; the command runs without a supervisor, on a plain pty", forbidden);

@@ -5,6 +5,7 @@
 #include <unistd.h>
 #include <utility>
 
+#include "libport/supervise/own_supervisors.hpp"
 #include "libport/supervise/tty_calls.hpp"
 
 namespace porttape {
@@ -22,13 +23,19 @@ Error started_not(const SupervisedCommand::Trouble& trouble, const std::string& 
 
 Result<std::unique_ptr<SupervisedChild>> SupervisedChild::start(
     Loop& loop, SupervisedLine& line, const Supervision& supervision, const std::vector<std::string>& command,
-    const ChildProcess::Environment& changed, ChildProcess::Output output, std::string& forbidden) {
+    const ChildProcess::Environment& changed, ChildProcess::Output output, std::string& forbidden,
+    std::function<void(const std::string&)> tell) {
   std::vector<std::unique_ptr<CallPart>> parts;
   parts.push_back(std::make_unique<TtyCalls>(line, supervision.lines));
+  parts.push_back(std::make_unique<OwnSupervisors>(std::move(tell)));
+  std::vector<CallTrap> traps;
+  for (const auto& part : parts) {
+    for (CallTrap& trap : part->traps()) traps.push_back(std::move(trap));
+  }
   const SupervisedCommand::Options options{.command = command,
                                            .environment = ChildProcess::environment_with(changed),
                                            .output_to_stderr = output == ChildProcess::Output::all_to_stderr,
-                                           .traps = parts.front()->traps(),
+                                           .traps = std::move(traps),
                                            .default_signals = ChildProcess::default_signals()};
   std::unique_ptr<SupervisedChild> child(new SupervisedChild());
   SupervisedCommand::Trouble trouble;

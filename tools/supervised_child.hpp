@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -18,13 +19,14 @@ namespace porttape {
 // A command under a supervisor of ours, which answers for the line what a pty lacks.
 class SupervisedChild final : public RunningCommand {
  public:
-  // Where that cannot be here (the machine forbids it), there is none, and `forbidden` says why.
-  // Errc::usage when there is no such command.
+  // Where that cannot be here (the machine forbids it), there is none, and `forbidden` says why. `tell` is
+  // given what the user should know, while the command runs. Errc::usage when there is no such command.
   static Result<std::unique_ptr<SupervisedChild>> start(Loop& loop, SupervisedLine& line,
                                                         const Supervision& supervision,
                                                         const std::vector<std::string>& command,
                                                         const ChildProcess::Environment& changed,
-                                                        ChildProcess::Output output, std::string& forbidden);
+                                                        ChildProcess::Output output, std::string& forbidden,
+                                                        std::function<void(const std::string&)> tell);
   ~SupervisedChild() override = default;
 
   [[nodiscard]] bool running() const override { return command_->running(); }

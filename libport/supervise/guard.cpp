@@ -166,10 +166,13 @@ void run_guard(UniqueFd line, const SupervisedCommand::Options& options, const s
   (void)::prctl(PR_SET_NAME, "porttape-guard");
   (void)::prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0);
   // What is ours of the parent's: pty masters, locks and sockets must not live on here.
-  UniqueFd ours(::fcntl(line.get(), F_DUPFD_CLOEXEC, 3));
-  if (ours.get() > 3) (void)::syscall(SYS_close_range, 3U, static_cast<unsigned>(ours.get()) - 1U, 0U);
-  (void)::syscall(SYS_close_range, static_cast<unsigned>(ours.get()) + 1U, ~0U, 0U);
-  (void)line.release();
+  UniqueFd ours(line.get() > STDERR_FILENO ? line.release()
+                                           : ::fcntl(line.get(), F_DUPFD_CLOEXEC, STDERR_FILENO + 1));
+  if (!ours) ::_exit(1);
+  const auto kept = static_cast<unsigned>(ours.get());
+  constexpr unsigned first = STDERR_FILENO + 1;
+  if (kept > first) (void)::syscall(SYS_close_range, first, kept - 1, 0U);
+  (void)::syscall(SYS_close_range, kept + 1, ~0U, 0U);
   std::array<int, 2> pair{};
   sigset_t child_ends;
   ::sigemptyset(&child_ends);
@@ -192,9 +195,12 @@ void run_guard(UniqueFd line, const SupervisedCommand::Options& options, const s
   }
   for_command.reset();
   UniqueFd listener;
-  UniqueFd none;
   // It closes its end by the exec.
   while (const auto message = receive_message(of_command.get(), listener)) {
+    if (message->kind == Kind::started && !listener) {
+      ::kill(command, SIGKILL);
+      fail(ours.get(), Stage::machinery, EMFILE, "a descriptor for the command's calls");
+    }
     if (!send_message(ours.get(), *message, message->kind == Kind::started ? listener.get() : -1)) break;
   }
   (void)send_message(ours.get(), {Kind::running, {}, command, {}});

@@ -92,7 +92,9 @@ bool SupervisedCommand::wait_for_start(Trouble& trouble) {
         trouble = {message->stage, message->number, message->text};
         return false;
       case Kind::started:
-        break;
+        if (listener_) break;
+        trouble = {Stage::machinery, EMFILE, "a descriptor for the command's calls"};
+        return false;
       case Kind::running:
         command_ = message->number;
         watch_.watch_readable(true);
