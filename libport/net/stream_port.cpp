@@ -83,6 +83,7 @@ void StreamPort::close() {
     drop_line(true);
   } else if (line_) {
     dropped(line_->drop_unsent(), "they were not sent");
+    end_drains();
   }
 }
 
@@ -162,6 +163,7 @@ std::optional<std::size_t> StreamPort::unread_by_peer() const { return line_ ? l
 bool StreamPort::discard() {
   if (!line_) return true;
   (void)line_->drop_unsent();
+  end_drains();
   (void)line_->read_away();
   return true;
 }
@@ -191,7 +193,18 @@ void StreamPort::line_data(ByteView data) {
   }
 }
 
+void StreamPort::drain(std::function<void()> done) {
+  if (!congested()) return done();
+  drains_.push_back(std::move(done));
+}
+
+// From the loop, since the caller may be in the midst of closing the line.
+void StreamPort::end_drains() {
+  for (std::function<void()>& done : std::exchange(drains_, {})) context_.loop->post(std::move(done));
+}
+
 void StreamPort::line_drained() {
+  end_drains();
   if (line_->hangs_up_when_sent()) {
     hang_up(true);
   } else if (up_) {
@@ -242,6 +255,7 @@ void StreamPort::line_over(const LineDown& down) {
 
 void StreamPort::drop_line(bool orderly) {
   if (!line_) return;
+  end_drains();
   // The rest goes on the next turn of the loop, since one of its callbacks may be running.
   const std::shared_ptr<StreamLine> line(std::move(line_));
   line->close(orderly);

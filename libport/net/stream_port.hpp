@@ -1,8 +1,10 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/backoff.hpp"
@@ -62,6 +64,8 @@ class StreamPort : public Port,
   [[nodiscard]] WaitingCalls* waiting() override { return this; }
   [[nodiscard]] ConnectionSource* connections() override { return passive() ? this : nullptr; }
   [[nodiscard]] bool keeps_datagrams() const override { return false; }
+  // When the kernel has it all.
+  void drain(std::function<void()> done) override;
   bool end_writing() override;
   // Not where the next session writes on the same connection.
   [[nodiscard]] bool has_half_close() const override { return !always_open(); }
@@ -114,6 +118,7 @@ class StreamPort : public Port,
   void come_up(UniqueFd fd);
   void begin_line(UniqueFd fd);
   void drop_line(bool orderly);
+  void end_drains();
   void retry_later();
   [[nodiscard]] bool keeps_trying() const { return stream_.wait || always_open(); }
   [[nodiscard]] bool always_open() const { return common_.always_open && !passive(); }
@@ -129,6 +134,7 @@ class StreamPort : public Port,
   Timer retry_timer_;   // the next connection attempt
   Backoff retry_wait_;  // a peer that closes at once is not called at once again
   Instant line_began_{};
+  std::vector<std::function<void()>> drains_;  // while the line is congested
   bool opened_ = false;
   bool up_ = false;           // on_up was told, on_down not yet
   bool interrupted_ = false;  // on_interrupted was told, on_resumed not yet

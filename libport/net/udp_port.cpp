@@ -206,6 +206,7 @@ std::optional<std::size_t> UdpPort::unread_by_peer() const {
 void UdpPort::queue_gone() {
   const std::size_t bytes = *unread_by_peer();
   queue_.clear();
+  end_drains();
   if (watch_) watch_->watch_writable(false);
   if (bytes > 0) listener().on_dropped(bytes, "they were not sent");
 }
@@ -244,11 +245,23 @@ void UdpPort::on_writable() {
   while (!queue_.empty() && send_one(queue_.front())) queue_.pop_front();
   if (!queue_.empty()) return;
   watch_->watch_writable(false);
+  end_drains();
   if (up_) listener().on_drained();
+}
+
+void UdpPort::drain(std::function<void()> done) {
+  if (queue_.empty()) return done();
+  drains_.push_back(std::move(done));
+}
+
+// From the loop, since the caller may be in the midst of closing the line.
+void UdpPort::end_drains() {
+  for (std::function<void()>& done : std::exchange(drains_, {})) context_.loop->post(std::move(done));
 }
 
 bool UdpPort::discard() {
   queue_.clear();
+  end_drains();
   watch_->watch_writable(false);
   (void)read_away();
   return true;

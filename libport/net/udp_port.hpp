@@ -2,11 +2,13 @@
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <set>
 #include <string>
 #include <sys/socket.h>
+#include <vector>
 
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/fd_watch.hpp"
@@ -52,6 +54,8 @@ class UdpPort final : public Port, private WaitingCalls {
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return !queue_.empty(); }
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;  // what waits to be sent
+  // When the kernel has it all.
+  void drain(std::function<void()> done) override;
   bool end_writing() override { return false; }
   [[nodiscard]] WaitingCalls* waiting() override { return this; }
   void set_reading(bool on) override;
@@ -89,6 +93,7 @@ class UdpPort final : public Port, private WaitingCalls {
   void send_or_queue(ByteView datagram);
   bool send_one(ByteView datagram);  // false: later
   void queue_gone();
+  void end_drains();
   void look_for_overflow(msghdr& message);
   void ask_for_overflow();
   void note_overflow(std::uint32_t count);
@@ -106,10 +111,11 @@ class UdpPort final : public Port, private WaitingCalls {
   std::unique_ptr<NameLookup> lookup_;
   std::optional<SocketAddress> peer_;
   std::deque<Bytes> queue_;
-  std::set<int> told_errors_;   // each once a session
-  std::uint64_t empty_ = 0;     // datagrams dropped since open()
-  std::uint64_t foreign_ = 0;   // datagrams of others than the peer, dropped since open()
-  std::uint32_t overflow_ = 0;  // datagrams lost in the kernel since bind, as told last
+  std::vector<std::function<void()>> drains_;  // while something waits there
+  std::set<int> told_errors_;                  // each once a session
+  std::uint64_t empty_ = 0;                    // datagrams dropped since open()
+  std::uint64_t foreign_ = 0;                  // datagrams of others than the peer, dropped since open()
+  std::uint32_t overflow_ = 0;                 // datagrams lost in the kernel since bind, as told last
   Timer rest_timer_;
   bool opened_ = false;
   bool up_ = false;

@@ -292,6 +292,9 @@ class Port {
   // Calls `done` once, from within or later: when all that was written has left for the device, or cannot any
   // more, as the line is down.
   virtual void drain(std::function<void()> done) { done(); }
+  // Whether on_signal() of what the device drives is wanted; at any time. Where it is, and the line has such
+  // signals, they are told when it comes up (or is resumed), before any bytes, and whenever they change.
+  virtual void watch_signals(bool on) { (void)on; }
   // Whether on_data may come: false is backpressure to the peer.
   virtual void set_reading(bool on) = 0;
 

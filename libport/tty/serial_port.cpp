@@ -41,11 +41,15 @@ std::string advice_for(int error_number) {
 
 // As long as the kernel waits at a close for a device that takes nothing (closing_wait).
 constexpr Nanos kClosingWait = std::chrono::seconds(30);
+// A watch that the device keeps from ending any longer has it open for itself.
+constexpr Nanos kWatchEnds = std::chrono::seconds(5);
 
 // A line that is to be closed.
 struct LineToLeave {
   UniqueFd fd;
-  std::vector<LineSettings> to_make;  // in turn
+  std::vector<LineSettings> to_make;      // in turn
+  bool breaks = false;                    // a break may be on
+  std::shared_future<void> watched = {};  // until then a watch has a descriptor of it
   bool waits = true;                // until the device has sent what was written; never on the loop's thread
   std::atomic<bool> hurry = false;  // somebody waits for it
   std::size_t lost = 0;             // bytes that the device did not take
@@ -55,6 +59,7 @@ struct LineToLeave {
 // are made. What a device does not take it would take against its flow control then, and is dropped.
 void leave(LineToLeave& line) {
   const int fd = line.fd.get();
+  if (line.breaks) (void)::ioctl(fd, TIOCCBRK);
   for (const LineSettings& settings : line.to_make) {
     int left = 0;
     if (line.waits && !wait_until_sent(fd, kClosingWait, line.hurry) && ::ioctl(fd, TIOCOUTQ, &left) == 0 &&
@@ -66,6 +71,11 @@ void leave(LineToLeave& line) {
     (void)apply_settings(fd, settings);
   }
   if (!line.to_make.empty()) lower_modem_lines(fd);
+  // The next open() is to find it free.
+  if (line.watched.valid()) {
+    if (line.waits) (void)line.watched.wait_for(kWatchEnds);
+    (void)::flock(fd, LOCK_UN);
+  }
   line.fd.reset();
 }
 
@@ -90,22 +100,28 @@ SerialPort::Line::Line(SerialPort& port, UniqueFd opened)
             });
           }),
       changes(
-          *port.context_.loop, {fd.get(), outbox, port.strand_}, port.current_,
-          [&port](const LineSettings& wanted, const Result<TakenSettings>& taken) {
-            port.change_made(wanted, taken);
-          },
-          [&port] {
-            if (port.up_) port.listener().on_drained();
-          }) {}
+          *port.context_.loop, {fd.get(), outbox, port.strand_, port.calls_}, port.current_,
+          {[&port](const LineSettings& wanted, const Result<TakenSettings>& taken) {
+             port.change_made(wanted, taken);
+           },
+           [&port](const LineSignal& signal, int error_number) { port.signal_made(signal, error_number); },
+           [&port] {
+             if (port.up_) port.listener().on_drained();
+           }}) {}
 
-SerialPort::SerialPort(const PortContext& context, const CommonOptions& common, SerialOptions options)
-    : context_(context), common_(common), options_(std::move(options)), current_(options_.settings) {}
+SerialPort::SerialPort(const PortContext& context, const CommonOptions& common, SerialOptions options,
+                       std::shared_ptr<LineCalls> calls)
+    : context_(context),
+      common_(common),
+      options_(std::move(options)),
+      calls_(std::move(calls)),
+      current_(options_.settings) {}
 
 SerialPort::~SerialPort() {
   if (!line_) return;
   line_->watch.stop();
   try {
-    close_elsewhere(std::move(line_->fd), {});
+    close_elsewhere(*line_, {});
   } catch (const std::exception&) {  // no memory: it is closed here
   }
 }
@@ -153,16 +169,15 @@ void SerialPort::begin_line(UniqueFd fd) {
   line_ = std::make_unique<Line>(*this, std::move(fd));
   line_began_ = Loop::now();
   watch_reading();
+  // As the settings were made: before anything can come of it.
+  if (signals_wanted_) line_->lines = calls_->modem_lines(line_->fd.get());
+  if (line_->lines) watch_modem();
   context_.log->debug("{}: open", name());
 }
 
 void SerialPort::open() {
   opened_ = true;
-  if (line_) {  // always open
-    up_ = true;
-    listener().on_up();
-    return;
-  }
+  if (line_) return come_up();  // always open
   if (interrupted_) return;
   open_waits_ = closing_ > 0;
   if (open_waits_) {
@@ -187,11 +202,11 @@ void SerialPort::try_open() {
   // The watch may be what called us.
   if (waiting_) context_.loop->post([old = std::shared_ptr<PathWatch>(std::move(waiting_))] {});
   begin_line(std::move(*fd));
-  if (std::exchange(interrupted_, false)) listener().on_resumed();
-  if (opened_ && !up_) {
-    up_ = true;
-    listener().on_up();
+  if (std::exchange(interrupted_, false)) {
+    listener().on_resumed();
+    if (opened_ && up_) tell_signals();
   }
+  if (opened_ && !up_ && line_) come_up();
   if (std::exchange(untold_, false)) listener().on_settings(SeenSettings::of(current_), SettingsOrder::exact);
 }
 
@@ -270,6 +285,12 @@ void SerialPort::set_modem(int fd, const char* option, int line, std::optional<b
     warn_once(fmt::format("{}: option '{}': {}", name(), option, set.error().message));
 }
 
+void SerialPort::come_up() {
+  up_ = true;
+  listener().on_up();
+  if (up_) tell_signals();
+}
+
 void SerialPort::close() {
   opened_ = up_ = open_waits_ = false;
   told_refused_ = false;
@@ -283,9 +304,11 @@ void SerialPort::close() {
   if (!common_.always_open) {
     drop_line(settings_to_leave());
     current_ = options_.settings;
-  } else if (*settings() != options_.settings) {
-    line_->changes.change(options_.settings);
+    return;
   }
+  line_->changes.end_drains();
+  if (line_->changes.breaks()) line_->changes.signal({LineSignal::Name::brk, false});
+  if (*settings() != options_.settings) line_->changes.change(options_.settings);
 }
 
 // What a line that is closed still has to get: changes under way, and the user's own settings again.
@@ -309,14 +332,16 @@ void SerialPort::drop_line(std::vector<LineSettings> to_make) {
   (void)::ioctl(line_->fd.get(), TIOCNXCL);
   // The rest goes on the next turn of the loop, since one of its callbacks may be running.
   line_->watch.stop();
-  close_elsewhere(std::move(line_->fd), std::move(to_make));
+  close_elsewhere(*line_, std::move(to_make));
   if (closing_ == 0) lock_.reset();
   context_.loop->post([old = std::shared_ptr<Line>(std::move(line_))] {});
 }
 
 // The device is left as the user has it, behind what was written. Its modem lines fall before its rate
 // changes, since there are devices that reset when they fall at 1200 baud.
-void SerialPort::close_elsewhere(UniqueFd fd, std::vector<LineSettings> to_make) {
+void SerialPort::close_elsewhere(Line& left, std::vector<LineSettings> to_make) {
+  UniqueFd fd = std::move(left.fd);
+  const std::unique_ptr<ModemWatch> modem = std::move(left.modem);
   if (context_.pulled) return;  // its program waits in its calls, and has closed it when they return
   // Unplugged: nothing can be sent, and while it is held the device gets another name when it comes back.
   pollfd state{fd.get(), 0, 0};
@@ -324,6 +349,8 @@ void SerialPort::close_elsewhere(UniqueFd fd, std::vector<LineSettings> to_make)
   const auto line = std::make_shared<LineToLeave>();
   line->fd = std::move(fd);
   line->to_make = std::move(to_make);
+  line->breaks = left.changes.breaks();
+  if (modem) line->watched = modem->left();
   hurry_ = {line, &line->hurry};
   ++closing_;
   const bool taken = context_.loop->run_elsewhere(
@@ -437,7 +464,9 @@ bool SerialPort::read_once() {
   const std::span<Byte> buffer = context_.loop->read_buffer();
   const ssize_t size = ::read(line_->fd.get(), buffer.data(), buffer.size());
   if (size > 0) {
-    listener().on_data(ByteView(buffer).first(static_cast<std::size_t>(size)));
+    const ByteView data = ByteView(buffer).first(static_cast<std::size_t>(size));
+    look_for_break(data);
+    listener().on_data(data);
     return static_cast<std::size_t>(size) >= 4095;  // what a tty gives at most: there may be more
   }
   if (size < 0 && (errno == EAGAIN || errno == EINTR)) return false;
@@ -455,7 +484,9 @@ void SerialPort::read_pending() {
     const ssize_t size = ::read(line_->fd.get(), buffer.data(), buffer.size());
     if (size <= 0) return;
     left -= std::min(left, static_cast<std::size_t>(size));
-    listener().on_data(ByteView(buffer).first(static_cast<std::size_t>(size)));
+    const ByteView data = ByteView(buffer).first(static_cast<std::size_t>(size));
+    look_for_break(data);
+    listener().on_data(data);
   }
 }
 

@@ -15,6 +15,8 @@
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
 #include "libport/port/port_options.hpp"
+#include "libport/tty/line_calls.hpp"
+#include "libport/tty/modem_watch.hpp"
 #include "libport/tty/settings_queue.hpp"
 #include "libport/tty/tty.hpp"
 #include "libport/tty/uucp_lock.hpp"
@@ -41,9 +43,14 @@ struct SerialOptions {
 //
 // Settings. apply() changes the line in turn with what is written (SettingsQueue). The settings of `options`
 // return at close().
+//
+// Signals. signal() drives dtr, rts and the break in turn with both. What the device does with its own is
+// told where that is wanted (ModemWatch); where it has none (a pty), nothing is, and what it is to drive is
+// ignored. A break that the driver leaves on ends at close().
 class SerialPort final : public Port, private WaitingCalls {
  public:
-  SerialPort(const PortContext& context, const CommonOptions& common, SerialOptions options);
+  SerialPort(const PortContext& context, const CommonOptions& common, SerialOptions options,
+             std::shared_ptr<LineCalls> calls = LineCalls::of_system());
   ~SerialPort() override;
 
   // Errc::device_missing unless the path is a tty that may be opened. Opens it only
@@ -63,6 +70,9 @@ class SerialPort final : public Port, private WaitingCalls {
     return line_ ? line_->changes.settings() : untried_.value_or(current_);
   }
   Result<void> apply(const LineSettings& settings) override;
+  void signal(const LineSignal& signal) override;
+  void drain(std::function<void()> done) override;
+  void watch_signals(bool on) override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;
@@ -80,10 +90,18 @@ class SerialPort final : public Port, private WaitingCalls {
     FdWatch watch;
     Outbox outbox;
     SettingsQueue changes;
+    std::optional<int> lines;  // the device's own, as they were told last
+    std::unique_ptr<ModemWatch> modem;
   };
 
   void change_made(const LineSettings& wanted, const Result<TakenSettings>& taken);
   void tell_not_taken(const std::string& what);
+  void signal_made(const LineSignal& signal, int error_number);
+  void signalled(const LineSignal& signal);
+  void watch_modem();
+  void look_for_break(ByteView data);
+  void tell_signals();
+  void come_up();
   [[nodiscard]] Error in_device(const Error& error) const;
   [[nodiscard]] std::vector<LineSettings> settings_to_leave() const;
   Result<UniqueFd> open_device();
@@ -102,12 +120,13 @@ class SerialPort final : public Port, private WaitingCalls {
   void wait_for_device(Nanos first);
   void discard_unsent();
   void drop_line(std::vector<LineSettings> to_make);
-  void close_elsewhere(UniqueFd fd, std::vector<LineSettings> to_make);
+  void close_elsewhere(Line& line, std::vector<LineSettings> to_make);
   void closed(std::size_t lost);
 
   PortContext context_;
   const CommonOptions common_;
   SerialOptions options_;
+  const std::shared_ptr<LineCalls> calls_;
   LineSettings current_;                 // the last that the line took
   std::optional<LineSettings> untried_;  // given while there was no line
   bool untold_ = false;                  // the device has refused what it was to come up with
@@ -127,6 +146,7 @@ class SerialPort final : public Port, private WaitingCalls {
   bool up_ = false;
   bool interrupted_ = false;  // lost though `alwaysopen`, and not back yet
   bool reading_ = true;
+  bool signals_wanted_ = false;
   std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
 };
 

@@ -1,5 +1,7 @@
 #include "libport/tty/settings_queue.hpp"
 
+#include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <fcntl.h>
 #include <utility>
@@ -11,6 +13,9 @@ namespace {
 
 // So long a line may stand still before a change of its settings waits for it no longer.
 constexpr Nanos kNoProgress = std::chrono::seconds(1);
+// How often it is looked whether the kernel has handed on all bytes.
+constexpr Nanos kShortestLook = std::chrono::milliseconds(1);
+constexpr Nanos kLongestLook = std::chrono::milliseconds(20);
 
 bool differ_in_flow_only(const LineSettings& one, LineSettings other) {
   other.hw_flow = one.hw_flow;
@@ -18,138 +23,241 @@ bool differ_in_flow_only(const LineSettings& one, LineSettings other) {
   return one == other;
 }
 
+// How long so many bytes take, at ten bits each.
+Nanos time_of(std::size_t bytes, unsigned baud) {
+  return Nanos(static_cast<std::int64_t>(bytes * 10) * 1'000'000'000 / std::max(baud, 1U));
+}
+
+bool begins_break(const LineSignal& signal) { return signal.name == LineSignal::Name::brk && signal.on; }
+
 }  // namespace
 
-Result<TakenSettings> change_settings(int fd, const LineSettings& from, const LineSettings& wanted,
-                                      bool wait) {
-  const std::atomic<bool> hurry = true;
-  if (wait) (void)wait_until_sent(fd, kNoProgress, hurry);
+Result<TakenSettings> change_settings(LineCalls& calls, int fd, const LineSettings& from,
+                                      const LineSettings& wanted, bool wait) {
+  if (wait) (void)calls.wait_until_sent(fd, kNoProgress);
   Result<TakenSettings> taken = apply_settings(fd, wanted);
   if (!taken) (void)apply_settings(fd, from);
   return taken;
 }
 
-SettingsQueue::SettingsQueue(Loop& loop, Tty tty, const LineSettings& current, Made on_made,
-                             std::function<void()> on_drained)
+SettingsQueue::SettingsQueue(Loop& loop, Tty tty, const LineSettings& current, Told told)
     : loop_(&loop),
       tty_(std::move(tty)),
       current_(current),
-      on_made_(std::move(on_made)),
-      on_drained_(std::move(on_drained)),
-      timer_(loop, [this] { on_timer(); }) {}
+      told_(std::move(told)),
+      timer_(loop, [this] { on_timer(); }),
+      drain_timer_(loop, [this] { look_for_sent(); }) {}
 
 const LineSettings& SettingsQueue::settings() const {
-  return changes_.empty() ? current_ : changes_.back().settings;
+  for (auto step = steps_.rbegin(); step != steps_.rend(); ++step) {
+    if (const auto* const settings = std::get_if<LineSettings>(&step->what)) return *settings;
+  }
+  return current_;
 }
 
 std::vector<LineSettings> SettingsQueue::left() const {
   std::vector<LineSettings> left;
-  for (const Change& change : changes_) left.push_back(change.settings);
+  for (const Step& step : steps_) {
+    if (const auto* const settings = std::get_if<LineSettings>(&step.what)) left.push_back(*settings);
+  }
   return left;
 }
 
 std::size_t SettingsQueue::pending() const {
   std::size_t bytes = outbox().pending();
-  for (const Change& change : changes_) bytes += change.after.size();
+  for (const Step& step : steps_) bytes += step.after.size();
   return bytes;
 }
 
 void SettingsQueue::discard() {
   outbox().discard();
-  for (Change& change : changes_) change.after.clear();
+  for (Step& step : steps_) step.after.clear();
   waited_for_ = false;
+  if (!drains_.empty()) drain_timer_.set_after(kShortestLook);
 }
 
 void SettingsQueue::stop() {
   alive_.reset();
   timer_.cancel();
+  drain_timer_.cancel();
+  end_drains();
 }
 
 void SettingsQueue::write(ByteView data) {
-  if (changes_.empty()) return outbox().write(data);
-  Bytes& after = changes_.back().after;
+  if (steps_.empty()) return outbox().write(data);
+  Bytes& after = steps_.back().after;
   after.insert(after.end(), data.begin(), data.end());
   waited_for_ = true;
 }
 
 std::size_t SettingsQueue::write_some(ByteView data) {
-  if (changes_.empty()) return outbox().write_some(data);
+  if (steps_.empty()) return outbox().write_some(data);
   waited_for_ = true;
   return 0;
 }
 
 void SettingsQueue::change(const LineSettings& settings) {
-  const bool last_waits = changes_.size() > (making_ ? 1U : 0U);
-  if (last_waits && changes_.back().after.empty()) {
-    changes_.back().settings = settings;
-  } else {
-    changes_.push_back({settings, {}});
-  }
+  const bool last_waits = steps_.size() > (making_ ? 1U : 0U);
+  auto* const last = last_waits ? std::get_if<LineSettings>(&steps_.back().what) : nullptr;
+  if (last == nullptr || !steps_.back().after.empty()) return add({settings, {}});
+  *last = settings;
+  make_next();
+}
+
+void SettingsQueue::signal(const LineSignal& signal) {
+  if (signal.name == LineSignal::Name::brk) breaks_ = signal.on;
+  add({signal, {}});
+}
+
+void SettingsQueue::add(Step step) {
+  steps_.push_back(std::move(step));
   make_next();
 }
 
 Result<TakenSettings> SettingsQueue::change_at_once(const LineSettings& settings) {
-  const Result<TakenSettings> taken = change_settings(tty_.fd, current_, settings, false);
+  const Result<TakenSettings> taken = change_settings(*tty_.calls, tty_.fd, current_, settings, false);
   if (taken) current_ = taken->settings;
   return taken;
 }
 
 void SettingsQueue::make_next() {
-  if (making_ || changes_.empty()) return;
-  if (differ_in_flow_only(current_, changes_.front().settings)) return begin(false);
+  if (making_ || steps_.empty()) return;
+  const auto* const settings = std::get_if<LineSettings>(&steps_.front().what);
+  if (settings != nullptr && differ_in_flow_only(current_, *settings)) return begin(false);
   if (!outbox().congested()) return begin(true);
   left_at_look_ = outbox().pending();
   timer_.set_after(kNoProgress);
 }
 
 void SettingsQueue::on_timer() {
-  if (making_ || changes_.empty()) return;
+  if (making_ || steps_.empty()) return;
   if (outbox().pending() == left_at_look_) return begin(false);
   make_next();
 }
 
 void SettingsQueue::begin(bool wait) {
   timer_.cancel();
-  const auto fd = std::make_shared<UniqueFd>(::fcntl(tty_.fd, F_DUPFD_CLOEXEC, 0));
-  const auto taken = std::make_shared<Result<TakenSettings>>(TakenSettings{});
-  const LineSettings from = current_;
-  const LineSettings wanted = changes_.front().settings;
   making_ = true;
-  const bool begun = *fd && loop_->run_elsewhere(
-                                tty_.strand,
-                                [fd, taken, from, wanted, wait] {
-                                  *taken = change_settings(fd->get(), from, wanted, wait);
-                                  fd->reset();
-                                },
-                                [this, taken, wanted, alive = std::weak_ptr<int>(alive_)] {
-                                  if (!alive.expired()) made(wanted, *taken);
-                                });
-  if (!begun) made(wanted, change_settings(tty_.fd, from, wanted, false));
+  const auto what = steps_.front().what;
+  if (const auto* const settings = std::get_if<LineSettings>(&what)) {
+    begin_settings(*settings, wait);
+  } else if (const auto* const signal = std::get_if<LineSignal>(&what)) {
+    begin_signal(*signal, wait);
+  } else {
+    begin_last_bytes();
+  }
 }
 
-void SettingsQueue::made(const LineSettings& wanted, const Result<TakenSettings>& taken) {
-  making_ = false;
+// `without` is done instead, where there is no thread or descriptor for the job.
+void SettingsQueue::do_elsewhere(std::function<void(int fd)> job, std::function<void()> done,
+                                 const std::function<void()>& without) {
+  const auto fd = std::make_shared<UniqueFd>(::fcntl(tty_.fd, F_DUPFD_CLOEXEC, 0));
+  const bool begun = *fd && loop_->run_elsewhere(
+                                tty_.strand,
+                                [fd, job = std::move(job)] {
+                                  job(fd->get());
+                                  fd->reset();
+                                },
+                                [done = std::move(done), alive = std::weak_ptr<int>(alive_)] {
+                                  if (!alive.expired()) done();
+                                });
+  if (!begun) without();
+}
+
+void SettingsQueue::begin_settings(const LineSettings& wanted, bool wait) {
+  const auto taken = std::make_shared<Result<TakenSettings>>(TakenSettings{});
+  do_elsewhere([taken, wanted, wait, from = current_,
+                calls = tty_.calls](int fd) { *taken = change_settings(*calls, fd, from, wanted, wait); },
+               [this, taken, wanted] { settings_made(wanted, *taken); },
+               [this, wanted] {
+                 settings_made(wanted, change_settings(*tty_.calls, tty_.fd, current_, wanted, false));
+               });
+}
+
+// The kernel's own wait before a break has no end: it is asked for one that begins only where it need not
+// wait.
+void SettingsQueue::begin_signal(const LineSignal& signal, bool wait) {
+  const auto error = std::make_shared<int>(0);
+  const auto set = [error, signal, calls = tty_.calls](int fd, bool sent) {
+    *error = sent || !begins_break(signal) ? calls->set(fd, signal) : ETIMEDOUT;
+  };
+  const auto done = [this, error, signal] { made([this, error, signal] { told_.signal(signal, *error); }); };
+  do_elsewhere([set, wait, waits = begins_break(signal), calls = tty_.calls](
+                   int fd) { set(fd, wait && (!waits || calls->wait_until_sent(fd, kNoProgress))); },
+               done,
+               [this, set, wait, done] {
+                 set(tty_.fd, wait && tty_.calls->unsent(tty_.fd) == 0);
+                 done();
+               });
+}
+
+void SettingsQueue::begin_last_bytes() {
+  const auto done = [this] {
+    made([this] {
+      const auto end = drains_.begin() + static_cast<std::ptrdiff_t>(std::exchange(draining_, 0));
+      const std::vector<std::function<void()>> over(drains_.begin(), end);
+      drains_.erase(drains_.begin(), end);
+      const std::weak_ptr<int> alive = alive_;
+      for (const std::function<void()>& drained : over) drained();
+      if (!alive.expired()) look_for_sent();
+    });
+  };
+  draining_ = drains_.size();
+  do_elsewhere([calls = tty_.calls](int fd) { (void)calls->wait_until_sent(fd, kNoProgress); }, done, done);
+}
+
+void SettingsQueue::settings_made(const LineSettings& wanted, const Result<TakenSettings>& taken) {
   if (taken) current_ = taken->settings;
-  const Bytes after = std::move(changes_.front().after);
-  changes_.pop_front();
+  made([&] { told_.settings(wanted, taken); });
+}
+
+void SettingsQueue::made(const std::function<void()>& tell) {
+  making_ = false;
+  const Bytes after = std::move(steps_.front().after);
+  steps_.pop_front();
   if (!after.empty()) outbox().write(after);
   const std::weak_ptr<int> alive = alive_;
-  on_made_(wanted, taken);
+  tell();
   if (alive.expired()) return;
   make_next();
   if (waited_for_) tell_drained();
+  if (!alive.expired()) look_for_sent();
 }
 
 void SettingsQueue::outbox_drained() {
-  if (changes_.empty()) return tell_drained();
-  waited_for_ = true;
-  make_next();
+  if (!steps_.empty()) {
+    waited_for_ = true;
+    return make_next();
+  }
+  const std::weak_ptr<int> alive = alive_;
+  tell_drained();
+  if (!alive.expired()) look_for_sent();
 }
 
 void SettingsQueue::tell_drained() {
-  if (!changes_.empty() || outbox().congested()) return;
+  if (!steps_.empty() || outbox().congested()) return;
   waited_for_ = false;
-  on_drained_();
+  told_.drained();
+}
+
+void SettingsQueue::drain(std::function<void()> done) {
+  drains_.push_back(std::move(done));
+  look_for_sent();
+}
+
+// Whether nothing is left but what the UART has. The line may be stopped: nothing but the clock waits for it.
+void SettingsQueue::look_for_sent() {
+  if (drains_.empty() || !steps_.empty() || outbox().congested()) return;
+  const std::size_t left = tty_.calls->unsent(tty_.fd);
+  if (left == 0) return add({LastBytes{}, {}});
+  drain_timer_.set_after(std::clamp(time_of(left, current_.baud), kShortestLook, kLongestLook));
+}
+
+// From the loop, since the caller may be in the midst of closing the line.
+void SettingsQueue::end_drains() {
+  drain_timer_.cancel();
+  draining_ = 0;
+  for (std::function<void()>& done : std::exchange(drains_, {})) loop_->post(std::move(done));
 }
 
 }  // namespace porttape

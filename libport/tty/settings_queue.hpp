@@ -4,22 +4,32 @@
 #include <deque>
 #include <functional>
 #include <memory>
+#include <variant>
 #include <vector>
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/line_settings.hpp"
+#include "libport/base/line_signal.hpp"
 #include "libport/base/workers.hpp"
 #include "libport/loop/loop.hpp"
 #include "libport/loop/outbox.hpp"
 #include "libport/loop/timer.hpp"
+#include "libport/tty/line_calls.hpp"
 #include "libport/tty/tty.hpp"
 
 namespace porttape {
 
-// Changes the settings of a tty that is open, in turn with the bytes that are written to it: behind those
-// that were written before, as far as these get out (a second without progress is enough), and before those
-// that are written after. A change of flow control alone waits for nothing: it may be what holds up the
-// bytes. What may wait is done on another thread, in turn with the other jobs of `strand`.
+// Changes the settings and drives the signals of a tty that is open, in turn with the bytes that are written
+// to it: behind those that were written before, and before those that are written after.
+//
+// | change                 | waits for what was written before                                  |
+// |------------------------|--------------------------------------------------------------------|
+// | settings, a break's on | until the device has sent it                                       |
+// | dtr, rts, a break's off | until the kernel has taken it                                     |
+// | flow control alone     | not at all: it may be what holds it up                             |
+//
+// A second without progress is enough for all of them, but a break that cannot follow its bytes is not made.
+// What may wait is done on another thread, in turn with the other jobs of `strand`.
 //
 // Uses the tty's descriptor and outbox, which outlive it, and keeps what is written while a change is to be
 // made. Loop thread only.
@@ -29,64 +39,90 @@ class SettingsQueue {
     int fd;
     Outbox& outbox;
     Workers::Strand strand;
+    std::shared_ptr<LineCalls> calls;
   };
-  // One change is made, or was refused: then the line has its former settings. What was kept for it is
-  // written next.
-  using Made = std::function<void(const LineSettings& wanted, const Result<TakenSettings>& taken)>;
+  struct Told {
+    // One change is made, or was refused: then the line has its former settings. What was kept for it is
+    // written next.
+    std::function<void(const LineSettings& wanted, const Result<TakenSettings>& taken)> settings;
+    // 0, or the error number; ETIMEDOUT: a break did not follow its bytes, which stand still.
+    std::function<void(const LineSignal& signal, int error_number)> signal;
+    std::function<void()> drained;
+  };
 
-  SettingsQueue(Loop& loop, Tty tty, const LineSettings& current, Made on_made,
-                std::function<void()> on_drained);
+  SettingsQueue(Loop& loop, Tty tty, const LineSettings& current, Told told);
 
   // Of several with no byte between them the last counts.
   void change(const LineSettings& settings);
   // Without waiting for anything, for a program that waits in its calls.
   Result<TakenSettings> change_at_once(const LineSettings& settings);
+  void signal(const LineSignal& signal);
   void write(ByteView data);
-  // Keeps nothing; on_drained comes when more can go.
+  // Keeps nothing; told.drained comes when more can go.
   std::size_t write_some(ByteView data);
+  // Calls `done` once, from within or later: when nothing that was taken is left, here, in the kernel or in
+  // the UART. Holds up nothing but the bytes that come while the UART sends its last.
+  void drain(std::function<void()> done);
   void discard();
   // The line is over, though this may be destroyed later: nothing is told any more.
   void stop();
+  // Those that wait for a drain wait no longer.
+  void end_drains();
   // From the outbox.
   void outbox_drained();
 
-  // on_drained will come.
+  // told.drained will come.
   [[nodiscard]] bool congested() const { return outbox().congested() || waited_for_; }
   [[nodiscard]] std::size_t pending() const;  // bytes that were taken and not sent
   // The last that were asked for, or the line's.
   [[nodiscard]] const LineSettings& settings() const;
   // What is to be made yet.
   [[nodiscard]] std::vector<LineSettings> left() const;
+  // Whether the last that was asked of it began a break.
+  [[nodiscard]] bool breaks() const { return breaks_; }
 
  private:
-  struct Change {
-    LineSettings settings;
+  struct LastBytes {};  // the UART's, for those that drain
+  struct Step {
+    std::variant<LineSettings, LineSignal, LastBytes> what;
     Bytes after;
   };
 
   [[nodiscard]] Outbox& outbox() const { return tty_.outbox; }
+  void add(Step step);
   void make_next();
   void on_timer();
   void begin(bool wait);
-  void made(const LineSettings& wanted, const Result<TakenSettings>& taken);
+  void do_elsewhere(std::function<void(int fd)> job, std::function<void()> done,
+                    const std::function<void()>& without);
+  void begin_settings(const LineSettings& wanted, bool wait);
+  void begin_signal(const LineSignal& signal, bool wait);
+  void begin_last_bytes();
+  void settings_made(const LineSettings& wanted, const Result<TakenSettings>& taken);
+  // What comes after the step that is made; `tell` is called when its bytes are written.
+  void made(const std::function<void()>& tell);
+  void look_for_sent();
   void tell_drained();
 
   Loop* loop_;
   Tty tty_;
   LineSettings current_;
-  Made on_made_;
-  std::function<void()> on_drained_;
-  std::deque<Change> changes_;    // the first perhaps just being made
-  bool making_ = false;           // on the other thread
-  bool waited_for_ = false;       // by bytes, or for on_drained
+  Told told_;
+  std::deque<Step> steps_;   // the first perhaps just being made
+  bool making_ = false;      // on the other thread
+  bool waited_for_ = false;  // by bytes, or for told.drained
+  bool breaks_ = false;
   std::size_t left_at_look_ = 0;  // what was not sent when the timer was set
   Timer timer_;
+  std::vector<std::function<void()>> drains_;
+  std::size_t draining_ = 0;  // so many of them wait for LastBytes
+  Timer drain_timer_;
   std::shared_ptr<int> alive_ = std::make_shared<int>();
 };
 
 // Changes a tty's settings; one that refuses them has the former again. `wait`: until what was written has
 // left the device, which may take long.
-Result<TakenSettings> change_settings(int fd, const LineSettings& from, const LineSettings& wanted,
-                                      bool wait);
+Result<TakenSettings> change_settings(LineCalls& calls, int fd, const LineSettings& from,
+                                      const LineSettings& wanted, bool wait);
 
 }  // namespace porttape

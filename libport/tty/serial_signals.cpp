@@ -1,0 +1,79 @@
+// The signals of SerialPort, and its drains.
+
+#include <algorithm>
+#include <cerrno>
+#include <fmt/format.h>
+#include <utility>
+
+#include <spdlog/spdlog.h>
+
+#include "libport/tty/serial_port.hpp"
+
+namespace porttape {
+
+void SerialPort::signal(const LineSignal& signal) {
+  const bool ours = is_output(signal.name) || signal.name == LineSignal::Name::brk;
+  if (line_ && ours) line_->changes.signal(signal);
+}
+
+void SerialPort::signal_made(const LineSignal& signal, int error_number) {
+  if (error_number == 0) return;
+  const bool is_break = signal.name == LineSignal::Name::brk;
+  const bool has_none = error_number == ENOTTY || error_number == EINVAL;
+  const std::string text =
+      has_none ? fmt::format("{}: the device has no {}; what the driver does to them is ignored", name(),
+                             is_break ? "breaks" : "modem lines")
+      : error_number == ETIMEDOUT
+          ? fmt::format("{}: a break is left out, since the device does not take the bytes before it", name())
+          : fmt::format("{}: setting {}: {}; check the device", name(), name_of(signal.name),
+                        errno_text(error_number));
+  if (told_.insert(text).second)
+    context_.log->log(has_none ? spdlog::level::info : spdlog::level::warn, "{}", text);
+}
+
+void SerialPort::drain(std::function<void()> done) {
+  if (line_) {
+    line_->changes.drain(std::move(done));
+  } else {
+    done();
+  }
+}
+
+void SerialPort::watch_signals(bool on) {
+  if (std::exchange(signals_wanted_, on) == on || !line_) return;
+  line_->modem.reset();
+  line_->lines.reset();
+  if (on) watch_modem();  // which tells all that there are, since none are known
+}
+
+void SerialPort::watch_modem() {
+  line_->modem = ModemWatch::start(*context_.loop, calls_, line_->fd.get(), line_->lines,
+                                   [this](const LineSignal& signal) { signalled(signal); });
+  if (!line_->modem)
+    warn_once(fmt::format("{}: no thread is to be had to watch its modem lines, which are not told", name()));
+}
+
+// What has come by now came before, as far as that can be known.
+void SerialPort::signalled(const LineSignal& signal) {
+  if (const int bit = modem_bit(signal.name); bit != 0) {
+    const int others = line_->lines.value_or(0) & ~bit;
+    line_->lines = signal.on ? others | bit : others;
+  }
+  read_pending();
+  if (line_ && up_) listener().on_signal(signal);
+}
+
+// A break reads as a zero.
+void SerialPort::look_for_break(ByteView data) {
+  if (line_->modem && std::ranges::find(data, Byte{0}) != data.end()) line_->modem->look_soon();
+}
+
+// How they stand.
+void SerialPort::tell_signals() {
+  if (!line_ || !line_->lines) return;
+  tell_modem_lines(std::nullopt, *line_->lines, [this](const LineSignal& signal) {
+    if (line_ && up_) listener().on_signal(signal);
+  });
+}
+
+}  // namespace porttape
