@@ -325,6 +325,40 @@ TEST_F(ListeningPort, ASlowPeerCongestsAndDrainsAndTheOtherWayStaysFree) {
   until("up drained ");
 }
 
+TEST_F(ListeningPort, IsDrainedOnceTheKernelHasItAll) {
+  make_listening();
+  int done = 0;
+  const auto count = [&done] { ++done; };
+  port->drain(count);
+  EXPECT_EQ(done, 1) << "there is no line";
+  Socket peer = up();
+  port->drain(count);
+  EXPECT_EQ(done, 2) << "nothing was written";
+  const std::string much(std::size_t{16} << 20, 'x');
+  port->write(as_bytes(much));
+  port->drain(count);
+  run_ready();
+  EXPECT_EQ(done, 2);
+  until_got(peer, much);
+  run_until(loop, [&] { return done == 3; });
+}
+
+TEST_F(ListeningPort, IsDrainedWhenTheLineIsOver) {
+  make_listening();
+  int done = 0;
+  const auto count = [&done] { ++done; };
+  const std::string much(std::size_t{16} << 20, 'x');
+  for (int line = 1; line <= 2; ++line) {
+    Socket peer = up();
+    port->write(as_bytes(much));
+    port->drain(count);
+    line == 1 ? peer.close() : port->close();
+    run_until(loop, [&] { return done == line; });
+  }
+  run_ready();
+  EXPECT_EQ(done, 2);
+}
+
 TEST_F(ListeningPort, NotReadingIsBackpressureToThePeer) {
   make_listening();
   Socket peer = up();

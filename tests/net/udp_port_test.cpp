@@ -57,6 +57,15 @@ class UdpPortTest : public testing::Test {
   std::unique_ptr<UdpPort> port;
 };
 
+TEST_F(UdpPortTest, IsDrainedOnceTheKernelHasItAll) {
+  make_sending();
+  port->write(as_bytes("x"));
+  bool done = false;
+  port->drain([&done] { done = true; });
+  run_until(loop, [&done] { return done; });
+  EXPECT_EQ(one(peer), "x");
+}
+
 TEST_F(UdpPortTest, OnlyThePeersDatagramsCount) {
   make_sending();
   const Socket stranger = Socket::datagrams();

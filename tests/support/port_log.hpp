@@ -56,6 +56,9 @@ class PortLog final : public PortListener {
     settings_order = order;
     settings_after = data.size();
   }
+  void on_signal(const LineSignal& signal) override {
+    events += std::string(name_of(signal.name)) + (signal.on ? "+ " : "- ");
+  }
   void on_dropped(std::uint64_t bytes, std::string_view) override { dropped += bytes; }
   void on_left_unread(std::uint64_t bytes) override { left_unread = bytes; }
   void on_finished(int exit_status) override { events += "finished" + std::to_string(exit_status) + " "; }

@@ -31,7 +31,7 @@ class SerialPortTest : public testing::Test {
     const Result<PortSpec> spec = PortSpec::read(*checked);
     SerialOptions own = *spec->get<SerialOptions>();
     own.lock_folder = locks.path().string();
-    port = std::make_unique<SerialPort>(PortContext{&loop, book.log()}, spec->common(), own);
+    port = std::make_unique<SerialPort>(PortContext{&loop, book.log()}, spec->common(), own, calls);
     port->listen(log);
   }
   Error prepare_error(const std::string& device_path) {
@@ -52,6 +52,7 @@ class SerialPortTest : public testing::Test {
   Loop loop;
   LogBook book;
   PortLog log;
+  std::shared_ptr<LineCalls> calls = LineCalls::of_system();
   std::unique_ptr<SerialPort> port;
 };
 

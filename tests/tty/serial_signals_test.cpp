@@ -1,0 +1,375 @@
+#include <algorithm>
+#include <cerrno>
+#include <fcntl.h>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+#include <sys/file.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+#include <utility>
+
+#include <gtest/gtest.h>
+
+#include "libport/tty/tty.hpp"
+#include "tests/support/temp_dir.hpp"
+#include "tests/tty/played_line.hpp"
+#include "tests/tty/serial_rig.hpp"
+
+namespace porttape {
+namespace {
+
+using Name = LineSignal::Name;
+
+// A port whose device is a pty for bytes and settings, and played for the rest.
+class SerialSignalsTest : public SerialPortTest {
+ protected:
+  SerialSignalsTest() { line->device = device.get(); }
+  void make(std::map<std::string, std::string> options = {{"baud", "4800"}}, bool watched = false) {
+    calls = line;
+    make_port(std::move(options));
+    port->watch_signals(watched);
+    ASSERT_TRUE(port->prepare().has_value());
+  }
+  void start(std::map<std::string, std::string> options = {{"baud", "4800"}}) {
+    make(std::move(options));
+    port->open();
+    ASSERT_EQ(log.events, "up ");
+  }
+  void until_journal(const std::string& wanted) {
+    run_until(loop, [&] { return line->journal().size() >= wanted.size(); });
+    EXPECT_EQ(line->journal(), wanted);
+  }
+  void until_events(const std::string& wanted) {
+    run_until(loop, [&] { return log.events.size() >= wanted.size(); });
+    EXPECT_EQ(log.events, wanted);
+  }
+  void drain(int& done) {
+    port->drain([&done] { ++done; });
+  }
+  void until_done(const int& done) {
+    run_until(loop, [&] { return done > 0; });
+    while (loop.poll_one()) {
+    }
+    EXPECT_EQ(done, 1);
+  }
+  [[nodiscard]] std::size_t times_told(std::string_view text) const {
+    const std::string all = book.text();
+    std::size_t count = 0;
+    for (std::size_t at = all.find(text); at != std::string::npos; at = all.find(text, at + 1)) ++count;
+    return count;
+  }
+
+  std::shared_ptr<PlayedLine> line = std::make_shared<PlayedLine>();
+};
+
+TEST_F(SerialSignalsTest, AreDrivenInTurnWithTheBytes) {
+  start();
+  port->write(as_bytes("a"));
+  port->signal({Name::rts, true});
+  port->write(as_bytes("b"));
+  port->signal({Name::rts, false});
+  port->signal({Name::dtr, false});
+  port->write(as_bytes("c"));
+  until_journal("a[rts+]b[rts-][dtr-]c");
+  run_until(loop, [&] { return !port->congested(); });
+  EXPECT_EQ(log.events, "up drained ");
+}
+
+TEST_F(SerialSignalsTest, ABreakBeginsOnceTheBytesAreSent) {
+  start();
+  port->write(as_bytes("a"));
+  port->signal({Name::brk, true});
+  port->signal({Name::brk, false});
+  port->write(as_bytes("b"));
+  until_journal("a(sent)[break+][break-]b");
+}
+
+TEST_F(SerialSignalsTest, ChangesOfSettingsKeepTheirPlaceAmongThem) {
+  start();
+  port->signal({Name::rts, true});
+  ASSERT_TRUE(port->apply({.baud = 1200}).has_value());
+  port->write(as_bytes("a"));
+  port->signal({Name::rts, false});
+  ASSERT_TRUE(port->apply({.baud = 2400}).has_value());
+  EXPECT_EQ(port->settings()->baud, 2400U);
+  until_journal("[rts+](sent)a[rts-](sent)");
+  run_until(loop, [&] { return shown_settings(device.get())->settings.baud == 2400U; });
+}
+
+TEST_F(SerialSignalsTest, WaitForBytesThatTheDeviceHasNotTaken) {
+  start();
+  const std::string block(4096, 'b');
+  while (!port->congested()) port->write(as_bytes(block));
+  port->signal({Name::rts, false});
+  port->write(as_bytes("new"));
+  std::string all;
+  run_until(loop, [&] { return (all = line->journal()).ends_with("new"); });
+  EXPECT_TRUE(all.ends_with("bb[rts-]new"));
+}
+
+TEST_F(SerialSignalsTest, ABreakBehindBytesThatStandStillIsLeftOutAndTold) {
+  start();
+  line->moves = false;
+  for (int i = 0; i < 2; ++i) {
+    port->signal({Name::brk, true});
+    port->signal({Name::brk, false});
+  }
+  port->write(as_bytes("a"));
+  until_journal("[break-][break-]a");
+  EXPECT_EQ(times_told("a break is left out"), 1U);
+}
+
+TEST_F(SerialSignalsTest, WhatTheDeviceHasNotIsToldOnce) {
+  start();
+  line->error = ENOTTY;
+  for (const Name name : {Name::dtr, Name::rts, Name::dtr}) port->signal({name, true});
+  port->write(as_bytes("a"));
+  until_journal("[dtr+][rts+][dtr+]a");
+  EXPECT_EQ(times_told("no modem lines"), 1U);
+  EXPECT_EQ(times_told("[warning]"), 0U);
+}
+
+TEST_F(SerialSignalsTest, OtherTroubleIsAWarning) {
+  start();
+  line->error = EIO;
+  for (int i = 0; i < 2; ++i) port->signal({Name::rts, true});
+  port->write(as_bytes("a"));
+  until_journal("[rts+][rts+]a");
+  EXPECT_EQ(times_told("setting rts"), 1U);
+}
+
+TEST_F(SerialSignalsTest, APtyHasNone) {
+  make_port();
+  ASSERT_TRUE(port->prepare().has_value());
+  port->watch_signals(true);
+  port->open();
+  for (const Name name : {Name::dtr, Name::brk, Name::rts, Name::cts}) port->signal({name, true});
+  port->write(as_bytes("a"));
+  until_journal("a");
+  int done = 0;
+  drain(done);
+  until_done(done);
+  EXPECT_EQ(times_told("no modem lines"), 1U);
+  EXPECT_EQ(log.events, "up drained ");
+}
+
+TEST_F(SerialSignalsTest, WithoutALineTheyAreIgnored) {
+  make();
+  port->signal({Name::rts, true});
+  int done = 0;
+  drain(done);
+  EXPECT_EQ(done, 1);
+  port->open();
+  port->write(as_bytes("a"));
+  until_journal("a");
+}
+
+TEST_F(SerialSignalsTest, ABreakThatTheDriverLeftEndsWhenItCloses) {
+  start({{"baud", "4800"}, {"alwaysopen", "1"}});
+  port->signal({Name::brk, true});
+  port->close();
+  until_journal("(sent)[break+][break-]");
+}
+
+TEST_F(SerialSignalsTest, ADrainIsBehindTheBytes) {
+  start();
+  const std::string block(4096, 'b');
+  while (!port->congested()) port->write(as_bytes(block));
+  int done = 0;
+  drain(done);
+  EXPECT_EQ(done, 0);
+  std::string all;
+  run_until(loop, [&] {
+    all = line->journal();
+    return done > 0;
+  });
+  EXPECT_FALSE(port->congested());
+  EXPECT_TRUE(line->journal().ends_with("(sent)"));
+}
+
+TEST_F(SerialSignalsTest, ADrainWaitsForTheKernelAndHoldsUpNothing) {
+  start();
+  line->queued = 100;
+  int done = 0;
+  drain(done);
+  port->write(as_bytes("a"));
+  port->signal({Name::rts, true});
+  ASSERT_TRUE(port->apply({.baud = 1200}).has_value());
+  port->write(as_bytes("b"));
+  until_journal("a[rts+](sent)b");
+  EXPECT_EQ(done, 0);
+  line->queued = 0;
+  until_done(done);
+  EXPECT_EQ(line->journal(), "a[rts+](sent)b(sent)");
+}
+
+TEST_F(SerialSignalsTest, DrainsAreDoneInTurn) {
+  start();
+  std::string order;
+  line->queued = 1;
+  for (const char* const name : {"1", "2", "3"}) port->drain([&order, name] { order += name; });
+  line->queued = 0;
+  run_until(loop, [&] { return order.size() == 3; });
+  EXPECT_EQ(order, "123");
+}
+
+TEST_F(SerialSignalsTest, ADrainIsDoneWhenTheLineIsClosed) {
+  start();
+  line->queued = 100;
+  int done = 0;
+  drain(done);
+  port->close();
+  until_done(done);
+}
+
+TEST_F(SerialSignalsTest, ADrainIsDoneWhenASessionOfOneThatStaysOpenEnds) {
+  start({{"baud", "4800"}, {"alwaysopen", "1"}});
+  line->queued = 100;
+  int done = 0;
+  drain(done);
+  port->close();
+  until_done(done);
+}
+
+TEST_F(SerialSignalsTest, ADrainIsDoneWhenTheDeviceIsLost) {
+  start();
+  line->queued = 100;
+  int done = 0;
+  drain(done);
+  device.reset();
+  line->device = -1;
+  until_done(done);
+  EXPECT_EQ(log.events, "up lost ");
+}
+
+TEST_F(SerialSignalsTest, ADrainWhoseLastBytesAreOnTheirWayIsDoneOnce) {
+  start();
+  int done = 0;
+  drain(done);
+  port->close();
+  until_done(done);
+  port->open();
+  run_until(loop, [&] { return log.events == "up up "; });
+  EXPECT_EQ(done, 1);
+}
+
+TEST_F(SerialSignalsTest, TheDevicesAreToldWhenTheLineComesUp) {
+  line->change(TIOCM_CTS | TIOCM_DSR, {}, false);
+  make();
+  port->watch_signals(true);
+  ASSERT_EQ(::write(device.get(), "x", 1), 1);  // as early as a device can
+  port->open();
+  EXPECT_EQ(log.events, "up cts+ dsr+ cd- ri- ");
+  line->change(TIOCM_CTS);
+  until_events("up cts+ dsr+ cd- ri- dsr- ");
+  port->close();
+  port->open();
+  until_events("up cts+ dsr+ cd- ri- dsr- up cts+ dsr- cd- ri- ");
+}
+
+TEST_F(SerialSignalsTest, TheDevicesAreToldBehindWhatCameBefore) {
+  make();
+  port->watch_signals(true);
+  port->open();
+  run_until(loop, [&] {
+    loop.post([] {});
+    return line->waits > 0;
+  });
+  ASSERT_EQ(::write(device.get(), "before", 6), 6);
+  line->change(TIOCM_CD);
+  run_until(loop, [&] { return log.events.ends_with("cd+ "); });
+  EXPECT_EQ(log.data, "before");
+}
+
+TEST_F(SerialSignalsTest, TheDevicesAreNotToldUnlessTheyAreWanted) {
+  start();
+  line->change(TIOCM_CTS);
+  port->write(as_bytes("a"));
+  until_journal("a");
+  EXPECT_EQ(line->looks, 0);
+  port->watch_signals(true);
+  until_events("up cts+ dsr- cd- ri- ");
+  port->watch_signals(false);
+  line->change(0);
+  port->signal({Name::rts, true});
+  until_journal("a[rts+]");
+  EXPECT_EQ(log.events, "up cts+ dsr- cd- ri- ");
+}
+
+TEST_F(SerialSignalsTest, OneThatStaysOpenTellsThemToEachSession) {
+  make({{"baud", "4800"}, {"alwaysopen", "1"}}, true);
+  run_until(loop, [&] {
+    loop.post([] {});
+    return line->waits > 0;
+  });
+  EXPECT_EQ(log.events, "");
+  port->open();
+  EXPECT_EQ(log.events, "up cts- dsr- cd- ri- ");
+  port->close();
+  const int waits = line->waits;
+  line->change(TIOCM_CTS);
+  run_until(loop, [&] {
+    loop.post([] {});
+    return line->waits > waits;
+  });
+  while (loop.poll_one()) {
+  }
+  port->open();
+  EXPECT_EQ(log.events, "up cts- dsr- cd- ri- up cts+ dsr- cd- ri- ");
+}
+
+TEST_F(SerialSignalsTest, TheyAreToldAgainWhenTheDeviceComesBack) {
+  const test::TempDir dir;
+  const std::string link = (dir.path() / "ttyBack").string();
+  std::filesystem::create_symlink(path, link);
+  make({{"device", link}, {"alwaysopen", "1"}, {"baud", "4800"}}, true);
+  port->open();
+  EXPECT_EQ(log.events, "up cts- dsr- cd- ri- ");
+  log.events.clear();
+  UniqueFd other(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK));
+  ::grantpt(other.get());
+  ::unlockpt(other.get());
+  line->device = -1;
+  device.reset();
+  until_events("interrupted ");
+  line->change(TIOCM_CD, {}, false);
+  std::filesystem::remove(link);
+  std::filesystem::create_symlink(::ptsname(other.get()), link);
+  until_events("interrupted resumed cts- dsr- cd+ ri- ");
+  device = std::move(other);
+}
+
+TEST_F(SerialSignalsTest, ADeviceThatHangsInAWaitHoldsUpTheNextOpenAlone) {
+  line->hang();
+  make();
+  port->watch_signals(true);
+  port->open();
+  run_until(loop, [&] {
+    loop.post([] {});
+    return line->waits > 0;
+  });
+  port->close();
+  port->open();
+  bool turned = false;
+  loop.post([&turned] { turned = true; });
+  run_until(loop, [&] { return turned; });
+  line->release();
+  until_events("up cts- dsr- cd- ri- up cts- dsr- cd- ri- ");
+}
+
+TEST_F(SerialSignalsTest, OneThatIsWatchedIsOpenedAgainAtOnce) {
+  make();
+  port->watch_signals(true);
+  std::string events;
+  for (int i = 0; i < 50; ++i) {
+    port->open();
+    events += "up cts- dsr- cd- ri- ";
+    until_events(events);
+    port->close();
+  }
+}
+
+}  // namespace
+}  // namespace porttape
