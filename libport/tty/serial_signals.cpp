@@ -59,7 +59,7 @@ void SerialPort::signalled(const LineSignal& signal) {
     const int others = line_->lines.value_or(0) & ~bit;
     line_->lines = signal.on ? others | bit : others;
   }
-  read_pending();
+  if (common_.reads) on_readable();
   if (line_ && up_) listener().on_signal(signal);
 }
 
