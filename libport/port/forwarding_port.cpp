@@ -25,7 +25,6 @@ void ForwardingPort::signal(const LineSignal& signal) { inner_->signal(signal); 
 void ForwardingPort::watch_signals(bool on) { inner_->watch_signals(on); }
 bool ForwardingPort::shows_signals() const { return inner_->shows_signals(); }
 void ForwardingPort::drain(std::function<void()> done) { inner_->drain(std::move(done)); }
-void ForwardingPort::watch_signals(bool on) { inner_->watch_signals(on); }
 void ForwardingPort::set_reading(bool on) { inner_->set_reading(on); }
 void ForwardingPort::hang_up(bool after_reading) { inner_->hang_up(after_reading); }
 void ForwardingPort::read_pending() { inner_->read_pending(); }

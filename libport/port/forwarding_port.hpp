@@ -36,7 +36,6 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   void watch_signals(bool on) override;
   [[nodiscard]] bool shows_signals() const override;
   void drain(std::function<void()> done) override;
-  void watch_signals(bool on) override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;

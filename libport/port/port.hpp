@@ -285,8 +285,6 @@ class Port {
   // was written; on a driver's port what the device drives. A line without such a thing, or that is not up,
   // ignores it.
   virtual void signal(const LineSignal&) {}
-  // Whether on_signal() is wanted, from the next time the line comes up on. Without it nothing looks.
-  virtual void watch_signals(bool on) { (void)on; }
   // Whether the peer's signals come by on_signal(), and signal() reaches it.
   [[nodiscard]] virtual bool shows_signals() const { return false; }
   // Calls `done` once, from within or later: when all that was written has left for the device, or cannot any
