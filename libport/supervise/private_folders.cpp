@@ -1,0 +1,113 @@
+#include "libport/supervise/private_folders.hpp"
+
+#include <cerrno>
+#include <climits>
+#include <dirent.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <memory>
+#include <string_view>
+#include <sys/mount.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "libport/base/unique_fd.hpp"
+
+namespace porttape {
+namespace {
+
+std::string parent_folder(const std::string& path) {
+  const std::size_t slash = path.rfind('/');
+  return slash == 0 || slash == std::string::npos ? "/" : path.substr(0, slash);
+}
+
+bool make_empty_file(const std::string& path) {
+  return UniqueFd(::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644)).get() >= 0;
+}
+
+// One entry of the folder that `old` is, again as `path`.
+void copy_entry(int old, const char* name, const std::string& path) {
+  struct stat status {};
+  if (::fstatat(old, name, &status, AT_SYMLINK_NOFOLLOW) != 0) return;
+  if (S_ISLNK(status.st_mode)) {
+    std::string target(PATH_MAX, '\0');
+    const ssize_t size = ::readlinkat(old, name, target.data(), target.size());
+    if (size <= 0) return;
+    target.resize(static_cast<std::size_t>(size));
+    (void)::symlink(target.c_str(), path.c_str());
+    return;
+  }
+  // By a descriptor, since the folder itself is covered by now.
+  const std::string source = fmt::format("/proc/self/fd/{}/{}", old, name);
+  const bool folder = S_ISDIR(status.st_mode);
+  if (folder ? ::mkdir(path.c_str(), 0755) != 0 : !make_empty_file(path)) return;
+  if (::mount(source.c_str(), path.c_str(), nullptr, MS_BIND | (folder ? MS_REC : 0), nullptr) == 0) return;
+  (void)(folder ? ::rmdir(path.c_str()) : ::unlink(path.c_str()));
+}
+
+}  // namespace
+
+Result<void> PrivateFolders::own(const std::string& folder) {
+  if (owned_.contains(folder)) return {};
+  struct stat status {};
+  if (::stat(folder.c_str(), &status) == 0) {
+    if (!S_ISDIR(status.st_mode)) return mounts_.refused(folder, ENOTDIR);
+    return copy(folder);
+  }
+  const int error = errno;
+  if (error != ENOENT || folder == "/" || parent_folder(folder) == "/") return mounts_.refused(folder, error);
+  if (Result<void> above = own(parent_folder(folder)); !above) return above;
+  if (::mkdir(folder.c_str(), 0755) != 0) return mounts_.refused(folder, errno);
+  owned_.insert(folder);
+  return {};
+}
+
+Result<void> PrivateFolders::copy(const std::string& folder) {
+  const UniqueFd old(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  struct stat status {};
+  if (!old || ::fstat(old.get(), &status) != 0) return mounts_.refused(folder, errno);
+  const std::string options = fmt::format("mode={:o}", status.st_mode & 07777U);
+  if (::mount("porttape", folder.c_str(), "tmpfs", MS_NOSUID | MS_NODEV, options.c_str()) != 0)
+    return mounts_.refused("a file system in memory on " + folder, errno);
+  owned_.insert(folder);
+  const std::unique_ptr<DIR, int (*)(DIR*)> entries(::fdopendir(::dup(old.get())), &::closedir);
+  if (!entries) return mounts_.refused(folder, errno);
+  while (const dirent* const entry = ::readdir(entries.get())) {
+    const std::string_view name = entry->d_name;
+    if (name != "." && name != "..") copy_entry(old.get(), entry->d_name, folder + '/' + entry->d_name);
+  }
+  return {};
+}
+
+// Takes away what was copied.
+Result<void> PrivateFolders::free_name(const std::string& path) {
+  if (Result<void> owned = own(parent_folder(path)); !owned) return owned;
+  (void)::umount2(path.c_str(), MNT_DETACH | UMOUNT_NOFOLLOW);
+  if (::unlink(path.c_str()) == 0 || errno == ENOENT) return {};
+  return mounts_.refused(path, errno);
+}
+
+Result<void> PrivateFolders::put_file(const std::string& path, const std::string& text) {
+  if (Result<void> free = free_name(path); !free) return free;
+  const UniqueFd file(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644));
+  if (file && ::write(file.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size())) return {};
+  return mounts_.refused(path, errno);
+}
+
+Result<void> PrivateFolders::put_link(const std::string& path, const std::string& target) {
+  if (Result<void> free = free_name(path); !free) return free;
+  return ::symlink(target.c_str(), path.c_str()) == 0 ? Result<void>() : mounts_.refused(path, errno);
+}
+
+Result<void> PrivateFolders::put_mount(const std::string& path, const std::string& source) {
+  struct stat status {};
+  if (::stat(source.c_str(), &status) != 0) return mounts_.refused(source, errno);
+  const bool folder = S_ISDIR(status.st_mode);
+  if (Result<void> free = free_name(path); !free) return free;
+  if (folder ? ::mkdir(path.c_str(), 0755) != 0 : !make_empty_file(path)) return mounts_.refused(path, errno);
+  if (::mount(source.c_str(), path.c_str(), nullptr, MS_BIND | (folder ? MS_REC : 0), nullptr) != 0)
+    return mounts_.refused(path, errno);
+  return {};
+}
+
+}  // namespace porttape

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <set>
+#include <string>
+
+#include "libport/base/result.hpp"
+#include "libport/supervise/private_mounts.hpp"
+
+namespace porttape {
+
+// Folders of the system in which this process makes what others do not see: each becomes a file system in
+// memory in which all that was there is there again (files and folders mounted, links copied). What cannot be
+// mounted again is missing.
+class PrivateFolders {
+ public:
+  explicit PrivateFolders(const PrivateMounts& mounts) : mounts_(mounts) {}
+
+  // From now on the folder is such a one. It is made where it is missing, in one below the root that is
+  // there.
+  Result<void> own(const std::string& folder);
+
+  // In folders that are, names that are replaced where they exist; a path's folder is made `own` first.
+  Result<void> put_file(const std::string& path, const std::string& text);
+  Result<void> put_link(const std::string& path, const std::string& target);
+  // `source` is mounted there.
+  Result<void> put_mount(const std::string& path, const std::string& source);
+
+ private:
+  Result<void> copy(const std::string& folder);
+  Result<void> free_name(const std::string& path);
+
+  const PrivateMounts& mounts_;
+  std::set<std::string> owned_;
+};
+
+}  // namespace porttape
