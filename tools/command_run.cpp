@@ -13,6 +13,7 @@
 #include <spdlog/spdlog.h>
 
 #include "libport/tape/disks.hpp"
+#include "tools/found_port.hpp"
 #include "tools/supervised_child.hpp"
 #include "tools/tool_log.hpp"
 
@@ -102,7 +103,7 @@ Result<void> CommandRun::start_command(const std::vector<std::string>& command) 
   const auto output =
       options_.output_to_stderr ? ChildProcess::Output::all_to_stderr : ChildProcess::Output::ours;
   if (options_.supervision) {
-    const Result<bool> supervised = start_supervised(placed, environment, output);
+    const Result<bool> supervised = start_supervised(command, place, output);
     if (!supervised) return supervised.error();
     if (*supervised) return {};
   }
@@ -114,8 +115,7 @@ Result<void> CommandRun::start_command(const std::vector<std::string>& command) 
 }
 
 // False: this machine forbids it, which is told.
-Result<bool> CommandRun::start_supervised(const std::vector<std::string>& command,
-                                          const ChildProcess::Environment& environment,
+Result<bool> CommandRun::start_supervised(const std::vector<std::string>& command, PortPlace place,
                                           ChildProcess::Output output) {
   SupervisedLine* const line = channel_->driver().supervised();
   if (line == nullptr) {
@@ -124,10 +124,18 @@ Result<bool> CommandRun::start_supervised(const std::vector<std::string>& comman
                                   "leave out --driver, or name a pty",
                                   channel_->driver().name()));
   }
+  const std::optional<DevicePort> found =
+      port_to_find(*options_.supervision, channel_->driver(),
+                   sessions().empty() ? nullptr : &sessions().front()->device(), *context_.log);
+  if (found) place = {.path = found->identity.path};
   std::string forbidden;
   Result<std::unique_ptr<SupervisedChild>> started =
-      SupervisedChild::start(loop_, *line, *options_.supervision, command, environment, output, forbidden,
-                             [log = context_.log](const std::string& what) { log->error("{}", what); });
+      SupervisedChild::start(loop_, *line, *options_.supervision,
+                             {.command = with_place(command, place),
+                              .environment = environment_of(place),
+                              .output = output,
+                              .found_as = found},
+                             forbidden);
   if (!started) return started.error();
   if (!*started) {
     context_.log->error("{}; the command runs without a supervisor, on a plain pty", forbidden);

@@ -77,8 +77,8 @@ class CommandRun {
 
  private:
   Result<void> start_command(const std::vector<std::string>& command);
-  Result<bool> start_supervised(const std::vector<std::string>& command,
-                                const ChildProcess::Environment& environment, ChildProcess::Output output);
+  Result<bool> start_supervised(const std::vector<std::string>& command, PortPlace place,
+                                ChildProcess::Output output);
   void watch_signals();
   void handle_ready();
   void wait_for_device();

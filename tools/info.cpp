@@ -81,6 +81,23 @@ std::string to_json(const std::optional<PreviousTape>& previous) {
   return json.str();
 }
 
+std::string to_json(const std::optional<PortIdentity>& port) {
+  if (!port) return "null";
+  const auto id = [](const std::optional<std::uint16_t>& number) {
+    return number ? std::optional(usb_id_text(*number)) : std::nullopt;
+  };
+  JsonObject json;
+  json.add("path", port->path)
+      .add_or_null("vid", id(port->vid))
+      .add_or_null("pid", id(port->pid))
+      .add_or_null("serial", text_or_none(port->serial))
+      .add_or_null("manufacturer", text_or_none(port->manufacturer))
+      .add_or_null("product", text_or_none(port->product))
+      .add_or_null("interface", port->interface)
+      .add_or_null("driver", text_or_none(port->driver));
+  return json.str();
+}
+
 JsonList to_json(const std::vector<GapSummary>& gaps) {
   JsonList list;
   for (const GapSummary& gap : gaps) {
@@ -162,6 +179,7 @@ std::string to_json(const EventsSummary& events) {
       .add_or_null("transport", header.transport ? std::optional(word_of(*header.transport)) : std::nullopt)
       .add_or_null("stamped", header.stamped ? std::optional(word_of(*header.stamped)) : std::nullopt)
       .add_raw("previous", to_json(header.previous))
+      .add_raw("identity", to_json(header.identity))
       .add("gaps", to_json(events.gaps))
       .add("marks", to_json(events.marks))
       .add("settings", lines_of(events.settings))
@@ -234,6 +252,7 @@ void print_header(const TapeHeader& header, std::ostream& out) {
     out << '\n';
   }
   label(out, "device") << safe(header.device) << '\n';
+  if (header.identity) label(out, "identity") << safe(to_text(*header.identity)) << '\n';
   label(out, "driver") << safe(header.driver) << '\n';
   if (header.transport) label(out, "transport") << word_of(*header.transport) << '\n';
   if (header.stamped) {

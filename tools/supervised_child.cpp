@@ -1,6 +1,7 @@
 #include "tools/supervised_child.hpp"
 
 #include <fmt/format.h>
+#include <functional>
 #include <sys/wait.h>
 #include <unistd.h>
 #include <utility>
@@ -22,9 +23,8 @@ Error started_not(const SupervisedCommand::Trouble& trouble, const std::string& 
 }  // namespace
 
 Result<std::unique_ptr<SupervisedChild>> SupervisedChild::start(
-    Loop& loop, SupervisedLine& line, const Supervision& supervision, const std::vector<std::string>& command,
-    const ChildProcess::Environment& changed, ChildProcess::Output output, std::string& forbidden,
-    std::function<void(const std::string&)> tell) {
+    Loop& loop, SupervisedLine& line, const Supervision& supervision, const Start& how,
+    std::string& forbidden, std::function<void(const std::string&)> tell) {
   std::vector<std::unique_ptr<CallPart>> parts;
   parts.push_back(std::make_unique<TtyCalls>(line, supervision.lines));
   parts.push_back(std::make_unique<OwnSupervisors>(std::move(tell)));
@@ -32,11 +32,19 @@ Result<std::unique_ptr<SupervisedChild>> SupervisedChild::start(
   for (const auto& part : parts) {
     for (CallTrap& trap : part->traps()) traps.push_back(std::move(trap));
   }
-  const SupervisedCommand::Options options{.command = command,
-                                           .environment = ChildProcess::environment_with(changed),
-                                           .output_to_stderr = output == ChildProcess::Output::all_to_stderr,
-                                           .traps = std::move(traps),
-                                           .default_signals = ChildProcess::default_signals()};
+  ChildProcess::Environment environment = how.environment;
+  std::function<Result<void>()> prepare;
+  if (how.found_as) {
+    environment.emplace(kDeviceViewVariable.first, kDeviceViewVariable.second);
+    prepare = [&how] { return enter_device_view({*how.found_as}); };
+  }
+  const SupervisedCommand::Options options{
+      .command = how.command,
+      .environment = ChildProcess::environment_with(environment),
+      .output_to_stderr = how.output == ChildProcess::Output::all_to_stderr,
+      .traps = std::move(traps),
+      .prepare = std::move(prepare),
+      .default_signals = ChildProcess::default_signals()};
   std::unique_ptr<SupervisedChild> child(new SupervisedChild());
   SupervisedCommand::Trouble trouble;
   child->command_ = SupervisedCommand::start(
@@ -47,7 +55,7 @@ Result<std::unique_ptr<SupervisedChild>> SupervisedChild::start(
       },
       trouble);
   if (!child->command_) {
-    if (trouble.stage != Stage::trap) return started_not(trouble, command.front());
+    if (trouble.stage != Stage::trap) return started_not(trouble, how.command.front());
     forbidden = trouble.message;
     return std::unique_ptr<SupervisedChild>();
   }

@@ -2,12 +2,14 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "libport/base/result.hpp"
 #include "libport/loop/loop.hpp"
 #include "libport/port/supervised_line.hpp"
+#include "libport/supervise/device_view.hpp"
 #include "libport/supervise/supervised_command.hpp"
 #include "libport/supervise/supervisor.hpp"
 #include "tools/child_process.hpp"
@@ -19,13 +21,18 @@ namespace porttape {
 // A command under a supervisor of ours, which answers for the line what a pty lacks.
 class SupervisedChild final : public RunningCommand {
  public:
+  struct Start {
+    std::vector<std::string> command;
+    ChildProcess::Environment environment;  // what is changed in ours
+    ChildProcess::Output output = ChildProcess::Output::ours;
+    std::optional<DevicePort> found_as = {};  // by the command, where that was found possible
+  };
+
   // Where that cannot be here (the machine forbids it), there is none, and `forbidden` says why. `tell` is
   // given what the user should know, while the command runs. Errc::usage when there is no such command.
   static Result<std::unique_ptr<SupervisedChild>> start(Loop& loop, SupervisedLine& line,
-                                                        const Supervision& supervision,
-                                                        const std::vector<std::string>& command,
-                                                        const ChildProcess::Environment& changed,
-                                                        ChildProcess::Output output, std::string& forbidden,
+                                                        const Supervision& supervision, const Start& how,
+                                                        std::string& forbidden,
                                                         std::function<void(const std::string&)> tell);
   ~SupervisedChild() override = default;
 

@@ -25,12 +25,20 @@ std::vector<OptionSpec> supervision_options(bool flag) {
                            "some of cts=, dsr=, "
                            "cd=, ri= with on or off",
                    .value_name = "LINES"});
+  specs.push_back({.name = "as",
+                   .help = "the port as the command finds it, by name and in lists of ports: "
+                           "/dev/ttyUSB0,vid=0403,pid=6001,serial=PT0001 (manufacturer=, product=, "
+                           "interface=, driver=, location=), a path alone, or none; default: as device or "
+                           "tape know it",
+                   .value_name = "PORT"});
   return specs;
 }
 
 Result<std::optional<Supervision>> take_supervision(std::map<std::string, std::string>& values, bool flag) {
   const bool wanted = !flag || take_value(values, "exec").has_value();
   const std::optional<std::string> lines = take_value(values, "lines");
+  const std::optional<std::string> as = take_value(values, "as");
+  if (!wanted && as) return make_error(Errc::usage, "option 'as' goes with --exec");
   if (!wanted && lines) return make_error(Errc::usage, "option 'lines' goes with --exec");
   if (!wanted) return std::optional<Supervision>();
   Supervision supervision;
@@ -38,6 +46,12 @@ Result<std::optional<Supervision>> take_supervision(std::map<std::string, std::s
     const Result<LineDefaults> parsed = parse_line_defaults(*lines);
     if (!parsed) return make_error(Errc::usage, fmt::format("option 'lines': {}", parsed.error().message));
     supervision.lines = *parsed;
+  }
+  supervision.finds = as != "none";
+  if (as && supervision.finds) {
+    const Result<PortIdentity> parsed = parse_identity(*as);
+    if (!parsed) return make_error(Errc::usage, fmt::format("option 'as': {}", parsed.error().message));
+    supervision.as = *parsed;
   }
   return std::optional(supervision);
 }

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "libport/base/port_identity.hpp"
 #include "libport/base/result.hpp"
 #include "libport/port/port_type.hpp"
 #include "libport/supervise/line_model.hpp"
@@ -14,9 +15,11 @@ namespace porttape {
 // How a command is supervised (`porttape exec`, and --exec of other verbs).
 struct Supervision {
   LineDefaults lines = {};
+  bool finds = true;  // the command its port, by the identity of device or tape; see port_to_find()
+  std::optional<PortIdentity> as = {};  // or by this
 };
 
-// --lines; with `flag` also --exec, without which they count for nothing.
+// --lines, --as; with `flag` also --exec, without which they count for nothing.
 std::vector<OptionSpec> supervision_options(bool flag);
 
 // Takes these options out of `values`; nothing without --exec where that is an option. Errc::usage names the

@@ -137,6 +137,13 @@ Result<void> take_identity_key(PortIdentity& identity, std::string_view key, std
 
 }  // namespace
 
+std::string usb_id_text(std::uint16_t id) { return hex_text(id, 4); }
+
+std::optional<std::uint16_t> usb_id_of(std::string_view text) {
+  if (text.starts_with("0x") || text.starts_with("0X")) text.remove_prefix(2);
+  return text.size() <= 4 ? whole_number<std::uint16_t>(text, 16) : std::nullopt;
+}
+
 Result<void> check_identity(const PortIdentity& identity) {
   if (Result<void> path = check_path(identity.path); !path) return path;
   for (const auto& [key, text] :

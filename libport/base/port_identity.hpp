@@ -39,6 +39,11 @@ Result<void> check_identity(const PortIdentity& identity);
 // path and the vendor.
 PortIdentity completed(PortIdentity identity);
 
+// The number of a vendor or a product as it is written: `0403`. Read: of one to four hexadecimal digits, with
+// or without `0x`.
+std::string usb_id_text(std::uint16_t id);
+std::optional<std::uint16_t> usb_id_of(std::string_view text);
+
 // For a person: `/dev/ttyUSB0, USB 0403:6001, serial PT0001, FTDI FT232R, interface 0, ftdi_sio`.
 std::string to_text(const PortIdentity& identity);
 

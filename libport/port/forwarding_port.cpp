@@ -43,6 +43,7 @@ bool ForwardingPort::passive() const { return inner_->passive(); }
 bool ForwardingPort::keeps_datagrams() const { return inner_->keeps_datagrams(); }
 std::string ForwardingPort::name() const { return inner_->name(); }
 PortPlace ForwardingPort::place() const { return inner_->place(); }
+std::optional<PortIdentity> ForwardingPort::identity() const { return inner_->identity(); }
 std::string ForwardingPort::peer_node() const { return inner_->peer_node(); }
 
 void ForwardingPort::on_up() { listener().on_up(); }

@@ -55,6 +55,7 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   [[nodiscard]] bool keeps_datagrams() const override;
   [[nodiscard]] std::string name() const override;
   [[nodiscard]] PortPlace place() const override;
+  [[nodiscard]] std::optional<PortIdentity> identity() const override;
   [[nodiscard]] std::string peer_node() const override;
 
  protected:

@@ -14,6 +14,7 @@
 #include "libport/base/line_fault.hpp"
 #include "libport/base/line_settings.hpp"
 #include "libport/base/line_signal.hpp"
+#include "libport/base/port_identity.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
 #include "libport/port/port_place.hpp"
@@ -341,6 +342,9 @@ class Port {
   // Where a program finds it; a passive one from prepare() on, with what the system chose. One that connects:
   // where to. Empty where it is nowhere (a tape).
   [[nodiscard]] virtual PortPlace place() const { return {}; }
+  // What programs are told of the device that it is, from prepare() on; nothing where it is none, or nobody
+  // knows.
+  [[nodiscard]] virtual std::optional<PortIdentity> identity() const { return std::nullopt; }
   // The device node that its peer opens (a pty's slave, `/dev/pts/3`); empty where there is none.
   [[nodiscard]] virtual std::string peer_node() const { return {}; }
 

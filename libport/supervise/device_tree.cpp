@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <string_view>
 #include <sys/sysmacros.h>
+#include <utility>
 
 namespace porttape {
 namespace {
@@ -129,8 +130,10 @@ class TreeMaker {
                            port_.location.substr(port_.location.find('-') + 1), *port_.interface);
     const std::string target = "../../" + name_in_dev(port_);
     for (const std::string& name :
-         {"by-id/" + by_id_name(port_), "by-path/" + id_path_ + (is_usb_serial(port_) ? "-port0" : "")})
-      tree_.names.emplace_back("/dev/serial/" + name, target);
+         {"by-id/" + by_id_name(port_), "by-path/" + id_path_ + (is_usb_serial(port_) ? "-port0" : "")}) {
+      if (std::string link = "/dev/serial/" + name; link != port_.path)
+        tree_.names.emplace_back(std::move(link), target);
+    }
   }
 
   void add_udev() {

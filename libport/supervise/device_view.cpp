@@ -25,10 +25,17 @@ bool is_folder(const char* path) {
 
 // The kernel's node for new ptys looks for `pts` beside itself, and a node that is mounted alone has nothing
 // beside it: it is reached in the folder that it was in.
-Result<void> keep_ptmx(PrivateFolders& folders, const std::string& old_dev) {
+bool is_kernels_ptmx() {
   struct stat status {};
-  if (::lstat("/dev/ptmx", &status) != 0 || !S_ISCHR(status.st_mode)) return {};
-  if (Result<void> put = folders.put_mount("/dev/.porttape", old_dev); !put) return put;
+  return ::lstat("/dev/ptmx", &status) == 0 && S_ISCHR(status.st_mode);
+}
+
+Result<void> own_dev(PrivateFolders& folders) {
+  if (!is_kernels_ptmx()) return folders.own("/dev");
+  const Result<UniqueFd> before = folders.cloned_folder("/dev");
+  if (!before) return before.error();
+  if (Result<void> owned = folders.own("/dev"); !owned) return owned;
+  if (Result<void> put = folders.put_folder("/dev/.porttape", *before); !put) return put;
   return folders.put_link("/dev/ptmx", ".porttape/ptmx");
 }
 
@@ -65,14 +72,12 @@ std::string by_descriptor(const UniqueFd& file) { return fmt::format("/proc/self
 
 Result<void> build_view(const PrivateMounts& mounts, const std::vector<DevicePort>& ports) {
   PrivateFolders folders(mounts);
-  const UniqueFd old_dev(::open("/dev", O_PATH | O_DIRECTORY | O_CLOEXEC));
   std::vector<UniqueFd> nodes;
   for (const DevicePort& port : ports) {
     nodes.emplace_back(::open(port.node.c_str(), O_PATH | O_CLOEXEC));
     if (!nodes.back()) return mounts.refused(port.node, errno);
   }
-  if (Result<void> owned = folders.own("/dev"); !owned) return owned;
-  if (Result<void> kept = keep_ptmx(folders, by_descriptor(old_dev)); !kept) return kept;
+  if (Result<void> owned = own_dev(folders); !owned) return owned;
   for (std::size_t at = 0; at < ports.size(); ++at) {
     if (Result<void> put = put_port(folders, ports[at], by_descriptor(nodes[at])); !put) return put;
   }

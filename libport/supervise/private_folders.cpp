@@ -9,12 +9,18 @@
 #include <string_view>
 #include <sys/mount.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include "libport/base/unique_fd.hpp"
 
 namespace porttape {
 namespace {
+
+// Of <linux/mount.h>, which is not to be mixed with <sys/mount.h>.
+constexpr unsigned kCloneTree = 1;       // OPEN_TREE_CLONE
+constexpr unsigned kRecursive = 0x8000;  // AT_RECURSIVE
+constexpr unsigned kEmptyFrom = 4;       // MOVE_MOUNT_F_EMPTY_PATH
 
 std::string parent_folder(const std::string& path) {
   const std::size_t slash = path.rfind('/');
@@ -100,14 +106,26 @@ Result<void> PrivateFolders::put_link(const std::string& path, const std::string
 }
 
 Result<void> PrivateFolders::put_mount(const std::string& path, const std::string& source) {
-  struct stat status {};
-  if (::stat(source.c_str(), &status) != 0) return mounts_.refused(source, errno);
-  const bool folder = S_ISDIR(status.st_mode);
   if (Result<void> free = free_name(path); !free) return free;
-  if (folder ? ::mkdir(path.c_str(), 0755) != 0 : !make_empty_file(path)) return mounts_.refused(path, errno);
-  if (::mount(source.c_str(), path.c_str(), nullptr, MS_BIND | (folder ? MS_REC : 0), nullptr) != 0)
+  if (!make_empty_file(path)) return mounts_.refused(path, errno);
+  if (::mount(source.c_str(), path.c_str(), nullptr, MS_BIND, nullptr) != 0)
     return mounts_.refused(path, errno);
   return {};
+}
+
+Result<void> PrivateFolders::put_folder(const std::string& path, const UniqueFd& clone) {
+  if (Result<void> free = free_name(path); !free) return free;
+  if (::mkdir(path.c_str(), 0755) != 0 ||
+      ::syscall(SYS_move_mount, clone.get(), "", AT_FDCWD, path.c_str(), kEmptyFrom) != 0)
+    return mounts_.refused(path, errno);
+  return {};
+}
+
+Result<UniqueFd> PrivateFolders::cloned_folder(const std::string& folder) const {
+  UniqueFd clone(static_cast<int>(
+      ::syscall(SYS_open_tree, AT_FDCWD, folder.c_str(), kCloneTree | kRecursive | unsigned{O_CLOEXEC})));
+  if (!clone) return mounts_.refused("open_tree " + folder, errno);
+  return clone;
 }
 
 }  // namespace porttape

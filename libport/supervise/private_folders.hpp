@@ -4,6 +4,7 @@
 #include <string>
 
 #include "libport/base/result.hpp"
+#include "libport/base/unique_fd.hpp"
 #include "libport/supervise/private_mounts.hpp"
 
 namespace porttape {
@@ -22,8 +23,12 @@ class PrivateFolders {
   // In folders that are, names that are replaced where they exist; a path's folder is made `own` first.
   Result<void> put_file(const std::string& path, const std::string& text);
   Result<void> put_link(const std::string& path, const std::string& target);
-  // `source` is mounted there.
+  // The file `source` is mounted there.
   Result<void> put_mount(const std::string& path, const std::string& source);
+  // What cloned_folder() gave.
+  Result<void> put_folder(const std::string& path, const UniqueFd& clone);
+  // A folder with all that is mounted in it, as it is now.
+  [[nodiscard]] Result<UniqueFd> cloned_folder(const std::string& folder) const;
 
  private:
   Result<void> copy(const std::string& folder);

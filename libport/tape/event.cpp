@@ -72,6 +72,18 @@ void put(JsonObject& line, const TapeZero& zero) {
   put_if(line, "boot", zero.boot);
 }
 
+void put(JsonObject& line, const PortIdentity& port) {
+  put(line, "path", port.path);
+  for (const auto& [key, id] : {std::pair("vid", port.vid), std::pair("pid", port.pid)}) {
+    if (id) put(line, key, usb_id_text(*id));
+  }
+  put_if(line, "serial", port.serial);
+  put_if(line, "manufacturer", port.manufacturer);
+  put_if(line, "product", port.product);
+  if (port.interface) line.add("interface", *port.interface);
+  put_if(line, "driver", port.driver);
+}
+
 void put(JsonObject& line, std::string_view key, const std::optional<PayloadTotals>& totals) {
   if (!totals) return;
   JsonObject object;
@@ -200,6 +212,20 @@ SeenSettings settings_of(const json::object& line) {
 
 TapeZero zero_of(const json::object& object) {
   return {text_of(object, "wall"), number_of(object, "monotonic_us").value_or(0), text_of(object, "boot")};
+}
+
+PortIdentity identity_of(const json::object& object) {
+  PortIdentity port;
+  port.path = text_of(object, "path");
+  port.vid = usb_id_of(text_of(object, "vid"));
+  port.pid = usb_id_of(text_of(object, "pid"));
+  port.serial = text_of(object, "serial");
+  port.manufacturer = text_of(object, "manufacturer");
+  port.product = text_of(object, "product");
+  if (const auto number = number_within(object, "interface", 0, 255))
+    port.interface = static_cast<std::uint8_t>(*number);
+  port.driver = text_of(object, "driver");
+  return port;
 }
 
 std::optional<std::uint64_t> digest_of(const std::string& hex) {
@@ -333,6 +359,11 @@ std::string encode(const TapeHeader& header) {
     put(previous, "name", header.previous->name);
     line.add_raw("previous", previous.str());
   }
+  if (header.identity) {
+    JsonObject identity;
+    put(identity, *header.identity);
+    line.add_raw("identity", identity.str());
+  }
   put(line, "host", header.host);
   put(line, "tool", header.tool);
   return line.str() + '\n';
@@ -375,6 +406,7 @@ Result<TapeHeader> decode_header(std::string_view line) {
   if (const json::object* previous = object_of(*object, "previous")) {
     header.previous = PreviousTape{text_of(*previous, "id"), text_of(*previous, "name")};
   }
+  if (const json::object* identity = object_of(*object, "identity")) header.identity = identity_of(*identity);
   return header;
 }
 

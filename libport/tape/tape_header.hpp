@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "libport/base/port_identity.hpp"
 #include "libport/base/time.hpp"
 
 namespace porttape {
@@ -52,6 +53,7 @@ struct TapeHeader {
   std::optional<Transport> transport{};
   std::optional<Stamped> stamped{};
   std::optional<PreviousTape> previous{};
+  std::optional<PortIdentity> identity{};  // of the device; unchecked; without its location
 
   friend bool operator==(const TapeHeader&, const TapeHeader&) = default;
 };

@@ -87,6 +87,7 @@ Result<void> ReplayPort::prepare() {
   schedule_ = std::move(*schedule);
   writes_ = std::move(*writes);
   const std::optional<TapeHeader> header = schedule_->header();
+  identity_ = header ? header->identity : std::nullopt;
   datagrams_ = header && (header->transport ? *header->transport == Transport::datagram
                                             : header->device.starts_with("udp"));
   facts.stamped_at_arrival =

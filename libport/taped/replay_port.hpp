@@ -97,6 +97,7 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   // more than look, that of `incomplete`. Takes 5 s at most: what is not known or not written then is told.
   void finish() override;
   [[nodiscard]] std::string name() const override { return "logreader:" + options_.tape.name(); }
+  [[nodiscard]] std::optional<PortIdentity> identity() const override { return identity_; }
 
   // The latest run's, a look's too, once it is complete.
   [[nodiscard]] const std::optional<RunReport>& report() const { return report_; }
@@ -142,6 +143,7 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
 
   PortContext context_;
   Options options_;
+  std::optional<PortIdentity> identity_;  // of the recorded device, as the tape has it
   std::unique_ptr<PlayedTape> schedule_;
   std::unique_ptr<PlayedTape> writes_;
   PlayedAs played_as_;

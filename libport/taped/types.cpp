@@ -204,6 +204,7 @@ Result<std::unique_ptr<Port>> make_recording_port(const PortContext& context, co
       .fail_closed = options.fail_closed,
       .group = options.group,
       .connection = options.connection,
+      .identity = [device = port->get()] { return device->identity(); },
       .on_ended = options.on_ended};
   auto tap = std::make_unique<TapPort>(context, std::move(*port));
   tap->add(std::make_unique<TapeKeeper>(context, std::move(tape), [&tap = *tap] { tap.must_end(); }));

@@ -18,6 +18,7 @@
 
 #include "libport/base/printable.hpp"
 #include "libport/tty/device_access.hpp"
+#include "libport/tty/device_identity.hpp"
 
 namespace porttape {
 namespace {
@@ -153,6 +154,7 @@ Result<void> SerialPort::prepare() {
         error == EACCES ? access_advice(device_access(options_.device, wanted)) : advice_for(error);
     return missing(fmt::format("device {}: {}; {}", in_quotes(options_.device), errno_text(error), advice));
   }
+  identity_ = identity_of(options_.device);
   Result<void> free = check_free();
   if (!free && options_.wait) {
     context_.log->warn("{}; waiting for it", free.error().message);
@@ -163,6 +165,10 @@ Result<void> SerialPort::prepare() {
   if (!fd) return fd.error();
   begin_line(std::move(*fd));
   return {};
+}
+
+std::optional<PortIdentity> SerialPort::identity() const {
+  return identity_ ? identity_ : identity_of(options_.device);
 }
 
 void SerialPort::begin_line(UniqueFd fd) {

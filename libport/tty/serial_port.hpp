@@ -78,6 +78,7 @@ class SerialPort final : public Port, private WaitingCalls {
   void read_pending() override;
   [[nodiscard]] std::string name() const override { return "serial:" + options_.device; }
   [[nodiscard]] PortPlace place() const override { return {.path = options_.device}; }
+  [[nodiscard]] std::optional<PortIdentity> identity() const override;
 
  private:
   std::size_t write_some(ByteView data) override;
@@ -127,12 +128,13 @@ class SerialPort final : public Port, private WaitingCalls {
   const CommonOptions common_;
   SerialOptions options_;
   const std::shared_ptr<LineCalls> calls_;
-  LineSettings current_;                 // the last that the line took
-  std::optional<LineSettings> untried_;  // given while there was no line
-  bool untold_ = false;                  // the device has refused what it was to come up with
-  bool told_refused_ = false;            // in this session
-  std::optional<UucpLock> lock_;         // until the device is closed
-  std::set<std::string> told_;           // by warn_once()
+  std::optional<PortIdentity> identity_;  // none: it was not there when prepared
+  LineSettings current_;                  // the last that the line took
+  std::optional<LineSettings> untried_;   // given while there was no line
+  bool untold_ = false;                   // the device has refused what it was to come up with
+  bool told_refused_ = false;             // in this session
+  std::optional<UucpLock> lock_;          // until the device is closed
+  std::set<std::string> told_;            // by warn_once()
   std::unique_ptr<Line> line_;
   std::unique_ptr<PathWatch> waiting_;
   // Of a device that dies as soon as it is open.

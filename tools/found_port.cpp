@@ -1,0 +1,28 @@
+#include "tools/found_port.hpp"
+
+#include "libport/base/printable.hpp"
+
+namespace porttape {
+
+std::optional<DevicePort> port_to_find(const Supervision& supervision, const Port& driver, const Port* device,
+                                       spdlog::logger& log) {
+  std::optional<PortIdentity> identity = supervision.as;
+  if (!identity && supervision.finds && device != nullptr) {
+    identity = device->identity();
+    // A tape may be anybody's.
+    if (const Result<void> checked = identity ? check_identity(*identity) : Result<void>(); !checked) {
+      log.warn("{}: {}; the command finds its port by {{port}} alone", device->name(),
+               checked.error().message);
+      return std::nullopt;
+    }
+  }
+  DevicePort port{identity.value_or(PortIdentity()), driver.peer_node()};
+  if (!identity || port.node.empty()) return std::nullopt;
+  const Result<void> possible = can_enter_device_view({port});
+  if (possible) return port;
+  log.warn("{} cannot be shown to the command: {}; it finds its port by {{port}} alone",
+           in_quotes(port.identity.path), printable_line(possible.error().message));
+  return std::nullopt;
+}
+
+}  // namespace porttape
