@@ -149,6 +149,7 @@ ends() {
     until_true 20 has_lines calls notes 1 || die "no calls: $(cat said)"
     until_true 20 has_lines waits waits 2 || die "no waits: $(cat said)"
     kill -KILL "$started"
+    status_of "$started"
     expect_no_driver "porttape killed"
     ! grep -q ': ' notes || die "porttape killed: a call failed: $(grep -m 3 ': ' notes)"
   done
