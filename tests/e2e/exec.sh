@@ -172,7 +172,7 @@ ends() {
   [[ $status == 143 ]] || die "SIGTERM: exit $status: $(cat said)"
   say "SIGTERM: exit $status"
 
-  for descriptors in 3 4 5 6 8 10 12 14 16 20 24 32 64; do
+  for descriptors in {3..24} 32 64; do
     try timeout -k 5 60 bash -c "ulimit -n $descriptors && exec \"\$@\"" bash "$PORTTAPE" "${on_device[@]}" -- "$driver" lines '{port}' >said 2>&1
     [[ $status != 124 && $status != 137 && $status -lt 128 ]] || die "$descriptors descriptors: exit $status: $(cat said)"
     [[ $status == 0 || $descriptors -lt 64 ]] || die "$descriptors descriptors: exit $status: $(cat said)"
