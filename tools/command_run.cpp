@@ -129,13 +129,13 @@ Result<bool> CommandRun::start_supervised(const std::vector<std::string>& comman
                    sessions().empty() ? nullptr : &sessions().front()->device(), *context_.log);
   if (found) place = {.path = found->identity.path};
   std::string forbidden;
-  Result<std::unique_ptr<SupervisedChild>> started =
-      SupervisedChild::start(loop_, *line, *options_.supervision,
-                             {.command = with_place(command, place),
-                              .environment = environment_of(place),
-                              .output = output,
-                              .found_as = found},
-                             forbidden);
+  Result<std::unique_ptr<SupervisedChild>> started = SupervisedChild::start(
+      loop_, *line, *options_.supervision,
+      {.command = with_place(command, place),
+       .environment = environment_of(place),
+       .output = output,
+       .found_as = found},
+      forbidden, [log = context_.log](const std::string& what) { log->error("{}", what); });
   if (!started) return started.error();
   if (!*started) {
     context_.log->error("{}; the command runs without a supervisor, on a plain pty", forbidden);

@@ -283,7 +283,8 @@ class Port {
     return make_error(Errc::usage, name() + " has no line settings");
   }
   // Changes a signal of the line as its peer sees it: on a device's port dtr, rts and break, behind all that
-  // was written; on a driver's port what the device drives. A line without such a thing, or that is not up,
+  // was written; on a driver's port what the device drives. What it does not
+  // drive is what its peer is shown instead of a device's. A line without such a thing, or that is not up,
   // ignores it.
   virtual void signal(const LineSignal&) {}
   // Whether the peer's signals come by on_signal(), and signal() reaches it.

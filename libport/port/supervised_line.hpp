@@ -43,7 +43,11 @@ class SupervisedLine {
   virtual bool catch_up() = 0;
   // The peer has made its line so.
   virtual void made(const LineSettings& settings, SettingsOrder order) = 0;
-  // The peer has changed a signal: dtr, rts, break.
+  // The peer has dropped what came to it and was not read (`in`), what it wrote and was not sent, or both, and
+  // the kernel has done so.
+  virtual void flushed(bool in, bool out) = 0;
+  // The peer has changed a signal: dtr, rts, break. Where neither device nor tape has signals, also what the
+  // peer is shown of cts, dsr, cd, ri.
   virtual void signalled(const LineSignal& signal) = 0;
   // The peer waits until all that it has written has left the device: `done` is called then, or when the line
   // is over; once, from within or later.

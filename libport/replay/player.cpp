@@ -9,6 +9,8 @@ namespace {
 
 // Of a device that speaks without being asked.
 constexpr Nanos kShortestLoop = std::chrono::milliseconds(1);
+// A device whose line follows the driver's so soon does so at once: a driver may look within its next call.
+constexpr Nanos kAtOnce = std::chrono::microseconds(200);
 
 }  // namespace
 
@@ -155,7 +157,10 @@ Player::Progress Player::step(Turn& turn) {
   if (handshake_ && turn.mode == Mode::deliver && preroll_over()) return end_preroll(turn);
   if (by_hand_.over(head)) end_step(turn);
   if (head == nullptr) return at_end(turn);
-  if (!is_note(head->kind)) pace_.reach(head->at);
+  if (!is_note(head->kind)) {
+    pace_.reach(head->at);
+    answers_signal_ = false;
+  }
   switch (head->kind) {
     case RecordKind::read:
       return at_read(turn);
@@ -195,7 +200,10 @@ Player::Progress Player::at_device_signal(Turn& turn, const LineSignal& signal) 
   const bool stood = signal.name != LineSignal::Name::brk &&
                      session_bytes_ == schedule_.passed().reads + schedule_.passed().writes;
   if (!gate_opens(turn.now, at)) return Progress::waits;
-  const Instant when = stood && !signals_.told(signal.name) ? turn.now : pace_.due(at);
+  const Instant due = pace_.due(at);
+  const bool at_once =
+      (stood && !signals_.told(signal.name)) || (answers_signal_ && due < turn.now + kAtOnce);
+  const Instant when = at_once ? std::min(turn.now, due) : due;
   const bool passed_over =
       turn.mode == Mode::drop_all || (turn.mode != Mode::deliver && passes_over(turn, when));
   if (turn.mode == Mode::flush && passed_over) late_signals_.push_back(signal);
@@ -205,7 +213,7 @@ Player::Progress Player::at_device_signal(Turn& turn, const LineSignal& signal) 
     turn.out->signals.push_back({turn.out->deliver.size(), signal});
   }
   signals_.tell(signal.name);
-  if (when != turn.now || passed_over) pace_.played(at, when, passed_over ? when : turn.now);
+  if (!at_once || passed_over) pace_.played(at, when, passed_over ? when : turn.now);
   pop();
   return Progress::passed;
 }
@@ -222,6 +230,7 @@ Player::Progress Player::at_driver_signal(const Turn& turn, const LineSignal& si
     pace_.go_on_from(at, *since, *since);
   }
   pop();
+  answers_signal_ = true;
   return Progress::passed;
 }
 

@@ -266,6 +266,7 @@ class Player {
   std::uint64_t session_bytes_ = 0;       // passed before the session
   std::vector<LineSignal> late_signals_;  // of the device, that a flush has passed
   bool shows_signals_ = false;
+  bool answers_signal_ = false;  // nothing but signals of the device stand between the driver's and the walk
   Schedule::Totals prerolled_;
   std::optional<Instant> wake_;
   std::optional<TimingFault> fault_;

@@ -7,12 +7,14 @@
 #include <linux/seccomp.h>
 #include <sys/ioctl.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <sys/sysmacros.h>
 #include <sys/uio.h>
 #include <unistd.h>
 
 #include "libport/base/unique_fd.hpp"
 #include "libport/supervise/call_filter.hpp"
+#include "libport/supervise/pending_signals.hpp"
 
 namespace porttape {
 namespace {
@@ -41,6 +43,14 @@ std::optional<dev_t> Call::device_of(int fd) const {
   struct stat status {};
   if (::stat(path.data(), &status) != 0 || !S_ISCHR(status.st_mode)) return std::nullopt;
   return status.st_rdev;
+}
+
+// A thread that is not its process's first has no pidfd of its own before Linux 6.9.
+UniqueFd Call::duplicate(int fd) const {
+  UniqueFd process(static_cast<int>(::syscall(SYS_pidfd_open, thread_, 0)));
+  if (!process) process.reset(static_cast<int>(::syscall(SYS_pidfd_open, process_of(thread_), 0)));
+  if (!process || !waits()) return {};
+  return UniqueFd(static_cast<int>(::syscall(SYS_pidfd_getfd, process.get(), fd, 0)));
 }
 
 bool Call::read(std::uint64_t address, std::span<std::byte> into) const {

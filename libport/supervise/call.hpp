@@ -8,6 +8,8 @@
 #include <string>
 #include <sys/types.h>
 
+#include "libport/base/unique_fd.hpp"
+
 struct seccomp_notif;
 
 namespace porttape {
@@ -31,6 +33,9 @@ class Call {
 
   // The device number of the file that the thread knows as `fd`; nothing where there is none.
   [[nodiscard]] std::optional<dev_t> device_of(int fd) const;
+
+  // A descriptor of ours for that same open file; nothing where that is forbidden, or there is none.
+  [[nodiscard]] UniqueFd duplicate(int fd) const;
 
   // Its memory, whole or not at all. False: that address is not the program's, or must not be reached.
   bool read(std::uint64_t address, std::span<std::byte> into) const;

@@ -59,6 +59,14 @@ void put_flags(const SettingsForm& form, std::byte* settings, tcflag_t flags) {
   std::memcpy(settings + form.flags_at, &flags, form.flags_size);
 }
 
+void clear_echonl(const SettingsForm& form, std::byte* settings) {
+  std::byte* const at = settings + form.flags_at + form.flags_size;  // c_lflag is behind c_cflag
+  unsigned short low = 0;
+  std::memcpy(&low, at, sizeof(low));
+  low = static_cast<unsigned short>(low & ~static_cast<unsigned>(ECHONL));
+  std::memcpy(at, &low, sizeof(low));
+}
+
 bool gives_settings(std::uint32_t request) {
   return request == TCGETS || request == TCGETS2 || request == TCGETA;
 }
@@ -70,6 +78,10 @@ bool makes_settings(std::uint32_t request) {
 bool makes_settings_when_sent(std::uint32_t request) {
   return request == TCSETSW || request == TCSETSW2 || request == TCSETAW || request == TCSETSF ||
          request == TCSETSF2 || request == TCSETAF;
+}
+
+bool flushes_input(std::uint32_t request) {
+  return request == TCSETSF || request == TCSETSF2 || request == TCSETAF;
 }
 
 unsigned data_bits_of(tcflag_t flags) {
@@ -148,7 +160,7 @@ Outcome bad_address() { return outcome::Refuse{EFAULT}; }
 }  // namespace
 
 TtyCalls::TtyCalls(SupervisedLine& line, const LineDefaults& defaults)
-    : line_(&line), model_(defaults), serial_(plain_serial()) {
+    : line_(&line), model_(defaults), tells_lines_(defaults != LineDefaults()), serial_(plain_serial()) {
   line_->supervise(this);
 }
 
@@ -173,7 +185,7 @@ CallPart::Decision TtyCalls::decide(Supervisor& supervisor, const Call& call) {
     case TCFLSH:
       // What was written before is on its way, and not to be dropped.
       return behind_writes(supervisor, call,
-                           [](const Call&, SettingsOrder) -> Outcome { return outcome::Pass{}; });
+                           [this](const Call& waiting, SettingsOrder) { return flush(waiting); });
     case TCSBRK:
     case TCSBRKP:
     case TIOCSBRK:
@@ -262,7 +274,11 @@ Outcome TtyCalls::give_settings(const Call& call, std::uint32_t request) const {
   const SettingsForm form = form_of(request);
   std::array<std::byte, sizeof(termios2)> settings{};
   if (::ioctl(line_->line_fd(), request, settings.data()) != 0) return outcome::Pass{};
-  put_flags(form, settings.data(), (flags_in(form, settings.data()) & ~kHidden) | hidden_);
+  tcflag_t flags = (flags_in(form, settings.data()) & ~kHidden) | hidden_;
+  // A pty of ours is not quite as a serial line is opened (make_pty_raw()).
+  if (as_opened_) flags |= CLOCAL;
+  put_flags(form, settings.data(), flags);
+  if (as_opened_) clear_echonl(form, settings.data());
   return call.write(call.argument(2), std::span(settings).first(form.size)) ? done_well() : bad_address();
 }
 
@@ -273,6 +289,8 @@ Outcome TtyCalls::make_settings(const Call& call, std::uint32_t request, Setting
   if (!call.read(call.argument(2), std::span(settings).first(form.size))) return bad_address();
   if (::ioctl(line_->line_fd(), request, settings.data()) != 0) return outcome::Refuse{errno};
   hidden_ = flags_in(form, settings.data()) & kHidden;
+  as_opened_ = false;
+  if (flushes_input(request)) line_->flushed(true, false);
   const LineSettings made = settings_now();
   // The rate 0 lowers DTR and RTS on the device by itself, another one raises them again.
   if (std::exchange(hung_up_, made.baud == 0) != hung_up_) hung_up_ ? model_.closed() : model_.opened();
@@ -311,6 +329,17 @@ LineSettings TtyCalls::settings_now() const {
   return settings;
 }
 
+// Done here, at its place; by the kernel where its descriptor is not to be had.
+Outcome TtyCalls::flush(const Call& call) {
+  const auto queue = static_cast<int>(call.argument(2));
+  const bool in = queue == TCIFLUSH || queue == TCIOFLUSH;
+  const bool out = queue == TCOFLUSH || queue == TCIOFLUSH;
+  const UniqueFd tty = call.duplicate(static_cast<int>(call.argument(0)));
+  if (tty && ::ioctl(tty.get(), TCFLSH, queue) != 0) return outcome::Refuse{errno};
+  if (line_ != nullptr && (in || out)) line_->flushed(in, out);
+  return tty ? done_well() : outcome::Pass{};
+}
+
 Outcome TtyCalls::give_lines(const Call& call) const {
   return call.write_as(call.argument(2), model_.bits()) ? done_well() : bad_address();
 }
@@ -345,7 +374,22 @@ CallPart::Decision TtyCalls::wait_for_input(Supervisor& supervisor, const Call& 
   return Kept{};
 }
 
+// What the user wants the driver to see where the device has no lines is told as the device's.
+void TtyCalls::tell_inputs() {
+  if (!tells_lines_ || line_ == nullptr || !open_) return;
+  const int bits = model_.bits();
+  const int changed = told_inputs_ ? bits ^ *told_inputs_ : ~0;
+  told_inputs_ = bits;
+  for (const auto& [name, bit] : {std::pair{LineSignal::Name::cts, TIOCM_CTS},
+                                  {LineSignal::Name::dsr, TIOCM_DSR},
+                                  {LineSignal::Name::cd, TIOCM_CD},
+                                  {LineSignal::Name::ri, TIOCM_RI}}) {
+    if ((changed & bit) != 0) line_->signalled({name, (bits & bit) != 0});
+  }
+}
+
 void TtyCalls::look_at_inputs() {
+  tell_inputs();
   const LineModel::Counters now = model_.counters();
   for (const InputWait& wait : input_waits_) {
     const bool changed = ((wait.mask & TIOCM_CTS) != 0 && wait.since.cts != now.cts) ||
@@ -444,6 +488,7 @@ Outcome TtyCalls::make_rs485(const Call& call) {
 
 void TtyCalls::line_opened() {
   open_ = true;
+  as_opened_ = true;
   hung_up_ = false;
   model_.opened();
   look_at_inputs();
@@ -451,6 +496,7 @@ void TtyCalls::line_opened() {
 
 void TtyCalls::line_closed() {
   open_ = false;
+  told_inputs_.reset();
   model_.closed();
   for (const InputWait& wait : std::exchange(input_waits_, {})) wait.call->finish(outcome::Refuse{EIO});
 }
@@ -463,6 +509,7 @@ void TtyCalls::line_gone() {
 void TtyCalls::line_shows(const LineSettings& settings) { hidden_ = hidden_of(settings); }
 
 void TtyCalls::line_signalled(const LineSignal& signal) {
+  tells_lines_ = false;  // it has lines of its own
   model_.show(signal);
   look_at_inputs();
 }

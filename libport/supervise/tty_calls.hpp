@@ -62,11 +62,13 @@ class TtyCalls final : public CallPart, private LineSupervisor {
   Decision decide_break(Supervisor& supervisor, const Call& call, std::uint32_t request);
   Outcome give_settings(const Call& call, std::uint32_t request) const;
   Outcome make_settings(const Call& call, std::uint32_t request, SettingsOrder order);
+  Outcome flush(const Call& call);
   Outcome give_lines(const Call& call) const;
   Outcome drive_lines(const Call& call, std::uint32_t request);
   void drive(LineSignal::Name name, bool on);
   void signalled(const LineSignal& signal);
   Decision wait_for_input(Supervisor& supervisor, const Call& call);
+  void tell_inputs();
   void look_at_inputs();
   Decision send_break(Supervisor& supervisor, const Call& call, Nanos length);
   Outcome give_counters(const Call& call) const;
@@ -81,8 +83,11 @@ class TtyCalls final : public CallPart, private LineSupervisor {
   tcflag_t hidden_ = CS8;  // of c_cflag what a pty does not keep
   bool hung_up_ = false;   // B0
   bool open_ = false;
+  bool as_opened_ = true;     // nobody has set the line since
+  bool tells_lines_ = false;  // the defaults are the user's: they belong on the tape
   serial_struct serial_{};
   serial_rs485 rs485_{};
+  std::optional<int> told_inputs_;  // in this session
   std::vector<InputWait> input_waits_;
 };
 

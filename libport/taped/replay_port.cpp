@@ -237,6 +237,7 @@ void ReplayPort::peer_set(const SeenSettings& settings, SettingsOrder) {
 }
 
 void ReplayPort::signal(const LineSignal& signal) {
+  if (!is_output(signal.name) && signal.name != LineSignal::Name::brk) return;  // shown to the driver only
   engine_->on_signal(Loop::now(), signal);
   pump();
 }

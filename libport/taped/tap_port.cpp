@@ -138,7 +138,8 @@ void TapPort::on_settings(const SeenSettings& settings, SettingsOrder order) {
 
 void TapPort::signal(const LineSignal& signal) {
   tell_passed();
-  note(signal_event({Side::driver, signal}));
+  const bool by_driver = is_output(signal.name) || signal.name == LineSignal::Name::brk;
+  note(signal_event({by_driver ? Side::driver : Side::device, signal}));
   ForwardingPort::signal(signal);
 }
 

@@ -465,6 +465,7 @@ void PtyPort::handle_packet(ByteView packet) {
     if (packet.size() > 1) listener().on_data(packet.subspan(1));
     return;
   }
+  if (supervisor_ != nullptr) return;  // which has told it already
   driver_flushed((status & TIOCPKT_FLUSHREAD) != 0, (status & TIOCPKT_FLUSHWRITE) != 0);
 }
 
@@ -496,6 +497,10 @@ bool PtyPort::catch_up() {
 void PtyPort::made(const LineSettings& settings, SettingsOrder order) {
   if (line_) line_->settings.take_as_known();
   if (up_) listener().on_settings(SeenSettings::of(settings), order);
+}
+
+void PtyPort::flushed(bool in, bool out) {
+  if (line_) driver_flushed(in, out);
 }
 
 void PtyPort::signalled(const LineSignal& signal) {

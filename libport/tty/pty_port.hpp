@@ -108,6 +108,7 @@ class PtyPort final : public Port, private SupervisedLine {
   }
   bool catch_up() override;
   void made(const LineSettings& settings, SettingsOrder order) override;
+  void flushed(bool in, bool out) override;
   void signalled(const LineSignal& signal) override;
   void wait_until_sent(std::function<void()> done) override;
 

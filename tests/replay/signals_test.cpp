@@ -106,6 +106,24 @@ TEST(Signals, WhatTheDriverDidNotDoIsAMismatchWhereThatIsChecked) {
   EXPECT_EQ(blind.verdict(), Verdict::pass) << "a plain pty shows no signals";
 }
 
+// A plug that leads RTS to CTS: the driver may look within its next call.
+TEST(Signals, ALineThatFollowsTheDriversDoesSoAtOnce) {
+  Shown rig(MemoryTape()
+                .open(0)
+                .event(10, by_device(Name::cts, true))
+                .event(5'000, by_driver(Name::rts, false))
+                .event(5'040, by_device(Name::cts, false))
+                .event(9'000, by_driver(Name::rts, true))
+                .event(9'400, by_device(Name::cts, true))
+                .close(20'000));
+  rig.open().until(1'000).signal(Name::rts, false);
+  EXPECT_THAT(rig.signals, ElementsAre("cts on behind 0 at 0", "cts off behind 0 at 1000"));
+  rig.signal(Name::rts, true).wait(399);
+  EXPECT_EQ(rig.signals.size(), 2U) << "this one takes a while";
+  rig.wait(1);
+  EXPECT_EQ(rig.signals.size(), 3U);
+}
+
 TEST(Signals, ABreakIsOneOfThem) {
   Shown rig(MemoryTape()
                 .open(0)

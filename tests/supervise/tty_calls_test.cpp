@@ -53,6 +53,9 @@ class PtyLine final : public SupervisedLine {
   void made(const LineSettings& settings, SettingsOrder order) override {
     say(to_text(SeenSettings::of(settings)) + (order == SettingsOrder::sampled ? " sampled" : ""));
   }
+  void flushed(bool in, bool out) override {
+    say(std::string("flushed") + (in ? " in" : "") + (out ? " out" : ""));
+  }
   void signalled(const LineSignal& signal) override {
     say(std::string(name_of(signal.name)) + (signal.on ? " on" : " off"));
     if (on_signal) on_signal(signal);
@@ -183,6 +186,17 @@ TEST_F(TtyCallsTest, TheLinesEndEndsAWait) {
     loop.post([this] { gone.set_after(std::chrono::milliseconds(5)); });
   };
   EXPECT_THAT(run({"rts-", "wait"}), ElementsAre("wait -1 EIO"));
+}
+
+TEST_F(TtyCallsTest, AFlushHasItsPlace) {
+  EXPECT_THAT(run({"write:a", "flush", "write:b", "rts-"}), ElementsAre("write 1", "flush 0", "write 1"));
+  EXPECT_THAT(line.told, ElementsAre("wrote a", "flushed in out", "wrote b", "rts off"));
+}
+
+TEST_F(TtyCallsTest, TheLinesThatAUserAsksForAreTold) {
+  EXPECT_THAT(run({"rts-", "lines"}, {.cts = false, .dsr = false, .cd = false, .loopback = true}),
+              ElementsAre("lines 0 dtr dsr cd"));
+  EXPECT_THAT(line.told, ElementsAre("cts on", "dsr on", "cd on", "ri off", "rts off", "cts off"));
 }
 
 TEST_F(TtyCallsTest, ABadAddressIsTheDriversOwnError) {

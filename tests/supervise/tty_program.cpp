@@ -65,6 +65,8 @@ int main(int count, char** words) {
       set(fd, out, step + 4);
     } else if (strcmp(step, "drain") == 0) {
       fprintf(out, "drain %d\n", tcdrain(fd));
+    } else if (strcmp(step, "flush") == 0) {
+      fprintf(out, "flush %d\n", tcflush(fd, TCIOFLUSH));
     } else if (strcmp(step, "break") == 0) {
       fprintf(out, "break %d\n", ioctl(fd, TCSBRKP, 1));
     } else if (strncmp(step, "write:", 6) == 0) {
