@@ -149,6 +149,16 @@ TEST(TapeHeader, IsReadBack) {
   full.transport = Transport::datagram;
   full.stamped = Stamped::read;
   full.previous = PreviousTape{"45c4", "laser.log"};
+  full.identity = PortIdentity{.path = "/dev/ttyUSB0",
+                               .vid = 0x0403,
+                               .pid = 0x6001,
+                               .serial = "PT1",
+                               .manufacturer = "FTDI",
+                               .product = "FT232R",
+                               .interface = std::uint8_t{1},
+                               .driver = "ftdi_sio"};
+  EXPECT_EQ(decode_header(encode(full)).value(), full);
+  full.identity = PortIdentity{.path = "/dev/ttyS0"};
   EXPECT_EQ(decode_header(encode(full)).value(), full);
   EXPECT_EQ(decode_header("{}").error().message,
             "not an events file: its first line is no porttape-events header");

@@ -1,0 +1,271 @@
+// A private /dev, each entered in a process of its own; as root, and as a user.
+
+#include "libport/supervise/device_view.hpp"
+
+#include <array>
+#include <cerrno>
+#include <cstdlib>
+#include <fcntl.h>
+#include <fstream>
+#include <functional>
+#include <grp.h>
+#include <iterator>
+#include <linux/capability.h>
+#include <pty.h>
+#include <sched.h>
+#include <string>
+#include <sys/prctl.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/sysmacros.h>
+#include <sys/wait.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "libport/base/unique_fd.hpp"
+
+namespace porttape {
+namespace {
+
+using testing::HasSubstr;
+
+const PortIdentity kFound{.path = "/dev/ttyUSB93",
+                          .vid = 0x0403,
+                          .pid = 0x6001,
+                          .serial = "PT0001",
+                          .manufacturer = "FTDI",
+                          .product = "FT232R"};
+constexpr const char* kById = "/dev/serial/by-id/usb-FTDI_FT232R_PT0001-if00-port0";
+
+// A pty whose slave everybody may open.
+struct View {
+  View() {
+    std::array<char, 64> name{};
+    int near = -1;
+    int far = -1;
+    if (::openpty(&near, &far, name.data(), nullptr, nullptr) != 0) std::abort();
+    master.reset(near);
+    slave.reset(far);
+    ::fchmod(far, 0666);
+    node = name.data();
+  }
+  UniqueFd master;
+  UniqueFd slave;
+  std::string node;
+};
+
+std::string text_of(const std::string& path) {
+  std::ifstream file(path);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+bool is_there(const std::string& path) {
+  struct stat status {};
+  return ::lstat(path.c_str(), &status) == 0;
+}
+
+std::string error_at(const std::string& path) {
+  const UniqueFd file(::open(path.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC));
+  return file ? "opened" : errno_text(errno);
+}
+
+// What `work` says, in a process of its own; as another user where that can be.
+std::string in_process(bool as_user, const std::function<std::string()>& work) {
+  std::array<int, 2> pair{};
+  if (::pipe(pair.data()) != 0) return "no pipe";
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::close(pair[0]);
+    std::string text = "cannot be a user";
+    if (!as_user || ::geteuid() != 0 ||
+        (::setgroups(0, nullptr) == 0 && ::setresgid(54321, 54321, 54321) == 0 &&
+         ::setresuid(54321, 54321, 54321) == 0)) {
+      ::prctl(PR_SET_DUMPABLE, 1);  // as after an exec: else /proc/self is root's
+      text = work();
+    }
+    (void)!::write(pair[1], text.data(), text.size());
+    ::_exit(0);
+  }
+  ::close(pair[1]);
+  std::string said;
+  std::array<char, 4096> part{};
+  for (ssize_t size = 0; (size = ::read(pair[0], part.data(), part.size())) > 0;)
+    said.append(part.data(), static_cast<std::size_t>(size));
+  ::close(pair[0]);
+  ::waitpid(child, nullptr, 0);
+  return said;
+}
+
+class DeviceViewTest : public testing::TestWithParam<bool> {
+ protected:
+  void SetUp() override {
+    const std::string forbidden = in_process(GetParam(), [this] {
+      const Result<void> can = can_enter_device_view({{kFound, view.node}});
+      return can ? std::string() : can.error().message;
+    });
+    if (!forbidden.empty()) GTEST_SKIP() << forbidden;
+  }
+  std::string inside(const std::function<std::string()>& work, const PortIdentity& identity = kFound) {
+    return in_process(GetParam(), [&] {
+      const Result<void> entered = enter_device_view({{identity, view.node}});
+      return entered ? work() : entered.error().message;
+    });
+  }
+  View view;
+};
+
+INSTANTIATE_TEST_SUITE_P(As, DeviceViewTest, testing::Values(false, true),
+                         [](const auto& as) { return as.param ? "User" : "Caller"; });
+
+TEST_P(DeviceViewTest, ThePortIsThePtyByEachName) {
+  for (const std::string path : {"/dev/ttyUSB93", kById}) {
+    EXPECT_EQ(inside([&] {
+                const UniqueFd port(::open(path.c_str(), O_RDWR | O_NOCTTY));
+                if (!port) return errno_text(errno);
+                struct termios raw {};
+                ::tcgetattr(port.get(), &raw);
+                ::cfmakeraw(&raw);
+                ::tcsetattr(port.get(), TCSANOW, &raw);
+                return std::string(::write(port.get(), "hello", 5) == 5 ? "written" : "not written");
+              }),
+              "written")
+        << path;
+    std::array<char, 16> got{};
+    ASSERT_EQ(::read(view.master.get(), got.data(), got.size()), 5) << path;
+    EXPECT_STREQ(got.data(), "hello");
+  }
+}
+
+TEST_P(DeviceViewTest, KernelAndUdevTellOfIt) {
+  EXPECT_EQ(inside([] { return text_of("/sys/class/tty/ttyUSB93/device/../../idVendor"); }), "0403\n");
+  struct stat status {};
+  ASSERT_EQ(::stat(view.node.c_str(), &status), 0);
+  const std::string number =
+      std::to_string(major(status.st_rdev)) + ':' + std::to_string(minor(status.st_rdev));
+  EXPECT_EQ(inside([&] { return text_of("/sys/dev/char/" + number + "/dev"); }), number + '\n');
+  EXPECT_THAT(inside([&] { return text_of("/run/udev/data/c" + number); }),
+              HasSubstr("E:ID_VENDOR_ID=0403\n"));
+  EXPECT_EQ(inside([] { return std::string(is_there("/run/udev/control") ? "there" : "not there"); }),
+            "there");
+}
+
+TEST_P(DeviceViewTest, TheRestOfDevIsAsItWas) {
+  for (const char* path : {"/dev/null", "/dev/zero", "/dev/ptmx"})
+    EXPECT_EQ(inside([&] { return error_at(path); }), "opened") << path;
+  EXPECT_EQ(inside([&] { return error_at(view.node); }), "opened");
+  EXPECT_EQ(inside([] {
+              const UniqueFd master(::posix_openpt(O_RDWR | O_NOCTTY));
+              if (!master || ::grantpt(master.get()) != 0 || ::unlockpt(master.get()) != 0)
+                return errno_text(errno);
+              return error_at(::ptsname(master.get()));
+            }),
+            "opened");
+  EXPECT_EQ(inside([] {
+              const std::string name = "/dev/shm/porttape-view." + std::to_string(::getpid());
+              const UniqueFd file(::open(name.c_str(), O_RDWR | O_CREAT, 0600));
+              ::unlink(name.c_str());
+              return std::string(file ? "made" : "not made");
+            }),
+            "made");
+  // Without a controlling terminal, as everywhere.
+  EXPECT_EQ(inside([] {
+              ::setsid();
+              return error_at("/dev/tty");
+            }),
+            errno_text(ENXIO));
+  EXPECT_EQ(inside([] {
+              ::setsid();
+              const UniqueFd port(::open("/dev/ttyUSB93", O_RDWR));
+              return error_at("/dev/tty");
+            }),
+            "opened");
+}
+
+TEST_P(DeviceViewTest, TheUserStaysWhoItIs) {
+  const std::string who = in_process(GetParam(), [] { return std::to_string(::geteuid()); });
+  EXPECT_EQ(inside([] { return std::to_string(::geteuid()); }), who);
+  const auto capabilities = [] {
+    const std::string status = text_of("/proc/self/status");
+    return status.substr(status.find("CapInh"), status.find("CapBnd") - status.find("CapInh"));
+  };
+  EXPECT_EQ(inside(capabilities), in_process(GetParam(), capabilities));
+}
+
+TEST_P(DeviceViewTest, ItTakesThePlaceOfADeviceOfItsName) {
+  if (!is_there("/dev/ttyS0")) GTEST_SKIP() << "this machine has no /dev/ttyS0";
+  struct stat pty {};
+  ASSERT_EQ(::stat(view.node.c_str(), &pty), 0);
+  EXPECT_EQ(inside(
+                [] {
+                  struct stat status {};
+                  ::stat("/dev/ttyS0", &status);
+                  return std::to_string(status.st_rdev);
+                },
+                {.path = "/dev/ttyS0"}),
+            std::to_string(pty.st_rdev));
+}
+
+TEST_P(DeviceViewTest, NothingOfItIsOnTheHost) {
+  const std::string mounts = text_of("/proc/self/mountinfo");
+  const bool had_udev = is_there("/run/udev");
+  const bool had_serial = is_there("/dev/serial");
+  EXPECT_EQ(inside([] { return std::string(is_there("/dev/ttyUSB93") ? "there" : ""); }), "there");
+  EXPECT_FALSE(is_there("/dev/ttyUSB93"));
+  EXPECT_FALSE(is_there("/dev/.porttape"));
+  EXPECT_FALSE(is_there("/sys/class/tty/ttyUSB93"));
+  EXPECT_EQ(is_there("/run/udev"), had_udev);
+  EXPECT_EQ(is_there("/dev/serial"), had_serial);
+  EXPECT_EQ(text_of("/proc/self/mountinfo"), mounts);
+}
+
+TEST_P(DeviceViewTest, OnceThePtyIsGoneTheNameIsDead) {
+  EXPECT_EQ(in_process(GetParam(),
+                       [] {
+                         View own;
+                         const Result<void> entered = enter_device_view({{kFound, own.node}});
+                         if (!entered) return entered.error().message;
+                         const std::string before = error_at("/dev/ttyUSB93");
+                         own.slave.reset();
+                         own.master.reset();
+                         // A new one may get its number, and is not under its name.
+                         const View next;
+                         return before + ", " + error_at("/dev/ttyUSB93");
+                       }),
+            "opened, " + errno_text(EIO));
+}
+
+TEST(DeviceView, WhatForbidsItIsNamed) {
+  const View view;
+  const std::string said = in_process(true, [&]() -> std::string {
+    // In a user namespace that may have none below, without rights there.
+    const std::string user = std::to_string(::geteuid());
+    if (::unshare(CLONE_NEWUSER) != 0) return "no namespace";
+    std::ofstream("/proc/self/uid_map") << user << ' ' << user << " 1";
+    std::ofstream limit("/proc/sys/user/max_user_namespaces");
+    if (!(limit << 0 << std::flush)) return "no namespace";
+    __user_cap_header_struct head{_LINUX_CAPABILITY_VERSION_3, 0};
+    const std::array<__user_cap_data_struct, 2> none{};
+    if (::syscall(SYS_capset, &head, none.data()) != 0) return "no namespace";
+    const Result<void> can = can_enter_device_view({{kFound, view.node}});
+    return can ? "entered" : can.error().message;
+  });
+  if (said == "no namespace") GTEST_SKIP() << "no user namespaces here";
+  EXPECT_EQ(
+      said,
+      "no /dev of its own for the command: this system allows 0 user namespaces and no more: allow more by "
+      "sysctl user.max_user_namespaces=N, or run as root");
+}
+
+TEST(DeviceView, APortThatCannotBeIsRefused) {
+  EXPECT_THAT(in_process(false,
+                         [] {
+                           return enter_device_view({{{.path = "/dev/../x"}, "/dev/null"}}).error().message;
+                         }),
+              HasSubstr("begins with '.'"));
+}
+
+}  // namespace
+}  // namespace porttape
