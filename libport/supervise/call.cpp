@@ -37,7 +37,7 @@ Call::Call(int listener, const seccomp_notif& told)
 
 bool Call::waits() const { return ::ioctl(listener_, SECCOMP_IOCTL_NOTIF_ID_VALID, &id_) == 0; }
 
-std::optional<dev_t> Call::device_of(int fd) const {
+std::optional<std::uint64_t> Call::device_of(int fd) const {
   std::array<char, 64> path{};
   *fmt::format_to_n(path.data(), path.size() - 1, "/proc/{}/fd/{}", thread_, fd).out = '\0';
   struct stat status {};

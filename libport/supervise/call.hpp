@@ -32,7 +32,7 @@ class Call {
   [[nodiscard]] bool waits() const;
 
   // The device number of the file that the thread knows as `fd`; nothing where there is none.
-  [[nodiscard]] std::optional<dev_t> device_of(int fd) const;
+  [[nodiscard]] std::optional<std::uint64_t> device_of(int fd) const;
 
   // A descriptor of ours for that same open file; nothing where that is forbidden, or there is none.
   [[nodiscard]] UniqueFd duplicate(int fd) const;

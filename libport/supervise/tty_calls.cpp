@@ -176,7 +176,7 @@ CallPart::Decision TtyCalls::decide(Supervisor& supervisor, const Call& call) {
   if (line_ == nullptr || call.number() != SYS_ioctl) return NotMine{};
   const auto request = static_cast<std::uint32_t>(call.argument(1));
   if (std::ranges::find(kRequests, request) == kRequests.end()) return NotMine{};
-  const std::optional<dev_t> device = line_->line_device();
+  const std::optional<std::uint64_t> device = line_->line_device();
   if (!device || call.device_of(static_cast<int>(call.argument(0))) != device) return NotMine{};
   if (gives_settings(request)) return give_settings(call, request);
   if (makes_settings(request) || makes_settings_when_sent(request))

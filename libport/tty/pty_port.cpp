@@ -34,9 +34,9 @@ constexpr std::size_t kMostHeld = std::size_t{128} * 1024;
 constexpr Nanos kRenewAgain = std::chrono::milliseconds(500);
 constexpr Nanos kRenewSeldom = std::chrono::seconds(5);
 
-std::optional<dev_t> device_number(const std::string& path) {
+std::optional<std::uint64_t> device_number(const std::string& path) {
   struct stat status {};
-  return ::stat(path.c_str(), &status) == 0 ? std::optional(status.st_rdev) : std::nullopt;
+  return ::stat(path.c_str(), &status) == 0 ? std::optional<std::uint64_t>(status.st_rdev) : std::nullopt;
 }
 
 }  // namespace

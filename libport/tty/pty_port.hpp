@@ -94,7 +94,7 @@ class PtyPort final : public Port, private SupervisedLine {
   struct Line {
     Line(PtyPort& port, Pty made);
     Pty pty;
-    std::optional<dev_t> device;
+    std::optional<std::uint64_t> device;
     PtySettings settings;
     std::unique_ptr<UrgentEvents::Watch> clocal_watch;  // keeps it cleared; null: the looks alone do
     FdWatch master_watch;
@@ -103,7 +103,7 @@ class PtyPort final : public Port, private SupervisedLine {
 
   void supervise(LineSupervisor* supervisor) override;
   [[nodiscard]] int line_fd() const override { return line_ ? line_->pty.master() : -1; }
-  [[nodiscard]] std::optional<dev_t> line_device() const override {
+  [[nodiscard]] std::optional<std::uint64_t> line_device() const override {
     return line_ ? line_->device : std::nullopt;
   }
   bool catch_up() override;

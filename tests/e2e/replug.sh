@@ -16,9 +16,10 @@ plug() {
   mkdir -p serial/by-id
   ln -s "$(readlink "$1")" "$link"
 }
+# The links first: the kernel gives the name of the tty that goes to the next one, whoever makes it.
 unplug() {
-  stop "$device"
   rm -r serial
+  stop "$device"
 }
 
 # driver.py LINK stays|reopens: asks, waits until the file `back` is there, asks again. What it saw goes to stdout.

@@ -43,7 +43,7 @@ class PtyLine final : public SupervisedLine {
 
   void supervise(LineSupervisor* by) override { supervisor = by; }
   [[nodiscard]] int line_fd() const override { return master_.get(); }
-  [[nodiscard]] std::optional<dev_t> line_device() const override { return device_; }
+  [[nodiscard]] std::optional<std::uint64_t> line_device() const override { return device_; }
   bool catch_up() override {
     std::array<char, 256> some{};
     const ssize_t size = takes ? ::read(master_.get(), some.data(), some.size()) : -1;
@@ -79,7 +79,7 @@ class PtyLine final : public SupervisedLine {
 
  private:
   UniqueFd master_;
-  std::optional<dev_t> device_;
+  std::optional<std::uint64_t> device_;
 };
 
 std::vector<std::string> environment_here() {

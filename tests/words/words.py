@@ -250,7 +250,7 @@ TOOL_ROWS = [
     ("exec --tape good --as /dev/ttyUSB0,vid=0403 -- true", ["'as'", "a vid and no pid", "vid=0403,pid=6001"]),
     ("exec --tape good --as /dev/null -- true", ["'as'", "'/dev/null' is a name that every program needs"]),
     ("record --as /dev/ttyUSB0 --device unix:s --tape new -- true", ["'as' goes with --exec"]),
-    ("exec --tape good --driver unix:s -- true", ["unix:s", "is no tty"]),
+    ("exec --tape good --driver unix-listen:e -- true", ["unix-listen:e is no tty", "leave out --driver"]),
     ("exec --tape good -- ./no-such-driver", ["'./no-such-driver' cannot be run: No such file"]),
     ("record --lines on --device unix:s --tape new -- true", ["'lines' goes with --exec"]),
     ("test --lines on --tape good -- true", ["'lines' goes with --exec"]),
