@@ -43,7 +43,10 @@ void SerialPort::watch_signals(bool on) {
   if (std::exchange(signals_wanted_, on) == on || !line_) return;
   line_->modem.reset();
   line_->lines.reset();
-  if (on) watch_modem();  // which tells all that there are, since none are known
+  if (!on) return;
+  // Before the line comes up, as at an open. Later it waits for nothing: the watch tells how they stand.
+  if (!opened_) line_->lines = calls_->modem_lines(line_->fd.get());
+  if (opened_ || line_->lines) watch_modem();
 }
 
 void SerialPort::watch_modem() {

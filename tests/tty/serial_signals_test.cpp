@@ -320,6 +320,14 @@ TEST_F(SerialSignalsTest, OneThatStaysOpenTellsThemToEachSession) {
   EXPECT_EQ(log.events, "up cts- dsr- cd- ri- up cts+ dsr- cd- ri- ");
 }
 
+TEST_F(SerialSignalsTest, OneThatIsOpenAlreadyTellsThemAtTheNextOpen) {
+  make({{"baud", "4800"}, {"alwaysopen", "1"}});
+  line->change(TIOCM_CTS, {}, false);
+  port->watch_signals(true);
+  port->open();
+  EXPECT_EQ(log.events, "up cts+ dsr- cd- ri- ");
+}
+
 TEST_F(SerialSignalsTest, TheyAreToldAgainWhenTheDeviceComesBack) {
   const test::TempDir dir;
   const std::string link = (dir.path() / "ttyBack").string();
