@@ -42,7 +42,7 @@ static void alarm_in(int ms) {
   memset(&action, 0, sizeof(action));
   action.sa_handler = on_alarm;  // without SA_RESTART
   sigaction(SIGALRM, &action, NULL);
-  struct itimerval timer = {{0, 0}, {0, ms * 1000}};
+  struct itimerval timer = {{0, ms * 1000}, {0, ms * 1000}};  // again and again: the first may be early
   setitimer(ITIMER_REAL, &timer, NULL);
 }
 
