@@ -36,15 +36,16 @@ class SupervisedLine {
   // The descriptor that stands for the line, as long as supervise() holds: through it settings are read and
   // made. -1: there is none just now.
   [[nodiscard]] virtual int line_fd() const = 0;
-  // The device number (st_rdev) by which the peer's descriptors are known; nothing: there is no line just now.
+  // The device number (st_rdev) by which the peer's descriptors are known; nothing: there is no line just
+  // now.
   [[nodiscard]] virtual std::optional<std::uint64_t> line_device() const = 0;
   // Passes on what the peer has written so far, and learns of opens and closes so far. False: some of it has
   // to wait, since the device takes nothing yet.
   virtual bool catch_up() = 0;
   // The peer has made its line so.
   virtual void made(const LineSettings& settings, SettingsOrder order) = 0;
-  // The peer has dropped what came to it and was not read (`in`), what it wrote and was not sent, or both, and
-  // the kernel has done so.
+  // The peer has dropped what came to it and was not read (`in`), what it wrote and was not sent, or both,
+  // and the kernel has done so.
   virtual void flushed(bool in, bool out) = 0;
   // The peer has changed a signal: dtr, rts, break. Where neither device nor tape has signals, also what the
   // peer is shown of cts, dsr, cd, ri.

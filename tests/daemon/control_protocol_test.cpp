@@ -26,9 +26,9 @@ TEST(ControlProtocol, EachVerbReachesItsTarget) {
 
 TEST(ControlReply, APlaybackRequestIsPassedOnAsNumbers) {
   ToldTarget target;
-  for (const std::string_view line :
-       {R"({"verb":"pause"})", R"({"verb":"resume","channel":"x"})", R"({"verb":"step"})",
-        R"({"verb":"step","count":"3"})", R"({"verb":"seek","to":"12.5"})", R"({"verb":"rate","rate":"0.5"})"})
+  for (const std::string_view line : {R"({"verb":"pause"})", R"({"verb":"resume","channel":"x"})",
+                                      R"({"verb":"step"})", R"({"verb":"step","count":"3"})",
+                                      R"({"verb":"seek","to":"12.5"})", R"({"verb":"rate","rate":"0.5"})"})
     EXPECT_NE(control_reply(target, line).find(R"("ok":true)"), std::string::npos) << line;
   EXPECT_EQ(target.calls,
             "pause(,1,0,1.000000) resume(x,1,0,1.000000) step(,1,0,1.000000) step(,3,0,1.000000) "
@@ -53,7 +53,8 @@ TEST(ControlProtocol, WrongRequestsDoNothingAndSayWhatIsKnown) {
       {"[]", "JSON object"},
       {R"({"verb":"stop"} x)", "JSON object"},
       {R"({})", "known: status, mark, pause, resume, step, seek, rate, stop"},
-      {R"({"verb":"stopp"})", "unknown verb 'stopp'; known: status, mark, pause, resume, step, seek, rate, stop"},
+      {R"({"verb":"stopp"})",
+       "unknown verb 'stopp'; known: status, mark, pause, resume, step, seek, rate, stop"},
       {R"({"verb":"stop","chanel":"x"})", "stop has no 'chanel'; it has: channel"},
       {R"({"verb":"status","channel":"x"})", "status has no 'channel'"},
       {R"({"verb":"stop","channel":5})", "'channel' must be a text"},

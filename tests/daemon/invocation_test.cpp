@@ -51,8 +51,9 @@ TEST(Invocation, EveryVerbHasHelpWithAnExample) {
 }
 
 TEST(Invocation, EveryReplayOptionOfTheContractIsThere) {
-  for (const char* option : {"strictness", "jitter", "timing", "rate", "on-mismatch", "at-end", "on-reopen",
-                             "chunks", "burst-gap", "match", "patience", "check-settings", "once", "report"}) {
+  for (const char* option :
+       {"strictness", "jitter", "timing", "rate", "on-mismatch", "at-end", "on-reopen", "chunks", "burst-gap",
+        "match", "patience", "check-settings", "once", "report"}) {
     EXPECT_THAT(parse({"replay", "--help"})->print.value_or(""), HasSubstr(std::string("--") + option));
   }
 }

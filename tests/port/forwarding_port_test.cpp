@@ -175,9 +175,9 @@ TEST(ForwardingPort, PassesOnEveryCallToTheListener) {
   told.on_drain([] {});
   told.on_dropped(1, "why");
   told.on_fault({});
-  EXPECT_EQ(log.calls,
-            (std::vector<std::string>{"up", "data", "arrivals", "drained", "down", "finished", "complete",
-                                      "interrupted", "resumed", "flush", "settings", "signal", "drain", "dropped", "fault"}));
+  EXPECT_EQ(log.calls, (std::vector<std::string>{"up", "data", "arrivals", "drained", "down", "finished",
+                                                 "complete", "interrupted", "resumed", "flush", "settings",
+                                                 "signal", "drain", "dropped", "fault"}));
   EXPECT_EQ(told.on_ended(), PortListener::Answers::until_hang_up);
   EXPECT_TRUE(told.half_closes());
   EXPECT_TRUE(told.wants_rest());
