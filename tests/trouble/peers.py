@@ -152,6 +152,10 @@ class Driver:
         self.socket.setblocking(False)
         self.fd = self.socket.fileno()
 
+    @property
+    def is_tty(self):
+        return self.socket is None
+
     def close(self):
         if self.socket:
             self.socket.close()

@@ -1,5 +1,6 @@
 """A program under trouble, and what it left."""
 
+import contextlib
 import os
 import select
 import signal
@@ -60,6 +61,16 @@ class Program:
         _, status, self.usage = os.wait4(self.pid, 0)
         self.process.returncode = self.status = os.waitstatus_to_exitcode(status)
         return True
+
+    def has_master_of(self, slave):
+        """Whether it holds the other side of that open pty."""
+        wanted = f"tty-index:\t{os.minor(os.fstat(slave).st_rdev)}\n"
+        with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # it is ending
+            for name in os.listdir(f"/proc/{self.pid}/fdinfo"):
+                with contextlib.suppress(FileNotFoundError), open(f"/proc/{self.pid}/fdinfo/{name}", encoding="ascii") as file:
+                    if wanted in file.read():
+                        return True
+        return False
 
     def signal(self, number):
         if self.status is None:

@@ -169,6 +169,9 @@ class Line:
         self.whole = True
         try:
             self.open_driver(self.driver)
+            if self.driver.is_tty and not self.daemon.has_master_of(self.driver.fd):
+                self.driver.close()  # the link of one that was killed: another's device may have the number now
+                raise Broken("the program that made the port has gone")
         except Broken as error:
             self.fail(error)
 
