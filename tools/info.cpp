@@ -147,6 +147,16 @@ JsonList lines_of(const std::vector<Summary>& events) {
   return list;
 }
 
+JsonList to_json(const std::vector<SignalSummary>& signals) {
+  JsonList list;
+  for (const auto& [at, what] : signals) {
+    std::string line = encode(at, signal_event(what));
+    line.pop_back();
+    list.add_raw(line);
+  }
+  return list;
+}
+
 JsonList to_json(const std::vector<std::string>& texts) {
   JsonList list;
   for (const std::string& text : texts) list.add(text);
@@ -183,6 +193,7 @@ std::string to_json(const EventsSummary& events) {
       .add("gaps", to_json(events.gaps))
       .add("marks", to_json(events.marks))
       .add("settings", lines_of(events.settings))
+      .add("signals", to_json(events.signals))
       .add("faults", lines_of(events.faults))
       .add_raw("fault_kinds", counts_of(events.fault_kinds).str())
       .add_raw("ended", events.ended ? "true" : "false");
@@ -266,6 +277,7 @@ void print_header(const TapeHeader& header, std::ostream& out) {
 }
 
 constexpr std::size_t kSettingsShown = 20;
+constexpr std::size_t kSignalsShown = 8;
 
 // The history in short.
 // What was done to the line on purpose, and by which plan.
@@ -290,6 +302,17 @@ void print_settings(const EventsSummary& events, std::ostream& out) {
     label(out, name) << "… and " << all - kSettingsShown << " more\n";
 }
 
+void print_signals(const EventsSummary& events, std::ostream& out) {
+  std::string_view name = "signals";
+  for (const auto& [at, what] :
+       std::span(events.signals).first(std::min(events.signals.size(), kSignalsShown))) {
+    label(out, std::exchange(name, ""))
+        << seconds_number(to_us(at)) << " s  " << named_signal_text(what) << '\n';
+  }
+  const std::uint64_t all = events.count<event::Modem>() + events.count<event::Break>();
+  if (all > kSignalsShown) label(out, name) << "… and " << all - kSignalsShown << " more\n";
+}
+
 void print_events(const EventsSummary& events, std::ostream& out) {
   if (!events.exists) return;
   if (events.header) print_header(*events.header, out);
@@ -305,6 +328,7 @@ void print_events(const EventsSummary& events, std::ostream& out) {
   }
   print_faults(events, out);
   print_settings(events, out);
+  print_signals(events, out);
   for (const MarkSummary& mark : events.marks)
     label(out, "mark") << seconds_number(to_us(mark.at)) << " s  " << safe(mark.text) << '\n';
   if (events.count<event::Mark>() > events.marks.size())

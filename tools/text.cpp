@@ -15,6 +15,10 @@ std::string with_unit(double value, const char* unit) {
   return text.data();
 }
 
+std::string_view who_signals(const TapedSignal& taped) {
+  return taped.by == Side::driver ? "driver" : "device";
+}
+
 }  // namespace
 
 std::string seconds_number(std::int64_t us) {
@@ -44,10 +48,13 @@ std::string settings_text(const event::Settings& settings) {
 }
 
 std::string signal_text(const TapedSignal& taped) {
-  const std::string_view who = taped.by == Side::driver ? "driver" : "device";
-  const std::string_view state = taped.signal.on ? "on" : "off";
-  if (taped.signal.name == LineSignal::Name::brk) return fmt::format("{}: {}", who, state);
-  return fmt::format("{}: {} {}", who, name_of(taped.signal.name), state);
+  if (taped.signal.name != LineSignal::Name::brk) return named_signal_text(taped);
+  return fmt::format("{}: {}", who_signals(taped), taped.signal.on ? "on" : "off");
+}
+
+std::string named_signal_text(const TapedSignal& taped) {
+  return fmt::format("{}: {} {}", who_signals(taped), name_of(taped.signal.name),
+                     taped.signal.on ? "on" : "off");
 }
 
 }  // namespace porttape

@@ -22,5 +22,7 @@ std::string rate_text(std::uint64_t bytes, std::int64_t us);
 std::string settings_text(const event::Settings& settings);
 // `driver: dtr off`; of a break, whose event says what it is: `driver: on`.
 std::string signal_text(const TapedSignal& taped);
+// The same, and `driver: break on`.
+std::string named_signal_text(const TapedSignal& taped);
 
 }  // namespace porttape

@@ -135,6 +135,10 @@ void FilterPort::on_signal(const LineSignal& signal) {
   in_.put([this, signal] { ForwardingPort::on_signal(signal); });
 }
 
+void FilterPort::on_drain(std::function<void()> done) {
+  in_.put([this, done = std::move(done)] { ForwardingPort::on_drain(done); });
+}
+
 // A replay that is over has its last bytes behind what is held; a tape that must not fail has no time.
 void FilterPort::on_finished(int exit_status) {
   if (exit_status == exit_status::kRuntime) return ForwardingPort::on_finished(exit_status);

@@ -19,8 +19,8 @@ namespace porttape {
 // deliver() and send(), now or later, which keep the order.
 //
 // What is held back:
-// - Events of the line, and flushes of either side, keep their place among the bytes: it goes down after the
-//   last one. Drops alone are told at once.
+// - Events of the line, and flushes, signals and drains of either side, keep their place among the bytes: it
+//   goes down after the last one. Drops alone are told at once.
 // - It is congested while a write is held, since a session closes a line that is not: with delayed writes a
 //   caller has one on its way at a time.
 // - An end of writing, a hang-up and new settings wait for no `due`: held writes go out before them. Nor does
@@ -92,6 +92,7 @@ class FilterPort : public ForwardingPort {
   void on_flush(FlushQueue queue) final;
   void on_settings(const SeenSettings& settings, SettingsOrder order) final;
   void on_signal(const LineSignal& signal) final;
+  void on_drain(std::function<void()> done) final;
   void on_finished(int exit_status) final;
 
   std::size_t write_some(ByteView data) final;

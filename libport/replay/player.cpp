@@ -87,7 +87,8 @@ void Player::start_at(TapeTime tape, Instant now, Begins begins) {
   asked_ = schedule_.passed().writes;
   answer_ = LeftOut::no;
   session_start_ = tape;
-  signals_.begin_session();
+  signals_.begin_session(now);
+  late_signals_.clear();
   session_bytes_ = schedule_.passed().reads + schedule_.passed().writes;
   wake_ = now;
   pieces_.begin(now);
@@ -135,8 +136,7 @@ std::optional<Player::TimingFault> Player::play(Instant now, std::size_t max_byt
   Turn turn{now, Mode::deliver, blocked, max_bytes, &out};
   if (out.deliver.empty()) delivered_due_.reset();
   holds_piece_ = false;
-  for (const LineSignal& signal : std::exchange(late_signals_, {}))
-    out.signals.push_back({out.deliver.size(), signal});
+  for (const LineSignal& signal : late_signals_.take()) out.signals.push_back({out.deliver.size(), signal});
   for (bool go_on = true; go_on;) {
     if (!seek()) break;
     turn.blocked = blocked || by_hand_.stands();
@@ -197,16 +197,15 @@ Player::Progress Player::at_event(Turn& turn) {
 // Due as a read would be. How it stood when the line came up is told then; a flush drops bytes alone.
 Player::Progress Player::at_device_signal(Turn& turn, const LineSignal& signal) {
   const TapeTime at = schedule_.head()->at;
-  const bool stood = signal.name != LineSignal::Name::brk &&
+  const bool stood = signal.name != LineSignal::Name::brk && !signals_.told(signal.name) &&
                      session_bytes_ == schedule_.passed().reads + schedule_.passed().writes;
   if (!gate_opens(turn.now, at)) return Progress::waits;
   const Instant due = pace_.due(at);
-  const bool at_once =
-      (stood && !signals_.told(signal.name)) || (answers_signal_ && due < turn.now + kAtOnce);
+  const bool at_once = stood || (answers_signal_ && due < turn.now + kAtOnce);
   const Instant when = at_once ? std::min(turn.now, due) : due;
   const bool passed_over =
       turn.mode == Mode::drop_all || (turn.mode != Mode::deliver && passes_over(turn, when));
-  if (turn.mode == Mode::flush && passed_over) late_signals_.push_back(signal);
+  if (turn.mode != Mode::drop_all && passed_over) late_signals_.put(signal);
   if (!passed_over) {
     if (turn.blocked) return wait(std::nullopt);
     if (turn.mode != Mode::deliver || early(turn, when)) return wait(when);
@@ -219,9 +218,9 @@ Player::Progress Player::at_device_signal(Turn& turn, const LineSignal& signal) 
 }
 
 // A gate like a write: what follows is timed from it. One that never comes is waited for with patience.
-Player::Progress Player::at_driver_signal(const Turn& turn, const LineSignal& signal) {
+Player::Progress Player::at_driver_signal(Turn& turn, const LineSignal& signal) {
   const TapeTime at = schedule_.head()->at;
-  if (gated() && turn.mode == Mode::deliver) {
+  if (gated() && turn.mode != Mode::drop_all) {
     if (!gate_opens(turn.now, at)) return Progress::waits;
     std::optional<Instant> since = signals_.take(signal);
     const Instant patience = gate_.patience_end(at);
@@ -229,6 +228,8 @@ Player::Progress Player::at_driver_signal(const Turn& turn, const LineSignal& si
     if (!since) since = patience;
     pace_.go_on_from(at, *since, *since);
   }
+  const Instant when = pace_.real(at);
+  if (!gated() && turn.mode == Mode::deliver && early(turn, when)) return wait(when);
   pop();
   answers_signal_ = true;
   return Progress::passed;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "libport/base/signal_queue.hpp"
 #include "libport/base/time.hpp"
 #include "libport/replay/arrivals.hpp"
 #include "libport/replay/driver_line.hpp"
@@ -198,7 +199,7 @@ class Player {
   Progress at_driver_end(Turn& turn, bool seen);
   Progress at_event(Turn& turn);
   Progress at_device_signal(Turn& turn, const LineSignal& signal);
-  Progress at_driver_signal(const Turn& turn, const LineSignal& signal);
+  Progress at_driver_signal(Turn& turn, const LineSignal& signal);
   Progress at_own_step(const Turn& turn,
                        DriverLine::Answer (DriverLine::*way)(Instant, std::optional<LineStep>&));
   Progress at_write(Turn& turn);
@@ -263,8 +264,8 @@ class Player {
   std::optional<TapeTime> preroll_from_;
   std::optional<Handshake> handshake_;  // in the preroll
   SignalSteps signals_;
-  std::uint64_t session_bytes_ = 0;       // passed before the session
-  std::vector<LineSignal> late_signals_;  // of the device, that a flush has passed
+  std::uint64_t session_bytes_ = 0;  // passed before the session
+  SignalQueue late_signals_;         // of the device, passed while bytes were dropped
   bool shows_signals_ = false;
   bool answers_signal_ = false;  // nothing but signals of the device stand between the driver's and the walk
   Schedule::Totals prerolled_;

@@ -144,12 +144,17 @@ std::string text_of(const SettingsReport::Missing& missing) {
   return to_text(missing.what) + ", as the tape has it at " + seconds_text(to_us(missing.at));
 }
 
+bool is_signal(const SettingsReport::Missing& missing) { return missing.what.settings == SeenSettings(); }
+
 // In short where it made none of many.
 std::string settings_cause(const SettingsReport& settings) {
   const SettingsReport::Missing& first = settings.missing.front();
-  if (settings.made > 0 || settings.recorded == 1) return "the driver never made its line " + text_of(first);
-  return "the driver made none of the " + std::to_string(settings.recorded) +
-         " settings on the tape; it never made its line " + text_of(first);
+  const std::string never =
+      (is_signal(first) ? " never switched " : " never made its line ") + text_of(first);
+  if (settings.made > 0 || settings.recorded == 1) return "the driver" + never;
+  const bool any_signal = std::ranges::any_of(settings.missing, is_signal);
+  return "the driver made none of the " + std::to_string(settings.recorded) + " settings" +
+         (any_signal ? " and signals" : "") + " on the tape; it" + never;
 }
 
 // Lines for what the first line does not say of the settings.

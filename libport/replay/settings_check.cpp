@@ -69,9 +69,8 @@ void SettingsCheck::pass(const Record& record, std::uint64_t writes, bool expect
     add_taped({record.at, LineView::opened(), false, true, writes});
   if (record.event == nullptr) return;
   if (const auto signal = signal_of(*record.event)) {
-    const LineView what = LineView::of(signal->signal);
-    if (shows_signals_ && what != LineView())
-      add_taped({record.at, what, signal->by == Side::driver && expected, true, writes});
+    if (shows_signals_ && signal->by == Side::driver)
+      add_taped({record.at, LineView::of(signal->signal), expected, true, writes});
     return;
   }
   const auto* settings = std::get_if<event::Settings>(record.event);

@@ -15,7 +15,11 @@ namespace porttape {
 // device's the walk has passed in this session. Bounded. A plain value.
 class SignalSteps {
  public:
-  void begin_session() { told_.clear(); }
+  // What the driver did before it belongs to none that comes.
+  void begin_session(Instant now) {
+    told_.clear();
+    std::erase_if(made_, [now](const Made& made) { return made.at < now; });
+  }
   void forget() { made_.clear(); }
 
   void made(Instant now, const LineSignal& signal) {

@@ -161,7 +161,7 @@ void Session::device_up() {
   device_state_ = DeviceState::up;
   failures_.up(Loop::now());
   context_.log->debug("{}: up", device_->name());
-  for (const LineSignal& signal : std::exchange(early_signals_, {})) device_->signal(signal);
+  for (const LineSignal& signal : early_signals_.take()) device_->signal(signal);
   read_driver();
   for (std::function<void()>& done : std::exchange(early_drains_, {})) device_->drain(std::move(done));
 }
@@ -509,6 +509,7 @@ void Session::end() {
   open_timer_.cancel();
   end_timer_.set_after(end_.completing_limit());
   give_up_left();
+  drop_early();
   for (const Gate* gate : {&driver_side_->gate, &device_side_->gate}) {
     if (!gate->kept.empty()) dropped_by_driver(gate->kept.size(), "the end came before them");
   }
@@ -575,7 +576,7 @@ void Session::driver_settings(const SeenSettings& seen, SettingsOrder order) {
 
 void Session::driver_signalled(const LineSignal& signal) {
   if (device_state_ == DeviceState::opening || device_state_ == DeviceState::draining) {
-    early_signals_.push_back(signal);
+    early_signals_.put(signal);
   } else {
     device_->signal(signal);
   }

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "libport/base/signal_queue.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
@@ -163,7 +164,7 @@ class Session final : public Channel {
   Instant drain_until_{};
   std::optional<std::size_t> left_at_look_;  // that the device had not taken
   std::optional<EarlySettings> early_settings_;
-  std::vector<LineSignal> early_signals_;            // for a device that is being opened
+  SignalQueue early_signals_;                        // for a device that is being opened
   std::vector<std::function<void()>> early_drains_;  // the same
   Timer open_timer_;                                 // for a device that has just failed
   Failures failures_;

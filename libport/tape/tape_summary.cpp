@@ -19,6 +19,7 @@ constexpr std::size_t kMaxFaults = 64;
 constexpr std::size_t kMaxSessions = 1000;
 constexpr std::size_t kMaxMarks = 64;
 constexpr std::size_t kMaxSettings = 64;
+constexpr std::size_t kMaxSignals = 64;
 
 // Counts exchanges and measures answers, told the blocks in order.
 class ExchangeMeter {
@@ -202,6 +203,8 @@ class EventStream {
     const auto* settings = std::get_if<event::Settings>(&event);
     if (settings != nullptr && summary_.settings.size() < kMaxSettings)
       summary_.settings.push_back({at, *settings});
+    if (const auto signal = signal_of(event); signal && summary_.signals.size() < kMaxSignals)
+      summary_.signals.push_back({at, *signal});
     if (const auto* fault = std::get_if<event::Fault>(&event)) note_fault(at, *fault);
     const auto* end = std::get_if<event::End>(&event);
     summary_.ended = end != nullptr;

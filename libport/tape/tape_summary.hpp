@@ -61,6 +61,11 @@ struct SettingsSummary {
   event::Settings what;
 };
 
+struct SignalSummary {
+  TapeTime at{};
+  TapedSignal what;
+};
+
 struct FaultSummary {
   TapeTime at{};
   event::Fault what;
@@ -76,6 +81,7 @@ struct EventsSummary {
   std::vector<GapSummary> gaps;    // the first 64
   std::vector<MarkSummary> marks;  // the first 64
   std::vector<SettingsSummary> settings;             // the first 64
+  std::vector<SignalSummary> signals;                // of modem lines and breaks, the first 64
   std::vector<FaultSummary> faults;                  // the first 64, plans among them
   std::map<std::string, std::uint64_t> fault_kinds;  // how many were made of each; at most 64 kinds
   bool ended = false;                                // the last event is `end`

@@ -48,12 +48,13 @@ ReplayConfig make_config(Choices& input) {
 
 class Play {
  public:
-  Play(const MemoryTape& tape, const ReplayConfig& config, bool sessions, std::size_t piece)
+  Play(const MemoryTape& tape, const ReplayConfig& config, bool sessions, bool signals, std::size_t piece)
       : tape_(tape),
         config_(config),
         part_{.until = config.end.value_or(TapeTime::max())},
         steered_(config.loops != 1 || config.start > TapeTime{} || config.end || config.preroll),
         sessions_(sessions),
+        shows_signals_(signals),
         reads_(tape.all(RecordKind::read)),
         writes_(tape.all(RecordKind::write)),
         merged_(tape, MemorySource::Select::merged, piece),
@@ -70,6 +71,7 @@ class Play {
                  .preroll_from = config.preroll ? tape.open_before(to_us(config.start)) : std::nullopt,
                  .totals = TapeTotals{reads_.size(), writes_.size()}},
                 schedule_, write_source_, {.index = &index_, .answers = &answers_, .half_closes = sessions}) {
+    engine_.show_signals(shows_signals_);
   }
 
   void run(Choices& input) {
@@ -120,6 +122,8 @@ class Play {
           engine_.on_taken(now_);
         } else if (input(3) == 0) {
           engine_.on_settings(now_, {.baud = 300 * (1 + input(3))});
+        } else if (shows_signals_ && input(2) == 0) {
+          engine_.on_signal(now_, {static_cast<LineSignal::Name>(input(2)), input(2) == 1});
         } else {
           engine_.set_blocked(blocked_ = !blocked_);
         }
@@ -183,6 +187,7 @@ class Play {
     require(actions.deliver.empty() == actions.block_ends.empty(), "block ends go with bytes");
     require(std::is_sorted(actions.block_ends.begin(), actions.block_ends.end(), std::less_equal<>()),
             "block ends rise");
+    check_signals(actions);
     if (!actions.deliver.empty()) {
       require(actions.block_ends.back() == actions.deliver.size(), "the last block end is the size");
       require(open_ && !blocked_, "bytes go to an open, unblocked line");
@@ -200,6 +205,16 @@ class Play {
       require(!to_text(mismatch).empty(), "a mismatch has a text");
     }
     if (actions.run_ended) check(*actions.run_ended);
+  }
+
+  void check_signals(const ReplayActions& actions) {
+    require(actions.signals.empty() || (open_ && shows_signals_), "signals go to a line that shows them");
+    std::size_t behind = 0;
+    for (const ReplayActions::Signal& each : actions.signals) {
+      require(each.behind >= behind && each.behind <= actions.deliver.size(), "signals have their place");
+      require(!is_output(each.signal.name), "they are the device's");
+      behind = each.behind;
+    }
   }
 
   // A tape of one session: what was delivered is the beginning of the tape; nothing comes before its
@@ -282,6 +297,7 @@ class Play {
   bool steered_;  // not all of the tape once and in order
   bool stands_ = false;
   bool sessions_;
+  bool shows_signals_;
   std::string reads_;
   std::string writes_;
   MemorySource merged_;
@@ -307,12 +323,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Choices input(data, size);
   const ReplayConfig config = make_config(input);
   const bool sessions = input(2) == 1;
+  const bool signals = input(3) == 0;
   const std::size_t piece = 1 + input(9);
   const MemoryTape tape = random_tape(input, {.sessions = sessions,
                                               .hang_ups = sessions,
                                               .half_closes = sessions,
                                               .gaps = input(2) == 1,
+                                              .signals = signals,
                                               .max_records = 40});
-  Play(tape, config, sessions, piece).run(input);
+  Play(tape, config, sessions, signals, piece).run(input);
   return 0;
 }

@@ -28,7 +28,7 @@ class Maker {
   explicit Maker(Input& input) : input_(input) {}
 
   Event event() {
-    switch (input_(13)) {
+    switch (input_(16)) {
       case 0:
         return event::Open{};
       case 1:
@@ -53,6 +53,12 @@ class Maker {
         return event::Settings{word<Side>(2), settings(), word<SettingsOrder>(2)};
       case 11:
         return event::Fault{fault()};
+      case 13:
+        return event::Modem{word<LineSignal::Name>(6), word<bool>(2), word<Side>(2)};
+      case 14:
+        return event::Break{word<bool>(2), word<Side>(2)};
+      case 15:
+        return event::Drain{Micros{static_cast<std::int64_t>(number())}};
       default:
         return event::Unknown{"x" + text()};  // no kind begins so
     }

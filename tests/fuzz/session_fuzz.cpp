@@ -128,7 +128,7 @@ class Schedule {
   }
 
   void act() {
-    switch (input_(20)) {
+    switch (input_(22)) {
       case 0:
         if (driver_.may_come_up()) come_up(driver_);
         break;
@@ -182,6 +182,12 @@ class Schedule {
         break;
       case 18:
         finish();
+        break;
+      case 20:
+        signal(input_(2) == 1 ? driver_ : device_);
+        break;
+      case 21:
+        wait_until_sent();
         break;
       default:
         if (input_(4) == 0) stop();
@@ -295,6 +301,23 @@ class Schedule {
             "the device's line follows the driver's");
   }
 
+  void signal(End& side) {
+    if (side.open && side.up) side.peer.signal({static_cast<LineSignal::Name>(input_(7)), input_(2) == 1});
+  }
+
+  // Each is done once, at the latest when all is over.
+  void wait_until_sent() {
+    if (!driver_.up) return;
+    ++drains_;
+    driver_.peer.wait_until_sent([this] { ++drained_; });
+    if (input_(2) == 1) end_drains();
+  }
+
+  // A port does that when its line is over, too.
+  void end_drains() {
+    for (const auto& done : std::exchange(device_.peer.drains, {})) done();
+  }
+
   void finish() {
     End& side = input_(4) == 0 ? driver_ : device_;
     if (side.finishes > 0) {
@@ -353,6 +376,8 @@ class Schedule {
     run_ready();
     look();
     require(ends_ == 1, "a session ends once");
+    end_drains();
+    require(drained_ == drains_, "a drain ends once");
     require(!driver_.open && !device_.open, "both ports are closed");
     require(device_.finishes == 1 && driver_.finishes <= 1, "each port is completed once");
     require(device_.opens == opens_at_stop_, "no device is opened once the end has begun");
@@ -372,6 +397,8 @@ class Schedule {
   std::uint32_t pending_ = 0;  // calls of read_pending() that find something
   std::uint64_t counted_ = 0;  // bytes that the session must have counted as dropped
   std::uint64_t gaps_ = 0;     // those of them that the device's tape must have
+  int drains_ = 0;             // that the driver waits for
+  int drained_ = 0;
   bool ending_ = false;
   bool stopped_ = false;
   int opens_at_stop_ = 0;

@@ -460,5 +460,57 @@ TEST_F(FilterOfEager, AfterACloseMidwayTheOtherArrivalsAreDropped) {
   EXPECT_EQ(log.dropped, 2U);
 }
 
+TEST_F(FilterPortTest, SignalsAndDrainsKeepTheirPlaceEitherWay) {
+  port.in = port.out = hours(1);
+  device.calls.clear();
+  int sent = 0;
+  device.send("a");
+  device.signal({LineSignal::Name::cts, true});
+  device.wait_until_sent([&sent] { ++sent; });
+  port.write(as_bytes("b"));
+  port.signal({LineSignal::Name::rts, false});
+  port.drain([&sent] { ++sent; });
+  EXPECT_EQ(log.events + device.calls, "");
+  port.read_pending();
+  EXPECT_EQ(log.events, "cts+ drain ");
+  EXPECT_EQ(log.signals_after, std::vector<std::size_t>{1});
+  EXPECT_EQ(sent, 1);
+  port.end_writing();
+  EXPECT_EQ(device.calls, "rts_off drain end_writing ");
+  EXPECT_EQ(sent, 1) << "the inner port is not done";
+  device.drains.at(0)();
+  EXPECT_EQ(sent, 2);
+}
+
+TEST_F(FilterPortTest, SignalsAndDrainsWithNothingHeldGoOnAtOnce) {
+  device.calls.clear();
+  port.signal({LineSignal::Name::dtr, true});
+  port.drain([] {});
+  device.signal({LineSignal::Name::ri, true});
+  EXPECT_EQ(device.calls, "dtr_on drain ");
+  EXPECT_EQ(log.events, "ri+ ");
+}
+
+TEST_F(FilterPortTest, ADrainThatIsHeldWhenTheLineGoesDownReachesTheInnerPortOnce) {
+  port.out = hours(1);
+  port.write(as_bytes("a"));
+  port.drain([] {});
+  device.calls.clear();
+  device.down(LineDown::Reason::lost);
+  EXPECT_EQ(device.calls, "drain ");
+  port.close();
+  EXPECT_EQ(device.drains.size(), 1U);
+}
+
+TEST_F(FilterPortTest, ADrainThatIsHeldAtACloseReachesTheInnerPortOnce) {
+  port.out = hours(1);
+  port.write(as_bytes("a"));
+  port.drain([] {});
+  device.calls.clear();
+  port.close();
+  EXPECT_EQ(device.calls, "close drain ");
+  EXPECT_EQ(device.drains.size(), 1U);
+}
+
 }  // namespace
 }  // namespace porttape

@@ -340,5 +340,22 @@ TEST(Drive, ALineThatTakesNothingHoldsTheWritesBack) {
   EXPECT_EQ(rig.read(), "ask");
 }
 
+TEST(Drive, TheDriversSignalsAreStepsAndTheDevicesAreNone) {
+  const MemoryTape tape = MemoryTape()
+                              .open(0)
+                              .event(100, signal_event({Side::device, {LineSignal::Name::cts, true}}))
+                              .event(1'000, signal_event({Side::driver, {LineSignal::Name::dtr, false}}))
+                              .event(2'000, signal_event({Side::driver, {LineSignal::Name::brk, true}}))
+                              .close(3'000);
+  Rig rig(tape, driving());
+  rig.open().until(1'999);
+  ASSERT_EQ(kinds(rig), std::vector{Kind::signal});
+  EXPECT_EQ(rig.line_steps[0].first, 1'000);
+  EXPECT_EQ(rig.line_steps[0].second.signal, (LineSignal{LineSignal::Name::dtr, false}));
+  rig.until(2'000);
+  ASSERT_EQ(kinds(rig).size(), 2U);
+  EXPECT_EQ(rig.line_steps[1].second.signal, (LineSignal{LineSignal::Name::brk, true}));
+}
+
 }  // namespace
 }  // namespace porttape

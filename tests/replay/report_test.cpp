@@ -369,6 +369,20 @@ TEST(ReportSettings, ThoseThatWereNotMadeAreANoteOrTheVerdict) {
                     Not(HasSubstr("  settings  "))));
 }
 
+TEST(ReportSettings, SignalsAreAmongThem) {
+  RunReport report = with_settings(2, true);
+  report.settings.missing[0].what = LineView::of(LineSignal{LineSignal::Name::dtr, true});
+  EXPECT_THAT(to_text(report),
+              StartsWith("settings mismatch: the driver never switched dtr on, as the tape has "
+                         "it at 2.000000 s\n"));
+  EXPECT_THAT(to_json(report), HasSubstr(R"("missing":[{"tape_us":2000000,"dtr":"on"}])"));
+  report = with_settings(0, true);
+  report.settings.missing[1].what = LineView::of(LineSignal{LineSignal::Name::brk, true});
+  EXPECT_THAT(to_text(report),
+              StartsWith("settings mismatch: the driver made none of the 3 settings and signals "
+                         "on the tape; it never made its line 300 baud"));
+}
+
 TEST(ReportSettings, FurtherOnesFollowAndNoneAtAllIsSaidOnce) {
   EXPECT_THAT(
       to_text(with_settings(1, true)),

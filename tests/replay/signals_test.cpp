@@ -81,6 +81,56 @@ TEST(Signals, TheDriversOwnAreGates) {
   EXPECT_EQ(rig.delivered, "hello");
 }
 
+TEST(Signals, AFlushBeforeTheDriversOwnPassesNothingBehindIt) {
+  Shown rig(greets_after_reset());
+  rig.open().until(100'000);
+  rig.flush().wait(1'000);
+  rig.signal(Name::dtr, false).signal(Name::dtr, true).flush().wait(9'999);
+  EXPECT_EQ(rig.delivered, "");
+  rig.wait(1);
+  EXPECT_EQ(rig.delivered, "hello");
+}
+
+TEST(Signals, OnesOfTheSessionBeforeOpenNoGate) {
+  Shown rig(MemoryTape()
+                .open(0)
+                .write(1'000, "x")
+                .read(2'000, "y")
+                .event(3'000, by_driver(Name::dtr, false))
+                .close(4'000)
+                .open(10'000)
+                .event(11'000, by_driver(Name::dtr, false))
+                .read(21'000, "late")
+                .close(40'000));
+  rig.open().write("x").wait(1'000);
+  EXPECT_EQ(rig.delivered, "y");
+  rig.signal(Name::dtr, false).signal(Name::dtr, true).signal(Name::dtr, false).wait(2'000).close();
+  rig.wait(100'000).open().wait(50'000);
+  EXPECT_EQ(rig.delivered, "y") << "it waits for this session's";
+  rig.signal(Name::dtr, false).wait(10'000);
+  EXPECT_EQ(rig.delivered, "ylate");
+}
+
+TEST(Signals, ByTheRecordedClockTheyHoldNothingUp) {
+  ReplayConfig config;
+  config.timing = Timing::recorded;
+  Shown rig(greets_after_reset(), config);
+  rig.open().until(11'999);
+  EXPECT_EQ(rig.delivered, "");
+  rig.until(12'000);
+  EXPECT_EQ(rig.delivered, "hello");
+}
+
+TEST(Signals, ThoseBeforeTheFirstWriteArePlayedToALookup) {
+  ReplayConfig config;
+  config.match = Match::lookup;
+  config.strictness = 1;
+  Shown rig(answers_and_drops(), config);
+  rig.open().write("ask").wait(20'000);
+  EXPECT_THAT(rig.signals, ElementsAre("cts on behind 0 at 0"));
+  EXPECT_EQ(rig.delivered, "answerrest");
+}
+
 TEST(Signals, OneThatNeverComesIsWaitedForWithPatience) {
   Shown rig(greets_after_reset());
   rig.open().until(5'000'000);
@@ -135,6 +185,22 @@ TEST(Signals, ABreakIsOneOfThem) {
   rig.open().signal(Name::brk, true).wait(1'000).signal(Name::brk, false).wait(10'000);
   EXPECT_THAT(rig.signals, ElementsAre("break on behind 0 at 3000"));
   EXPECT_EQ(rig.delivered, "x");
+}
+
+TEST(Signals, ADevicesBreakIsNoneThatTheDriverMade) {
+  ReplayConfig config;
+  config.check_settings = true;
+  Shown rig(MemoryTape()
+                .open(0)
+                .event(1'000, by_device(Name::brk, true))
+                .event(2'000, by_driver(Name::brk, true))
+                .event(3'000, by_driver(Name::brk, false))
+                .close(9'000),
+            config);
+  rig.open().wait(3'000'000).close();
+  EXPECT_EQ(rig.verdict(), Verdict::settings_mismatch);
+  EXPECT_EQ(rig.report->settings.recorded, 2U);
+  EXPECT_EQ(rig.report->settings.made, 0U);
 }
 
 }  // namespace

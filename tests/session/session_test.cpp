@@ -127,6 +127,59 @@ TEST_F(SessionTest, WhatADriverDoesBeforeTheDeviceIsThereWaitsForIt) {
   EXPECT_EQ(sent, 1);
 }
 
+TEST_F(SessionTest, WhatTheNextDriverDoesWaitsUntilTheLastOnesBytesHaveGone) {
+  leave_last_bytes();
+  driver.shows_signals = true;
+  driver.up();
+  device.calls.clear();
+  driver.signal({LineSignal::Name::rts, false});
+  driver.wait_until_sent([] {});
+  EXPECT_EQ(device.calls, "");
+  device.drain();
+  EXPECT_EQ(device.calls, "close watch_signals open rts_off drain ");
+}
+
+TEST_F(SessionTest, OfVeryManyEarlySignalsTheLastOfEachIsKept) {
+  device.up_at_once = false;
+  start();
+  driver.up();
+  driver.signal({LineSignal::Name::dtr, false});
+  for (std::size_t i = 0; i < 10 * SignalQueue::kMost; ++i)
+    driver.signal({LineSignal::Name::rts, i % 2 == 0});
+  driver.signal({LineSignal::Name::brk, true});
+  device.calls.clear();
+  device.up();
+  EXPECT_LE(device.calls.size(), (SignalQueue::kMost + 2) * std::string("rts_off ").size());
+  EXPECT_TRUE(device.calls.starts_with("dtr_off rts_"));
+  EXPECT_TRUE(device.calls.ends_with("rts_off break_on "));
+}
+
+TEST_F(SessionTest, ADeviceThatTellsItsSignalsAsItComesUpIsShownToTheDriver) {
+  device.up_at_once = false;
+  start();
+  driver.up();
+  driver.calls.clear();
+  device.up();
+  device.signal({LineSignal::Name::cd, true});
+  EXPECT_EQ(driver.calls, "cd_on ");
+  driver.down(Reason::closed);
+  driver.calls.clear();
+  device.signal({LineSignal::Name::cd, false});
+  EXPECT_EQ(driver.calls, "") << "no driver is there";
+}
+
+TEST_F(SessionTest, ADrainForADeviceThatNeverComesEndsWithTheSession) {
+  device.up_at_once = false;
+  limit({.without_progress = {}, .completing = std::chrono::hours(1), .failed_step = {}, .at_once = {}});
+  start();
+  driver.up();
+  int sent = 0;
+  driver.wait_until_sent([&sent] { ++sent; });
+  session->stop();
+  run_to_end();
+  EXPECT_EQ(sent, 1);
+}
+
 TEST_F(SessionTest, ADrainEndsWithTheLine) {
   device.up_at_once = false;
   start();

@@ -7,6 +7,7 @@
 #include <string>
 #include <string_view>
 #include <unistd.h>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -58,6 +59,11 @@ class PortLog final : public PortListener {
   }
   void on_signal(const LineSignal& signal) override {
     events += std::string(name_of(signal.name)) + (signal.on ? "+ " : "- ");
+    signals_after.push_back(data.size());
+  }
+  void on_drain(std::function<void()> done) override {
+    events += "drain ";
+    done();
   }
   void on_dropped(std::uint64_t bytes, std::string_view) override { dropped += bytes; }
   void on_left_unread(std::uint64_t bytes) override { left_unread = bytes; }
@@ -75,7 +81,8 @@ class PortLog final : public PortListener {
   bool after_reading = false;
   SeenSettings settings;  // the last that on_settings told
   SettingsOrder settings_order = SettingsOrder::exact;
-  std::size_t settings_after = 0;  // bytes
+  std::size_t settings_after = 0;          // bytes
+  std::vector<std::size_t> signals_after;  // bytes, each of on_signal
   std::uint64_t dropped = 0;
   std::optional<std::uint64_t> left_unread;      // by the last peer
   int calls = 0;                                 // that brought bytes,

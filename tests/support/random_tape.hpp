@@ -13,6 +13,7 @@ struct RandomTapeShape {
   bool hang_ups = false;     // at the end of some sessions
   bool half_closes = false;  // of either side
   bool gaps = false;
+  bool signals = false;      // of either side
   bool empty_blocks = true;  // zero-length reads and writes among the others
   std::uint32_t max_records = 60;
 };
@@ -50,6 +51,11 @@ MemoryTape random_tape(Choose&& choose, const RandomTapeShape& shape = {}) {
       tape.half_close(++now, choose(2) == 0 ? Side::driver : Side::device);
     } else if (kind == 1 && !line_open) {
       tape.event(now, event::Unknown{"settings-to-come"});
+    } else if (kind == 1 && shape.signals && choose(3) > 0) {
+      const Side by = choose(2) == 0 ? Side::device : Side::driver;
+      const auto first = by == Side::driver ? LineSignal::Name::dtr : LineSignal::Name::cts;
+      const auto name = static_cast<LineSignal::Name>(static_cast<std::uint32_t>(first) + choose(2));
+      tape.event(now, signal_event({by, {name, choose(2) == 1}}));
     } else if (kind == 1) {
       const Side by = choose(4) == 0 ? Side::device : Side::driver;
       tape.event(now, event::Settings{by, {.baud = 300 * (1 + choose(3)), .stop_bits = 1}, {}});

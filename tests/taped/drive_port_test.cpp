@@ -89,6 +89,16 @@ TEST_F(DrivePortTest, TheLineIsSetAsTheRecordedDriverFoundItAndThenAsItSetIt) {
   EXPECT_EQ(log.settings.baud, 115'200U);
 }
 
+TEST_F(DrivePortTest, TheRecordedDriversSignalsAreMade) {
+  make_tape(encode(tape_time_us(100), signal_event({Side::driver, {LineSignal::Name::rts, false}})) +
+            encode(tape_time_us(150), signal_event({Side::device, {LineSignal::Name::cts, false}})) +
+            encode(tape_time_us(200), signal_event({Side::driver, {LineSignal::Name::brk, true}})));
+  start();
+  device_comes_up();
+  wait_for_question();
+  EXPECT_EQ(log.events, "up rts- break+ ");
+}
+
 TEST_F(DrivePortTest, AnotherAnswerEndsTheLineAtOnceAndItsHintIsLookedForAmongTheAnswers) {
   make_tape();
   start();

@@ -673,5 +673,61 @@ TEST_F(SettingsOfATape, TheDriversAreHeldAgainstIt) {
   EXPECT_THAT(book.text(), HasSubstr("the driver never made its line 7 baud, 1 stop bit"));
 }
 
+// An answer between two changes of the device's, and a drain of the driver's.
+class SignalsOfATape : public ReplayPortTest {
+ protected:
+  SignalsOfATape() {
+    const auto by_device = [](std::int64_t us, LineSignal::Name name, bool on) {
+      return encode(tape_time_us(us), signal_event({Side::device, {name, on}}));
+    };
+    test::write_file(dir / "t.loge", encode(TapeHeader{.device = "serial:/dev/x", .driver = "pty"}) +
+                                         encode(tape_time_us(0), event::Open{}) +
+                                         by_device(10, LineSignal::Name::cts, true) +
+                                         encode(tape_time_us(1'100), event::Drain{Micros{5'000}}) +
+                                         by_device(3'000, LineSignal::Name::cts, false) +
+                                         encode(tape_time_us(9'000), event::Close{}));
+    test::write_file(dir / "t.logw", test::block_bytes({{1'000, "ask"}}));
+    test::write_file(dir / "t.logr", test::block_bytes({{2'000, "one"}, {4'000, "two"}}));
+  }
+};
+
+TEST_F(SignalsOfATape, AreToldInTheirPlaceWhereTheyAreWanted) {
+  start({}, OnMismatch::fail, false);
+  port->watch_signals(true);
+  port->open();
+  EXPECT_EQ(log.events, "up cts+ ");
+  write("ask");
+  run_until(loop, [this] { return log.data == "onetwo"; });
+  EXPECT_EQ(log.events, "up cts+ cts- ");
+  EXPECT_EQ(log.signals_after, (std::vector<std::size_t>{0, 3}));
+}
+
+TEST_F(SignalsOfATape, AreNotToldWhereNobodyLooks) {
+  start();
+  write("ask");
+  run_until(loop, [this] { return log.data == "onetwo"; });
+  EXPECT_EQ(log.events, "up ");
+}
+
+TEST_F(SignalsOfATape, ADrainLastsAsLongAsItsRecordedOne) {
+  start();
+  const Instant begin = Loop::now();
+  int sent = 0;
+  port->drain([&sent] { ++sent; });
+  EXPECT_EQ(sent, 0);
+  run_until(loop, [&sent] { return sent > 0; });
+  EXPECT_GE(Loop::now() - begin, std::chrono::milliseconds(5));
+  port->drain([&sent] { ++sent; });
+  EXPECT_EQ(sent, 2) << "the tape has no other";
+}
+
+TEST_F(SignalsOfATape, ADrainEndsWithTheLine) {
+  start();
+  int sent = 0;
+  port->drain([&sent] { ++sent; });
+  port->close();
+  EXPECT_EQ(sent, 1);
+}
+
 }  // namespace
 }  // namespace porttape

@@ -48,6 +48,27 @@ TEST(Cat, ShowsSettingsInTheirPlaceAndInWords) {
   EXPECT_THAT(run({"cat", "--json", tape}).out, HasSubstr(line + "\n"));
 }
 
+TEST(Cat, ShowsSignalsInTheirPlaceAndInWords) {
+  const TempDir dir;
+  const std::string lines = R"({"t_us":1000,"event":"modem","line":"rts","state":"off","by":"driver"})"
+                            "\n"
+                            R"({"t_us":1000,"event":"break","state":"on","by":"device"})"
+                            "\n"
+                            R"({"t_us":1500,"event":"drain","took_us":480})"
+                            "\n"
+                            R"({"t_us":1600,"event":"modem","line":"dcd","state":"on"})"
+                            "\n";
+  const std::string tape = make_tape(dir, "t", {{999, "a"}}, {{1001, "b"}}, lines);
+  EXPECT_EQ(run({"cat", tape}).out,
+            "     0.000999  r      1  \"a\"  61\n"
+            "     0.001000  -  modem  driver: rts off\n"
+            "     0.001000  -  break  device: on\n"
+            "     0.001001  w      1  \"b\"  62\n"
+            "     0.001500  -  drain  \"took_us\":480\n"
+            "     0.001600  -  modem  \"line\":\"dcd\",\"state\":\"on\"\n");
+  EXPECT_THAT(run({"cat", "--json", tape}).out, HasSubstr(lines.substr(0, lines.find('\n') + 1)));
+}
+
 TEST(Cat, JoinsBlocksLessThan500MicrosecondsApart) {
   const TempDir dir;
   const std::string tape =

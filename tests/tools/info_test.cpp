@@ -97,6 +97,23 @@ TEST(Info, ShowsTheHistoryOfTheSettings) {
           R"("hwflowctrl":true,"swflowctrl":false,"order":"sampled"},{"t_us":2000,"event":"settings"}])"));
 }
 
+TEST(Info, ShowsTheHistoryOfTheSignals) {
+  const TempDir dir;
+  const std::string first = R"({"t_us":41,"event":"modem","line":"cts","state":"on","by":"device"})";
+  const std::string second = R"({"t_us":1280,"event":"break","state":"on","by":"driver"})";
+  std::string events = first + "\n" + second + "\n";
+  for (int i = 0; i < 100; ++i)
+    events += R"({"t_us":2000,"event":"modem","line":"rts","state":"on"})"
+              "\n";
+  const std::string tape = make_tape(dir, "t", {}, {}, events);
+  EXPECT_THAT(run({"info", tape}).out, AllOf(HasSubstr("events     1 break, 101 modem"),
+                                             HasSubstr("signals    0.000041 s  device: cts on\n"
+                                                       "             0.001280 s  driver: break on\n"
+                                                       "             0.002000 s  driver: rts on\n"),
+                                             HasSubstr("\n             … and 94 more\n")));
+  EXPECT_THAT(run({"info", "--json", tape}).out, HasSubstr(R"("signals":[)" + first + "," + second + ","));
+}
+
 TEST(Info, SaysHowManyMoreSettingsThereAre) {
   const TempDir dir;
   std::string events;
