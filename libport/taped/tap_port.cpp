@@ -50,6 +50,7 @@ Result<void> TapPort::prepare() {
 void TapPort::open() {
   tell_passed();
   open_ = true;
+  session_ = std::make_shared<int>();
   writing_ended_ = false;
   repeats_.begin_session();
   tell([now = now_()](LineObserver& observer) { observer.opened(now); });
@@ -64,6 +65,7 @@ void TapPort::on_up() {
 
 void TapPort::close() {
   tell_passed();
+  session_.reset();
   ForwardingPort::close();
   if (!std::exchange(open_, false)) return;
   tell([now = now_()](LineObserver& observer) { observer.closed(now); });
@@ -143,12 +145,14 @@ void TapPort::signal(const LineSignal& signal) {
   ForwardingPort::signal(signal);
 }
 
+// One that only the line's end has ended was none.
 void TapPort::drain(std::function<void()> done) {
   tell_passed();
-  ForwardingPort::drain([this, alive = std::weak_ptr<int>(alive_), begin = now_(), done = std::move(done)] {
-    if (!alive.expired()) note(event::Drain{std::chrono::duration_cast<Micros>(now_() - begin)});
-    done();
-  });
+  ForwardingPort::drain(
+      [this, session = std::weak_ptr<int>(session_), begin = now_(), done = std::move(done)] {
+        if (!session.expired()) note(event::Drain{std::chrono::duration_cast<Micros>(now_() - begin)});
+        done();
+      });
 }
 
 void TapPort::on_signal(const LineSignal& signal) {

@@ -107,7 +107,7 @@ class TapPort final : public ForwardingPort, private Recorder {
   bool open_ = false;
   bool writing_ended_ = false;  // in this session
   RepeatFilter repeats_;
-  std::shared_ptr<int> alive_ = std::make_shared<int>();  // for drains that end later
+  std::shared_ptr<int> session_;  // from open() to close(), for drains that end later
 };
 
 }  // namespace porttape

@@ -209,6 +209,7 @@ void SerialPort::try_open() {
   if (waiting_) context_.loop->post([old = std::shared_ptr<PathWatch>(std::move(waiting_))] {});
   begin_line(std::move(*fd));
   if (std::exchange(interrupted_, false)) {
+    drive_again();
     listener().on_resumed();
     if (opened_ && up_) tell_signals();
   }
@@ -302,6 +303,7 @@ void SerialPort::close() {
   told_refused_ = false;
   if (!interrupted_) waiting_.reset();
   untried_.reset();
+  if (!line_ || !common_.always_open) driven_.clear();
   if (!line_) {
     current_ = options_.settings;
     return;
@@ -313,7 +315,7 @@ void SerialPort::close() {
     return;
   }
   line_->changes.end_drains();
-  if (line_->changes.breaks()) line_->changes.signal({LineSignal::Name::brk, false});
+  release_driven();
   if (*settings() != options_.settings) line_->changes.change(options_.settings);
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <map>
 #include <memory>
 #include <optional>
 #include <set>
@@ -99,6 +100,8 @@ class SerialPort final : public Port, private WaitingCalls {
   void tell_not_taken(const std::string& what);
   void signal_made(const LineSignal& signal, int error_number);
   void signalled(const LineSignal& signal);
+  void drive_again();
+  void release_driven();
   void watch_modem();
   void look_for_break(ByteView data);
   void tell_signals();
@@ -149,6 +152,7 @@ class SerialPort final : public Port, private WaitingCalls {
   bool interrupted_ = false;  // lost though `alwaysopen`, and not back yet
   bool reading_ = true;
   bool signals_wanted_ = false;
+  std::map<LineSignal::Name, bool> driven_;               // by the driver, in this session
   std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
 };
 

@@ -13,7 +13,26 @@ namespace porttape {
 
 void SerialPort::signal(const LineSignal& signal) {
   const bool ours = is_output(signal.name) || signal.name == LineSignal::Name::brk;
+  if (ours && opened_) driven_[signal.name] = signal.on;
   if (line_ && ours) line_->changes.signal(signal);
+}
+
+// A device that is back stands as one that was just opened.
+void SerialPort::drive_again() {
+  for (const auto& [name, on] : driven_) {
+    const bool stands = on == (name != LineSignal::Name::brk);
+    if (!stands) line_->changes.signal({name, on});
+  }
+}
+
+// The next driver finds the line as by an open.
+void SerialPort::release_driven() {
+  for (const auto& [name, on] : std::exchange(driven_, {})) {
+    const bool home = name == LineSignal::Name::dtr   ? options_.dtr.value_or(true)
+                      : name == LineSignal::Name::rts ? options_.rts.value_or(true)
+                                                      : false;
+    if (line_ && on != home) line_->changes.signal({name, home});
+  }
 }
 
 void SerialPort::signal_made(const LineSignal& signal, int error_number) {

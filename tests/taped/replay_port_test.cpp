@@ -680,12 +680,12 @@ class SignalsOfATape : public ReplayPortTest {
     const auto by_device = [](std::int64_t us, LineSignal::Name name, bool on) {
       return encode(tape_time_us(us), signal_event({Side::device, {name, on}}));
     };
-    test::write_file(dir / "t.loge", encode(TapeHeader{.device = "serial:/dev/x", .driver = "pty"}) +
-                                         encode(tape_time_us(0), event::Open{}) +
-                                         by_device(10, LineSignal::Name::cts, true) +
-                                         encode(tape_time_us(1'100), event::Drain{Micros{5'000}}) +
-                                         by_device(3'000, LineSignal::Name::cts, false) +
-                                         encode(tape_time_us(9'000), event::Close{}));
+    const std::string events =
+        encode(TapeHeader{.device = "serial:/dev/x", .driver = "pty"}) +
+        encode(tape_time_us(0), event::Open{}) + by_device(10, LineSignal::Name::cts, true) +
+        encode(tape_time_us(1'100), event::Drain{Micros{5'000}}) +
+        by_device(3'000, LineSignal::Name::cts, false) + encode(tape_time_us(9'000), event::Close{});
+    test::write_file(dir / "t.loge", as_bytes(events));
     test::write_file(dir / "t.logw", test::block_bytes({{1'000, "ask"}}));
     test::write_file(dir / "t.logr", test::block_bytes({{2'000, "one"}, {4'000, "two"}}));
   }

@@ -180,6 +180,18 @@ TEST_F(TapPortTest, SignalsAndDrainsHaveTheirPlaceAmongTheBlocks) {
   EXPECT_EQ(device.calls, "rts_off drain break_on ");
 }
 
+TEST_F(TapPortTest, ADrainThatTheLinesEndHasEndedIsNotNoted) {
+  tap.open();
+  int sent = 0;
+  tap.drain([&sent] { ++sent; });
+  tap.close();
+  tap.open();
+  one.text.clear();
+  device.drains.at(0)();
+  EXPECT_EQ(sent, 1);
+  EXPECT_EQ(one.text, "");
+}
+
 TEST_F(TapPortTest, ADeviceThatRefusesIsToldWithWhatItHas) {
   device.settings = LineSettings{};
   device.takes_settings = false;

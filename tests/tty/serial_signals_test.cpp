@@ -173,6 +173,44 @@ TEST_F(SerialSignalsTest, ABreakThatTheDriverLeftEndsWhenItCloses) {
   until_journal("(sent)[break+][break-]");
 }
 
+TEST_F(SerialSignalsTest, WhatTheDriverLeftIsTakenBackWhereTheLineStaysOpen) {
+  start({{"baud", "4800"}, {"alwaysopen", "1"}, {"rts", "off"}});
+  port->signal({Name::dtr, false});
+  port->signal({Name::rts, true});
+  port->close();
+  until_journal("[dtr-][rts+][dtr+][rts-]");
+  port->open();
+  port->close();
+  port->open();
+  port->write(as_bytes("a"));
+  until_journal("[dtr-][rts+][dtr+][rts-]a");
+}
+
+TEST_F(SerialSignalsTest, WhatTheDriverDroveIsDrivenAgainWhenTheDeviceComesBack) {
+  const test::TempDir dir;
+  const std::string link = (dir.path() / "ttyBack").string();
+  std::filesystem::create_symlink(path, link);
+  start({{"device", link}, {"alwaysopen", "1"}, {"baud", "4800"}});
+  port->signal({Name::dtr, true});
+  port->signal({Name::rts, false});
+  until_journal("[dtr+][rts-]");
+  UniqueFd other(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK));
+  ::grantpt(other.get());
+  ::unlockpt(other.get());
+  line->device = -1;
+  device.reset();
+  until_events("up interrupted ");
+  port->signal({Name::dtr, false});
+  line->device = other.get();
+  std::filesystem::remove(link);
+  std::filesystem::create_symlink(::ptsname(other.get()), link);
+  until_events("up interrupted resumed ");
+  port->write(as_bytes("a"));
+  until_journal("[dtr+][rts-][dtr-][rts-]a");
+  line->device = -1;
+  device = std::move(other);
+}
+
 TEST_F(SerialSignalsTest, ADrainIsBehindTheBytes) {
   start();
   const std::string block(4096, 'b');
