@@ -255,9 +255,15 @@ std::string udev_model(const PortIdentity& identity) {
   return hex_text(identity.pid.value_or(0), 4);
 }
 
+std::string udev_short_serial(const PortIdentity& identity) {
+  const bool taken = std::ranges::all_of(
+      identity.serial, [](char each) { return static_cast<signed char>(each) >= ' ' && each != ','; });
+  return taken ? udev_name(identity.serial) : std::string();
+}
+
 std::string udev_serial(const PortIdentity& identity) {
   std::string text = udev_vendor(identity) + "_" + udev_model(identity);
-  if (const std::string serial = udev_name(identity.serial); !serial.empty()) text += "_" + serial;
+  if (const std::string serial = udev_short_serial(identity); !serial.empty()) text += "_" + serial;
   return text;
 }
 

@@ -52,6 +52,8 @@ std::string to_text(const PortIdentity& identity);
 std::string udev_vendor(const PortIdentity& identity);
 std::string udev_model(const PortIdentity& identity);
 std::string udev_serial(const PortIdentity& identity);
+// The serial number (ID_SERIAL_SHORT); empty where udev takes it for none: it has a comma or is not ASCII.
+std::string udev_short_serial(const PortIdentity& identity);
 std::string by_id_name(const PortIdentity& identity);
 // A text as udev has it in names: `FT232R USB UART` as `FT232R_USB_UART`.
 std::string udev_name(std::string_view text);

@@ -63,7 +63,8 @@ class TreeMaker {
     file_if(device + "/serial", port_.serial);
     file_if(device + "/manufacturer", port_.manufacturer);
     file_if(device + "/product", port_.product);
-    file(device + "/bNumInterfaces", fmt::format("{:2}", number + 1));
+    // A modem's second one is of its data.
+    file(device + "/bNumInterfaces", fmt::format("{:2}", number + (is_usb_serial(port_) ? 1 : 2)));
     file(device + "/bDeviceClass", "00");
     file(device + "/bcdDevice", "0100");
     file(device + "/busnum", bus);
@@ -97,6 +98,9 @@ class TreeMaker {
     file(port + "/uevent", "DRIVER=" + port_.driver);
     link(port + "/subsystem", "/sys/bus/usb-serial");
     link(port + "/driver", "/sys/bus/usb-serial/drivers/" + port_.driver);
+    // Where programs look for the latency timer.
+    link("/sys/bus/usb-serial/devices/" + kernel_name(port_),
+         "../../../" + port.substr(std::string_view("/sys/").size()));
     return port;
   }
 
@@ -145,16 +149,20 @@ class TreeMaker {
     };
     if (port_.is_usb()) {
       tell("ID_BUS", "usb");
-      tell("ID_VENDOR", udev_vendor(port_));
-      tell("ID_VENDOR_ENC", udev_encoded(port_.manufacturer));
-      tell("ID_VENDOR_ID", fmt::format("{:04x}", *port_.vid));
-      tell("ID_MODEL", udev_model(port_));
-      tell("ID_MODEL_ENC", udev_encoded(port_.product));
-      tell("ID_MODEL_ID", fmt::format("{:04x}", *port_.pid));
-      tell("ID_REVISION", "0100");
-      tell("ID_SERIAL", udev_serial(port_));
-      tell("ID_SERIAL_SHORT", udev_name(port_.serial));
-      tell("ID_TYPE", "generic");
+      const std::string vendor = usb_id_text(*port_.vid);
+      const std::string model = usb_id_text(*port_.pid);
+      for (const std::string& prefix : {std::string("ID_"), std::string("ID_USB_")}) {
+        tell(prefix + "VENDOR", udev_vendor(port_));
+        tell(prefix + "VENDOR_ENC", udev_encoded(port_.manufacturer.empty() ? vendor : port_.manufacturer));
+        tell(prefix + "VENDOR_ID", vendor);
+        tell(prefix + "MODEL", udev_model(port_));
+        tell(prefix + "MODEL_ENC", udev_encoded(port_.product.empty() ? model : port_.product));
+        tell(prefix + "MODEL_ID", model);
+        tell(prefix + "REVISION", "0100");
+        tell(prefix + "SERIAL", udev_serial(port_));
+        tell(prefix + "SERIAL_SHORT", udev_short_serial(port_));
+        tell(prefix + "TYPE", "generic");
+      }
       tell("ID_USB_INTERFACE_NUM", fmt::format("{:02x}", *port_.interface));
       tell("ID_USB_INTERFACES", is_usb_serial(port_) ? ":ffffff:" : ":020201:0a0000:");
       tell("ID_USB_DRIVER", port_.driver);

@@ -4,10 +4,12 @@
 #include <array>
 #include <cerrno>
 #include <fcntl.h>
+#include <filesystem>
 #include <fmt/format.h>
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 #include <sys/wait.h>
+#include <system_error>
 #include <unistd.h>
 
 #include "libport/base/unique_fd.hpp"
@@ -64,6 +66,11 @@ Result<void> put_port(PrivateFolders& folders, const DevicePort& port, const std
   if (::stat(node.c_str(), &status) != 0)
     return make_error(Errc::io, fmt::format("{}: {}", port.node, errno_text(errno)));
   if (Result<void> put = folders.put_mount(port.identity.path, node); !put) return put;
+  // Those of the device that has been here tell of that.
+  for (const char* const links : {"/dev/serial/by-id", "/dev/serial/by-path"}) {
+    const std::string name = port.identity.path.substr(port.identity.path.rfind('/') + 1);
+    if (Result<void> dropped = folders.drop_links(links, name); !dropped) return dropped;
+  }
   const std::string number = fmt::format("{}:{}", ::major(status.st_rdev), ::minor(status.st_rdev));
   return put_tree(folders, device_tree(port.identity, status.st_rdev), number);
 }
@@ -90,11 +97,15 @@ Result<void> enter_device_view(const std::vector<DevicePort>& ports) {
   for (const DevicePort& port : ports) {
     if (Result<void> checked = check_identity(port.identity); !checked) return checked;
   }
+  std::error_code unknown;
+  const std::filesystem::path here = std::filesystem::current_path(unknown);
   const Result<PrivateMounts> mounts = PrivateMounts::enter();
   if (!mounts) return mounts.error();
   const mode_t mask = ::umask(022);
   Result<void> built = build_view(*mounts, ports);
   ::umask(mask);
+  // One that stands in /dev would stay in the host's.
+  if (!unknown) std::filesystem::current_path(here, unknown);
   return built ? mounts->drop_gained() : built;
 }
 

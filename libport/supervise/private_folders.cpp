@@ -4,13 +4,16 @@
 #include <climits>
 #include <dirent.h>
 #include <fcntl.h>
+#include <filesystem>
 #include <fmt/format.h>
 #include <memory>
 #include <string_view>
 #include <sys/mount.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
+#include <system_error>
 #include <unistd.h>
+#include <vector>
 
 #include "libport/base/unique_fd.hpp"
 
@@ -103,6 +106,22 @@ Result<void> PrivateFolders::put_file(const std::string& path, const std::string
 Result<void> PrivateFolders::put_link(const std::string& path, const std::string& target) {
   if (Result<void> free = free_name(path); !free) return free;
   return ::symlink(target.c_str(), path.c_str()) == 0 ? Result<void>() : mounts_.refused(path, errno);
+}
+
+Result<void> PrivateFolders::drop_links(const std::string& folder, const std::string& name) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) return {};
+  if (Result<void> owned = own(folder); !owned) return owned;
+  std::vector<fs::path> found;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
+    if (fs::read_symlink(entry->path(), error).filename() == name) found.push_back(entry->path());
+    error.clear();  // of what is no link
+  }
+  for (const fs::path& link : found) {
+    if (::unlink(link.c_str()) != 0) return mounts_.refused(link.string(), errno);
+  }
+  return {};
 }
 
 Result<void> PrivateFolders::put_mount(const std::string& path, const std::string& source) {

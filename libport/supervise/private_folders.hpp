@@ -23,6 +23,8 @@ class PrivateFolders {
   // In folders that are, names that are replaced where they exist; a path's folder is made `own` first.
   Result<void> put_file(const std::string& path, const std::string& text);
   Result<void> put_link(const std::string& path, const std::string& target);
+  // Takes away the links in a folder, if that is there, that lead to this name in whatever folder.
+  Result<void> drop_links(const std::string& folder, const std::string& name);
   // The file `source` is mounted there.
   Result<void> put_mount(const std::string& path, const std::string& source);
   // What cloned_folder() gave.

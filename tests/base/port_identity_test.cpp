@@ -81,6 +81,12 @@ TEST(PortIdentity, IsNamedAsUdevDoes) {
   EXPECT_EQ(by_id_name(port), "usb-FTDI_FT232R_USB_UART_A6008isP-if00-port0");
   port = {.path = "/dev/ttyACM0", .vid = 0x2341, .pid = 0x0043, .interface = std::uint8_t{10}};
   EXPECT_EQ(by_id_name(port), "usb-2341_0043-if0a");
+  // What udev takes for no serial number.
+  for (const char* serial : {"A,1", "Ger\xc3\xa4t", ""}) {
+    port.serial = serial;
+    EXPECT_EQ(udev_short_serial(port), "") << serial;
+    EXPECT_EQ(by_id_name(port), "usb-2341_0043-if0a") << serial;
+  }
   EXPECT_EQ(udev_name("  Silicon   Labs, Inc./\xc3\xa4\xff "), "Silicon_Labs__Inc._\xc3\xa4_");
 }
 

@@ -38,6 +38,10 @@ TEST(DeviceTree, AUsbSerialPortIsAChildOfTheInterface) {
   EXPECT_EQ(of(tree.links, "/sys/class/tty/ttyUSB0"), ".porttape/usb1/1-1/1-1:1.0/ttyUSB0/tty/ttyUSB0");
   EXPECT_EQ(of(tree.links, "/sys/dev/char/136:3"),
             "../../class/tty/.porttape/usb1/1-1/1-1:1.0/ttyUSB0/tty/ttyUSB0");
+  EXPECT_EQ(of(tree.links, "/sys/bus/usb-serial/devices/ttyUSB0"),
+            "../../../class/tty/.porttape/usb1/1-1/1-1:1.0/ttyUSB0");
+  EXPECT_EQ(of(tree.files, device + "/bNumInterfaces"), " 1\n");
+  EXPECT_THAT(tree.udev_data, HasSubstr("E:ID_USB_SERIAL_SHORT=PT0001\n"));
   EXPECT_EQ(of(tree.names, "/dev/serial/by-id/usb-FTDI_FT232R_USB_UART_PT0001-if00-port0"), "../../ttyUSB0");
   EXPECT_THAT(tree.udev_data, HasSubstr("S:serial/by-id/usb-FTDI_FT232R_USB_UART_PT0001-if00-port0\n"));
   EXPECT_THAT(tree.udev_data, HasSubstr("E:ID_MODEL_ENC=FT232R\\x20USB\\x20UART\n"));
@@ -52,7 +56,10 @@ TEST(DeviceTree, AnAcmPortIsTheInterfacesOwn) {
   EXPECT_EQ(of(tree.links, tree.folder + "/device"), "../../../2-1.4:1.0");
   EXPECT_EQ(of(tree.names, "/dev/serial/by-id/usb-2341_0043-if00"), "../../ttyACM3");
   EXPECT_EQ(of(tree.names, "/dev/serial/by-path/platform-porttape-usb-0:1.4:1.0"), "../../ttyACM3");
+  EXPECT_EQ(of(tree.files, "/sys/class/tty/.porttape/usb2/2-1.4/bNumInterfaces"), " 2\n");
+  EXPECT_EQ(of(tree.links, "/sys/bus/usb-serial/devices/ttyACM3"), "none");
   EXPECT_THAT(tree.udev_data, Not(HasSubstr("ID_SERIAL_SHORT")));
+  EXPECT_THAT(tree.udev_data, HasSubstr("E:ID_VENDOR_ENC=2341\n"));
 }
 
 TEST(DeviceTree, APlainPortHasNothingOfUsb) {

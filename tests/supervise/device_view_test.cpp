@@ -208,6 +208,37 @@ TEST_P(DeviceViewTest, ItTakesThePlaceOfADeviceOfItsName) {
             std::to_string(pty.st_rdev));
 }
 
+TEST_P(DeviceViewTest, LinksOfTheDeviceThatWasThereAreGone) {
+  const View first;
+  EXPECT_EQ(
+      in_process(GetParam(),
+                 [&] {
+                   PortIdentity other = kFound;
+                   other.serial = "OTHER";
+                   for (const DevicePort& port : {DevicePort{kFound, first.node}, {other, view.node}}) {
+                     const Result<void> entered = enter_device_view({port});
+                     if (!entered) return entered.error().message;
+                   }
+                   return std::string(is_there(kById) ? "old" : "no old") +
+                          (is_there("/dev/serial/by-id/usb-FTDI_FT232R_OTHER-if00-port0") ? ", new" : "");
+                 }),
+      "no old, new");
+}
+
+TEST_P(DeviceViewTest, WhoStandsInDevStandsInTheNewOne) {
+  EXPECT_EQ(in_process(GetParam(),
+                       [&]() -> std::string {
+                         if (::chdir("/dev") != 0) return errno_text(errno);
+                         const Result<void> entered = enter_device_view({{kFound, view.node}});
+                         return entered ? error_at("ttyUSB93") : entered.error().message;
+                       }),
+            "opened");
+}
+
+TEST_P(DeviceViewTest, TheLatencyTimerIsWhereProgramsLookForIt) {
+  EXPECT_EQ(inside([] { return text_of("/sys/bus/usb-serial/devices/ttyUSB93/latency_timer"); }), "16\n");
+}
+
 TEST_P(DeviceViewTest, NothingOfItIsOnTheHost) {
   const std::string mounts = text_of("/proc/self/mountinfo");
   const bool had_udev = is_there("/run/udev");
