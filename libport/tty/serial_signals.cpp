@@ -38,7 +38,8 @@ void SerialPort::release_driven() {
 void SerialPort::signal_made(const LineSignal& signal, int error_number) {
   if (error_number == 0) return;
   const bool is_break = signal.name == LineSignal::Name::brk;
-  const bool has_none = error_number == ENOTTY || error_number == EINVAL;
+  const bool is_no_line = error_number == ENOTTY || error_number == EINVAL;
+  const bool has_none = is_no_line || error_number == EOPNOTSUPP;  // a USB modem that knows no breaks
   const std::string text =
       has_none ? fmt::format("{}: the device has no {}; what the driver does to them is ignored", name(),
                              is_break ? "breaks" : "modem lines")
@@ -47,7 +48,7 @@ void SerialPort::signal_made(const LineSignal& signal, int error_number) {
           : fmt::format("{}: setting {}: {}; check the device", name(), name_of(signal.name),
                         errno_text(error_number));
   if (told_.insert(text).second)
-    context_.log->log(has_none ? spdlog::level::info : spdlog::level::warn, "{}", text);
+    context_.log->log(is_no_line ? spdlog::level::info : spdlog::level::warn, "{}", text);
 }
 
 void SerialPort::drain(std::function<void()> done) {

@@ -131,6 +131,21 @@ TEST_F(SerialSignalsTest, WhatTheDeviceHasNotIsToldOnce) {
   EXPECT_EQ(times_told("[warning]"), 0U);
 }
 
+// cdc_acm, of a USB device that knows none.
+TEST_F(SerialSignalsTest, ADeviceWithoutBreaksIsAWarning) {
+  start();
+  line->error = EOPNOTSUPP;
+  for (int i = 0; i < 2; ++i) {
+    port->signal({Name::brk, true});
+    port->signal({Name::brk, false});
+  }
+  port->write(as_bytes("a"));
+  until_journal("(sent)[break+][break-](sent)[break+][break-]a");
+  EXPECT_EQ(times_told("the device has no breaks"), 1U);
+  EXPECT_EQ(times_told("check the device"), 0U);
+  EXPECT_EQ(times_told("[warning]"), 1U);
+}
+
 TEST_F(SerialSignalsTest, OtherTroubleIsAWarning) {
   start();
   line->error = EIO;
