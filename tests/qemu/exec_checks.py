@@ -19,7 +19,7 @@ import termios
 from rig import (HERE, PATIENCE, PORTTAPE, PYTHON, FarEnd, command, contains_in_order, events, far, need, need_sound, plug,
                  unplug, until, wire)
 
-NOBODY = 65534
+USER = os.stat(PORTTAPE).st_uid or 65534  # one who may read the build
 TIOCM_LOOP = 0x8000
 DRIVER = HERE / "line_driver.py"
 
@@ -82,6 +82,7 @@ def replayed(folder, tape, steps, said, user=None):
     """The tape in the device's place: the driver says the same, and makes the same of its line."""
     (folder / "mark").unlink(missing_ok=True)
     same(supervised(folder, ["--tape", str(tape)], steps, user)[0], said, "under the replay it said")
+    (folder / "mark").unlink(missing_ok=True)
     command(PORTTAPE, "test", "--exec", "--check-settings", "--tape", str(tape), "--", *driver(folder / "mark", steps))
 
 
@@ -141,11 +142,11 @@ def check_exec_ftdi(folder):
 
 
 def check_exec_acm_user(folder):
-    return exec_acm(folder, NOBODY)
+    return exec_acm(folder, USER)
 
 
 def check_exec_ftdi_user(folder):
-    return exec_ftdi(folder, NOBODY)
+    return exec_ftdi(folder, USER)
 
 
 def check_exec_bridge(folder):
