@@ -18,7 +18,7 @@ namespace {
 constexpr unsigned kRateOfItsOwn = 38400;  // stands for what ASYNC_SPD_… says, where that says something
 constexpr std::int64_t kMostTenths = 600;
 constexpr Nanos kTenth = std::chrono::milliseconds(100);
-constexpr tcflag_t kHidden = CSIZE | PARENB | PARODD | CMSPAR;
+constexpr tcflag_t kHidden = CSIZE | PARENB | PARODD | CMSPAR | CLOCAL;
 
 constexpr std::array<std::uint32_t, 27> kRequests{
     TCGETS,   TCSETS,   TCSETSW,  TCSETSF,    TCGETA,      TCSETA,      TCSETAW,     TCSETAF,    TCGETS2,
@@ -274,10 +274,8 @@ Outcome TtyCalls::give_settings(const Call& call, std::uint32_t request) const {
   const SettingsForm form = form_of(request);
   std::array<std::byte, sizeof(termios2)> settings{};
   if (::ioctl(line_->line_fd(), request, settings.data()) != 0) return outcome::Pass{};
-  tcflag_t flags = (flags_in(form, settings.data()) & ~kHidden) | hidden_;
+  put_flags(form, settings.data(), (flags_in(form, settings.data()) & ~kHidden) | hidden_);
   // A pty of ours is not quite as a serial line is opened (make_pty_raw()).
-  if (as_opened_) flags |= CLOCAL;
-  put_flags(form, settings.data(), flags);
   if (as_opened_) clear_echonl(form, settings.data());
   return call.write(call.argument(2), std::span(settings).first(form.size)) ? done_well() : bad_address();
 }
@@ -489,6 +487,7 @@ Outcome TtyCalls::make_rs485(const Call& call) {
 void TtyCalls::line_opened() {
   open_ = true;
   as_opened_ = true;
+  hidden_ |= CLOCAL;
   hung_up_ = false;
   model_.opened();
   look_at_inputs();
@@ -506,7 +505,9 @@ void TtyCalls::line_gone() {
   line_ = nullptr;
 }
 
-void TtyCalls::line_shows(const LineSettings& settings) { hidden_ = hidden_of(settings); }
+void TtyCalls::line_shows(const LineSettings& settings) {
+  hidden_ = hidden_of(settings) | (hidden_ & CLOCAL);
+}
 
 void TtyCalls::line_signalled(const LineSignal& signal) {
   tells_lines_ = false;  // it has lines of its own

@@ -80,8 +80,8 @@ class TtyCalls final : public CallPart, private LineSupervisor {
 
   SupervisedLine* line_;  // null: it has gone
   LineModel model_;
-  tcflag_t hidden_ = CS8;  // of c_cflag what a pty does not keep
-  bool hung_up_ = false;   // B0
+  tcflag_t hidden_ = CS8 | CLOCAL;  // of c_cflag what a pty of ours does not keep
+  bool hung_up_ = false;            // B0
   bool open_ = false;
   bool as_opened_ = true;     // nobody has set the line since
   bool tells_lines_ = false;  // the defaults are the user's: they belong on the tape

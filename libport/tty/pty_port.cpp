@@ -274,18 +274,21 @@ void PtyPort::set_reading(bool on) {
 void PtyPort::set_up(bool up, LineDown::Reason reason) {
   if (up_ == up || (up && !accepting_)) return;
   up_ = up;
-  if (up) {
-    listener().on_up();
-  } else {
-    listener().on_down({.reason = reason, .error = {}});
-  }
+  if (!up) return listener().on_down({.reason = reason, .error = {}});
+  listener().on_up();
+  for (const LineSignal& signal : early_signals_.take()) signalled(signal);
+}
+
+void PtyPort::tell_opened() {
+  early_signals_.clear();
+  if (supervisor_ != nullptr) supervisor_->line_opened();
 }
 
 void PtyPort::peer_arrived(Openers openers) {
   peer_ = true;
   openers_ = openers;
   context_.log->debug("{}: opened", name());
-  if (supervisor_ != nullptr) supervisor_->line_opened();
+  tell_opened();
   watch_reading();
   watch_settings();
   set_up(true);
@@ -348,7 +351,7 @@ void PtyPort::peer_reopened() {
   hang_up_timer_.cancel();
   if (supervisor_ != nullptr) supervisor_->line_closed();
   set_up(false);
-  if (supervisor_ != nullptr) supervisor_->line_opened();
+  tell_opened();
   line_->settings.assume(home_);
   watch_settings();
   set_up(true);
@@ -504,7 +507,11 @@ void PtyPort::flushed(bool in, bool out) {
 }
 
 void PtyPort::signalled(const LineSignal& signal) {
-  if (up_) listener().on_signal(signal);
+  if (up_) {
+    listener().on_signal(signal);
+  } else {
+    early_signals_.put(signal);
+  }
 }
 
 void PtyPort::wait_until_sent(std::function<void()> done) {

@@ -8,6 +8,7 @@
 #include <sys/types.h>
 #include <vector>
 
+#include "libport/base/signal_queue.hpp"
 #include "libport/loop/backoff.hpp"
 #include "libport/loop/fd_watch.hpp"
 #include "libport/loop/outbox.hpp"
@@ -146,6 +147,7 @@ class PtyPort final : public Port, private SupervisedLine {
   void drop_unsent();
   void drop_held();
   void set_up(bool up, LineDown::Reason reason = LineDown::Reason::closed);
+  void tell_opened();
   void on_hang_up_timer();
   void tell_waiting();
 
@@ -153,6 +155,7 @@ class PtyPort final : public Port, private SupervisedLine {
   Pty::Access access_;
   PtyNames names_;
   LineSupervisor* supervisor_ = nullptr;
+  SignalQueue early_signals_;         // of a driver that has opened the line, until the listener knows it
   std::optional<LineSettings> home_;  // what the next driver finds; none: what the last one left
   std::unique_ptr<Line> line_;        // null before prepare(), and while no new pty can be made
   Timer hang_up_timer_;

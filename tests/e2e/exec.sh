@@ -64,9 +64,9 @@ calls() {
   export LINE_CALLS_PATIENT=yes
   for check in lines mode nonblock wait; do
     right "recorded $check" "${on_device[@]}" --tape "$check" --overwrite -- "$driver" "$check" '{port}'
-    right "$check against the tape" test --exec --tape "$check" --lines loopback --check-settings --report report -- "$driver" "$check" '{port}'
+    right "$check against the tape" test --exec --tape "$check" --check-settings --report report -- "$driver" "$check" '{port}'
     verdict_is pass report
-    right "$check by the tape" exec --tape "$check" --lines loopback -- "$driver" "$check" '{port}'
+    right "$check by the tape" exec --tape "$check" -- "$driver" "$check" '{port}'
   done
   say "recorded, and against the tape"
 

@@ -10,6 +10,7 @@
 #include <memory>
 #include <sstream>
 #include <string>
+#include <sys/ioctl.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -51,6 +52,10 @@ class PtyLine final : public SupervisedLine {
     return takes;
   }
   void made(const LineSettings& settings, SettingsOrder order) override {
+    termios shown{};  // as PtyPort does, for its looks
+    ::ioctl(line_fd(), TCGETS, &shown);
+    shown.c_cflag &= ~static_cast<tcflag_t>(CLOCAL);
+    ::ioctl(line_fd(), TCSETS, &shown);
     say(to_text(SeenSettings::of(settings)) + (order == SettingsOrder::sampled ? " sampled" : ""));
   }
   void flushed(bool in, bool out) override {
@@ -159,6 +164,10 @@ TEST_F(TtyCallsTest, ParityAndDataBitsAreReadBackAndHaveTheirPlace) {
               ElementsAre("write 1", "set 0 8E", "write 1", "set 0 7O", "set 0 7O", "set 0 8N"));
   EXPECT_THAT(line.told, ElementsAre("wrote x", "19200 baud, 8E1", "wrote y", "19200 baud, 7O1",
                                      "19200 baud, 7O1", "19200 baud, 8N1"));
+}
+
+TEST_F(TtyCallsTest, WhetherALineIsLocalIsReadBack) {
+  EXPECT_THAT(run({"set:8N", "set:8Nc", "set:7E"}), ElementsAre("set 0 8N", "set 0 8Nc", "set 0 7E"));
 }
 
 TEST_F(TtyCallsTest, ADrainLastsUntilTheDeviceHasAll) {

@@ -27,14 +27,20 @@ static void set(int fd, FILE* out, const char* frame) {
   tio.c_cflag |= frame[0] == '7' ? CS7 : CS8;
   if (frame[1] != 'N') tio.c_cflag |= PARENB;
   if (frame[1] == 'O') tio.c_cflag |= PARODD;
+  if (frame[2] == 'c') {
+    tio.c_cflag &= ~(tcflag_t)CLOCAL;
+  } else {
+    tio.c_cflag |= CLOCAL;
+  }
   cfsetspeed(&tio, B19200);
   const int result = tcsetattr(fd, TCSADRAIN, &tio);
   memset(&tio, 0, sizeof(tio));
   tcgetattr(fd, &tio);
-  fprintf(out, "set %d %c%c\n", result, (tio.c_cflag & CSIZE) == CS7 ? '7' : '8',
+  fprintf(out, "set %d %c%c%s\n", result, (tio.c_cflag & CSIZE) == CS7 ? '7' : '8',
           (tio.c_cflag & PARENB) == 0   ? 'N'
           : (tio.c_cflag & PARODD) != 0 ? 'O'
-                                        : 'E');
+                                        : 'E',
+          (tio.c_cflag & CLOCAL) != 0 ? "" : "c");
 }
 
 static void alarm_in(int ms) {
