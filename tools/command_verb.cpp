@@ -35,7 +35,7 @@ std::vector<OptionSpec> options_of(const CommandVerb& verb) {
 
 void print_help(const CommandVerb& verb, const po::options_description& options, std::ostream& out) {
   fmt::print(out, "Usage: porttape {0} {1}\n\n{2}{3}\nExample:\n  porttape {0} {4}\n\n{5}", verb.name,
-             verb.usage, verb.about, kPlaceHelp, verb.example, as_text(options));
+             verb.usage, verb.about, verb.has_port ? kPlaceHelp : "", verb.example, as_text(options));
 }
 
 Result<int> do_work(const CommandVerb& verb, CommandVerbLine line,
@@ -48,7 +48,7 @@ Result<int> do_work(const CommandVerb& verb, CommandVerbLine line,
   ::signal(SIGPIPE, SIG_IGN);
   ::signal(SIGXFSZ, SIG_IGN);
   PrivateFolder folder;
-  if (!alone && !line.values.contains("driver")) {
+  if (verb.has_port && !alone && !line.values.contains("driver")) {
     const Result<std::string> path = folder.make();
     if (!path) return path.error();
     line.values["driver"] = "pty:" + *path + "/port";

@@ -21,6 +21,7 @@ struct CommandVerb {
   std::vector<OptionSpec> options;  // besides --help and --driver, which has a default here
   std::string_view example;         // behind "porttape NAME"
   std::string_view alone = {};      // the option with which there is neither a command nor a port
+  bool has_port = true;             // of ours, for the command
 };
 
 // What was typed; the values by option, unchecked.

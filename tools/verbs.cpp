@@ -24,6 +24,7 @@ constexpr std::array kVerbs{
          run_drive},
     Verb{"bless", "makes the tape of a driver that was changed on purpose, shows the difference", run_bless},
     Verb{"exec", "runs a command with what a pty lacks: modem lines, parity, breaks, drains", run_exec},
+    Verb{"probe", "what a command does to its port that a pty lacks or bends, and the remedy", run_probe},
     Verb{"soak", "looks for the seed whose faults break a command against a tape", run_soak},
     Verb{"shrink", "the fewest exchanges and faults of a tape under which a command still fails", run_shrink},
     Verb{"verify", "whether tapes are sound", run_verify},

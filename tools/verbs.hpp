@@ -16,6 +16,7 @@ int run_cat(Arguments args, std::ostream& out, std::ostream& err);
 int run_ctl(Arguments args, std::ostream& out, std::ostream& err);
 int run_drive(Arguments args, std::ostream& out, std::ostream& err);
 int run_exec(Arguments args, std::ostream& out, std::ostream& err);
+int run_probe(Arguments args, std::ostream& out, std::ostream& err);
 int run_info(Arguments args, std::ostream& out, std::ostream& err);
 int run_record(Arguments args, std::ostream& out, std::ostream& err);
 int run_rules(Arguments args, std::ostream& out, std::ostream& err);

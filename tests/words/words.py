@@ -242,6 +242,8 @@ TOOL_ROWS = [
     ("test --tape good --session first -- true", ["'session' is 'first'", "accepted: all, or the number"]),
     ("test --tape good --connections each -- true", ["'connections'", "tcp-listen:, unix-listen:"]),
     ("exec", ["command is missing", "porttape exec [--device PORT]".replace("[", r"\[").replace("]", r"\]")]),
+    ("probe", ["command is missing", r"porttape probe \[--json\] -- COMMAND"]),
+    ("probe -- ./no-such-driver", ["'./no-such-driver' cannot be run: No such file"]),
     ("exec -- true", ["--device PORT is missing, or --tape NAME", "porttape exec --device PORT"]),
     ("exec --tape gone -- true", ["no tape 'gone'"]),
     ("exec --tape good --lines maybe -- true", ["'lines'", "accepted: on, off, loopback"]),
@@ -458,7 +460,7 @@ def wrong_tape(name, verified, printed, played):
 
 def helps():
     """Every help text: on stdout, and in 80 columns."""
-    verbs = {TOOL: ["", "info", "cat", "record", "test", "drive", "exec", "verify", "rules", "rules check", "rules infer",
+    verbs = {TOOL: ["", "info", "cat", "record", "test", "drive", "exec", "probe", "verify", "rules", "rules check", "rules infer",
                     "status", "ctl"],
              DAEMON: ["", "record", "replay", "bridge", "run"]}
     for program, names in verbs.items():
