@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <climits>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <linux/seccomp.h>
+#include <string_view>
 #include <sys/ioctl.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -75,6 +77,22 @@ bool Call::write(std::uint64_t address, std::span<const std::byte> what) const {
   const UniqueFd memory = open_memory(thread_, O_WRONLY);
   return memory && waits() &&
          ::pwrite(memory.get(), what.data(), what.size(), static_cast<off_t>(address)) == size;
+}
+
+// Up to the page's end first: the next one may not be there.
+std::optional<std::string> Call::read_path(std::uint64_t address) const {
+  constexpr std::uint64_t kPage = 4096;
+  std::string path;
+  while (path.size() < PATH_MAX) {
+    std::array<char, 256> part{};
+    const std::uint64_t at = address + path.size();
+    const std::size_t size = std::min<std::uint64_t>(part.size(), kPage - at % kPage);
+    if (!read(at, std::as_writable_bytes(std::span(part.data(), size)))) return std::nullopt;
+    const std::string_view text(part.data(), size);
+    path.append(text.substr(0, text.find('\0')));
+    if (text.find('\0') != std::string_view::npos) return path;
+  }
+  return std::nullopt;
 }
 
 }  // namespace porttape

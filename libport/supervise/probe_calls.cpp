@@ -84,36 +84,6 @@ bool is_device_name(std::string_view path) {
   return false;
 }
 
-constexpr unsigned kTtyMajor = 4;  // consoles below kFirstSerial
-constexpr unsigned kFirstSerial = 64;
-constexpr unsigned kFirstPty = 136;
-constexpr unsigned kLastPty = 143;
-
-bool is_pty(std::uint64_t device) { return major(device) >= kFirstPty && major(device) <= kLastPty; }
-
-// Null, /dev/tty and consoles are character devices as well.
-bool can_be_port(std::uint64_t device) {
-  const unsigned kind = major(device);
-  return kind != 1 && kind != 5 && (kind != kTtyMajor || minor(device) >= kFirstSerial);
-}
-
-// By proc_pid_stat(5): the fifth number behind the name, which may hold anything.
-std::optional<std::uint64_t> controlling_terminal() {
-  std::ifstream file("/proc/self/stat");
-  std::string text;
-  std::getline(file, text);
-  const std::size_t name_end = text.rfind(')');
-  if (name_end == std::string::npos) return std::nullopt;
-  std::istringstream rest(text.substr(name_end + 1));
-  char state = 0;
-  int parent = 0;
-  int group = 0;
-  int session = 0;
-  std::uint32_t terminal = 0;
-  if (!(rest >> state >> parent >> group >> session >> terminal) || terminal == 0) return std::nullopt;
-  return makedev((terminal >> 8U) & 0xfffU, (terminal & 0xffU) | ((terminal >> 12U) & 0xfff00U));
-}
-
 // Which argument is a path; -1: none.
 int path_argument(int number) {
   switch (number) {
@@ -135,22 +105,6 @@ int path_argument(int number) {
     default:
       return -1;
   }
-}
-
-// Up to the page's end first: the next one may not be there.
-std::optional<std::string> path_of(const Call& call, std::uint64_t address) {
-  constexpr std::uint64_t kPage = 4096;
-  std::string path;
-  while (path.size() < PATH_MAX) {
-    std::array<char, 256> part{};
-    const std::uint64_t at = address + path.size();
-    const std::size_t size = std::min<std::uint64_t>(part.size(), kPage - at % kPage);
-    if (!call.read(at, std::as_writable_bytes(std::span(part.data(), size)))) return std::nullopt;
-    const std::string_view read(part.data(), size);
-    path.append(read.substr(0, read.find('\0')));
-    if (read.find('\0') != std::string_view::npos) return path;
-  }
-  return std::nullopt;
 }
 
 }  // namespace
@@ -176,13 +130,7 @@ std::string_view name_of(ProbeFindings::Effect effect) {
 }
 
 ProbeCalls::ProbeCalls(ProbeFindings& findings)
-    : findings_(findings), start_(std::chrono::steady_clock::now()) {
-  for (int fd = 0; fd <= 2; ++fd) {
-    struct stat status {};
-    if (::fstat(fd, &status) == 0 && S_ISCHR(status.st_mode)) terminals_.push_back(status.st_rdev);
-  }
-  if (const std::optional<std::uint64_t> terminal = controlling_terminal()) terminals_.push_back(*terminal);
-}
+    : findings_(findings), start_(std::chrono::steady_clock::now()) {}
 
 std::vector<CallTrap> ProbeCalls::traps() const {
   CallTrap requests{.number = SYS_ioctl};
@@ -214,7 +162,7 @@ CallPart::Decision ProbeCalls::decide(Supervisor&, const Call& call) {
 void ProbeCalls::look_at_request(const Call& call) {
   const int fd = static_cast<int>(call.argument(0));
   const std::optional<std::uint64_t> device = call.device_of(fd);
-  if (!device || !can_be_port(*device) || std::ranges::find(terminals_, *device) != terminals_.end()) return;
+  if (!device || !ports_.can_be(*device)) return;
   note_port(call, fd, is_pty(*device));
   const auto request = static_cast<std::uint32_t>(call.argument(1));
   if (request == TCSBRK) {
@@ -247,7 +195,7 @@ void ProbeCalls::look_at_settings(const Call& call, std::uint32_t request) {
 }
 
 void ProbeCalls::look_at_path(const Call& call, std::uint64_t address) {
-  const std::optional<std::string> path = path_of(call, address);
+  const std::optional<std::string> path = call.read_path(address);
   if (!path) return;
   if (path->ends_with("/latency_timer")) return note("latency_timer", Effect::finds, "has none");
   if (is_device_name(*path)) {

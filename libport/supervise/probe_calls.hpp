@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "libport/base/time.hpp"
+#include "libport/supervise/port_devices.hpp"
 #include "libport/supervise/supervisor.hpp"
 
 namespace porttape {
@@ -59,7 +60,7 @@ class ProbeCalls final : public CallPart {
 
   ProbeFindings& findings_;
   Instant start_;
-  std::vector<std::uint64_t> terminals_;  // ours: device numbers
+  PortDevices ports_;
 };
 
 }  // namespace porttape

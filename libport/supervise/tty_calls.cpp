@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "libport/loop/loop.hpp"
+#include "libport/supervise/settings_form.hpp"
 #include "libport/tty/tty.hpp"
 
 namespace porttape {
@@ -24,36 +25,6 @@ constexpr std::array<std::uint32_t, 27> kRequests{
     TCGETS,   TCSETS,   TCSETSW,  TCSETSF,    TCGETA,      TCSETA,      TCSETAW,     TCSETAF,    TCGETS2,
     TCSETS2,  TCSETSW2, TCSETSF2, TCSBRK,     TCSBRKP,     TIOCSBRK,    TIOCCBRK,    TCFLSH,     TIOCMGET,
     TIOCMSET, TIOCMBIS, TIOCMBIC, TIOCMIWAIT, TIOCGICOUNT, TIOCGSERIAL, TIOCSSERIAL, TIOCGRS485, TIOCSRS485};
-
-// How a request carries the settings.
-struct SettingsForm {
-  std::size_t size = 0;
-  std::size_t flags_at = 0;
-  std::size_t flags_size = 0;
-};
-
-SettingsForm form_of(std::uint32_t request) {
-  switch (request) {
-    case TCGETS2:
-    case TCSETS2:
-    case TCSETSW2:
-    case TCSETSF2:
-      return {sizeof(termios2), offsetof(termios2, c_cflag), sizeof(tcflag_t)};
-    case TCGETA:
-    case TCSETA:
-    case TCSETAW:
-    case TCSETAF:
-      return {sizeof(termio), offsetof(termio, c_cflag), sizeof(unsigned short)};
-    default:
-      return {sizeof(termios), offsetof(termios, c_cflag), sizeof(tcflag_t)};
-  }
-}
-
-tcflag_t flags_in(const SettingsForm& form, const std::byte* settings) {
-  tcflag_t flags = 0;  // a termio has its low half; of what is hidden that lacks CMSPAR alone
-  std::memcpy(&flags, settings + form.flags_at, form.flags_size);
-  return flags;
-}
 
 void put_flags(const SettingsForm& form, std::byte* settings, tcflag_t flags) {
   std::memcpy(settings + form.flags_at, &flags, form.flags_size);
@@ -78,30 +49,6 @@ bool makes_settings(std::uint32_t request) {
 bool makes_settings_when_sent(std::uint32_t request) {
   return request == TCSETSW || request == TCSETSW2 || request == TCSETAW || request == TCSETSF ||
          request == TCSETSF2 || request == TCSETAF;
-}
-
-bool flushes_input(std::uint32_t request) {
-  return request == TCSETSF || request == TCSETSF2 || request == TCSETAF;
-}
-
-unsigned data_bits_of(tcflag_t flags) {
-  switch (flags & CSIZE) {
-    case CS5:
-      return 5;
-    case CS6:
-      return 6;
-    case CS7:
-      return 7;
-    default:
-      return 8;
-  }
-}
-
-Parity parity_of(tcflag_t flags) {
-  if ((flags & PARENB) == 0) return Parity::none;
-  const bool odd = (flags & PARODD) != 0;
-  if ((flags & CMSPAR) != 0) return odd ? Parity::mark : Parity::space;
-  return odd ? Parity::odd : Parity::even;
 }
 
 tcflag_t hidden_of(const LineSettings& settings) {

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+namespace porttape {
+
+// Which ttys may be a driver's port: all but what programs talk to people by, which are the controlling
+// terminal of this process, what its stdin, stdout and stderr are, and consoles. A value.
+class PortDevices {
+ public:
+  PortDevices();
+
+  // By its device number (st_rdev).
+  [[nodiscard]] bool can_be(std::uint64_t device) const;
+
+ private:
+  std::vector<std::uint64_t> terminals_;
+};
+
+bool is_pty(std::uint64_t device);
+
+}  // namespace porttape
