@@ -56,6 +56,8 @@ class JsonLine {
 
 // The subcommands; each returns an exit status.
 int rtt_command(const Arguments& arguments);
+int calls_command(const Arguments& arguments);
+int drive_command(const Arguments& arguments);
 int throughput_command(const Arguments& arguments);
 int arrivals_command(const Arguments& arguments);
 int channels_command(const Arguments& arguments);

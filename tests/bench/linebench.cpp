@@ -19,6 +19,8 @@ struct Command {
 
 constexpr Command kCommands[] = {
     {"rtt", rtt_command, "round trips of a ping-pong through lines, side by side"},
+    {"calls", calls_command, "what a driver's calls take under porttape exec, beside a bare pty"},
+    {"drive", drive_command, "a driver that does what rtt or calls ask of it"},
     {"throughput", throughput_command, "bytes a second through lines, each way and both, checked"},
     {"arrivals", arrivals_command, "when a replay's blocks arrive, against the tape's times"},
     {"channels", channels_command, "many TCP channels in one recording daemon, checked"},

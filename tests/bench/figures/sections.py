@@ -2,6 +2,8 @@
 
 import json
 import os
+import platform
+import re
 import shutil
 import signal
 import statistics
@@ -11,7 +13,7 @@ import time
 from .table import Table
 
 MIB = 1 << 20
-SECTIONS = ["rtt", "busy", "throughput", "tcp", "channels", "ptys", "delivery", "verify", "memory", "idle", "start"]
+SECTIONS = ["rtt", "busy", "throughput", "tcp", "channels", "ptys", "delivery", "verify", "memory", "idle", "start", "exec"]
 
 
 class Failed(Exception):
@@ -262,6 +264,43 @@ class Bench:
         beyond = statistics.median(tested) - statistics.median(alone)
         self.table.add("test of nothing, beyond its command", beyond * 1e3, "ms", statistics.median(alone) * 1e3, "the command",
                        most=5)
+
+    def exec(self):
+        """What a driver has of the supervisor of `porttape exec`: its round trips beside those of a recorded line, and its calls
+        beside those on a bare pty."""
+        porttape, porttaped = self.programs["porttape"], self.programs["porttaped"]
+        if not porttape or not porttaped:
+            return self.table.skip("exec", "porttape or porttaped is not built")
+        probe = subprocess.run([str(porttape), "probe", "--", shutil.which("true")], capture_output=True, text=True, check=False)
+        if probe.returncode != 0:
+            return self.table.skip("exec", (probe.stderr.strip().splitlines() or ["porttape probe fails"])[-1])
+        line = "--device serial:{device} --driver pty:{driver} --tape {dir}/t.log --overwrite"
+        driven = f"exec={porttape} exec {line} -- {self.programs['linebench']} drive {{port}} {{dir}}"
+        rounds, count = self.sized((2, 50), (3, 300), (21, 600))
+        lines = {line["name"]: line for line in self.linebench(
+            "rtt", "--relay", f"record={porttaped} record {line} --log-level warn", "--driven", driven, "--rounds", rounds,
+            "--count", count, "--warmup", count // 10)}
+        record, driver = lines["record"], lines["exec"]
+        for key, title in (("p50", "median"), ("p99", "p99")):
+            without, under = record[key + "_rounds"], driver[key + "_rounds"]
+            # Within the spread of a line that is only recorded: the upper end of the middle half of its rounds.
+            spread = max(1.02, statistics.quantiles(without, n=4)[2] / statistics.median(without))
+            self.table.add(f"round trip {title}, under exec", driver[key + "_us"], "us", record[key + "_us"], "record",
+                           statistics.median(a / b for a, b in zip(under, without)), most=spread if key == "p50" else None)
+        rounds, count = self.sized((2, 50), (3, 300), (11, 2000))
+        for call in self.linebench("calls", "--driven", driven, "--rounds", rounds, "--count", count):
+            name, value, bare = call["call"], call["p50_us"], call["bare_p50_us"]
+            if call["trapped"]:
+                self.table.add(f"{name} under exec, median", value, "us", bare, "bare pty",
+                               most=trapped_limit() if name == "TIOCMGET" else None)
+            else:
+                self.table.add(f"{name} under exec, not trapped, beyond bare", max(value - bare, 0), "us", bare, "bare pty", most=0.3)
+
+
+def trapped_limit():
+    """Microseconds. Linux 6.6 and newer wake both sides of a trapped call at once."""
+    version = [int(number) for number in re.findall(r"\d+", platform.release())[:2]]
+    return 12 if version >= [6, 6] else 20
 
 
 def seconds_of(command):
