@@ -13,9 +13,11 @@
 #include <sys/sysmacros.h>
 #include <sys/uio.h>
 #include <unistd.h>
+#include <utility>
 
 #include "libport/base/unique_fd.hpp"
 #include "libport/supervise/call_filter.hpp"
+#include "libport/supervise/known_threads.hpp"
 #include "libport/supervise/pending_signals.hpp"
 
 namespace porttape {
@@ -28,29 +30,60 @@ UniqueFd open_memory(pid_t thread, int mode) {
 
 }  // namespace
 
-Call::Call(int listener, const seccomp_notif& told)
+Call::Call(int listener, KnownThreads& threads, const seccomp_notif& told, bool stays)
     : listener_(listener),
+      threads_(&threads),
       id_(told.id),
       thread_(static_cast<pid_t>(told.pid)),
       number_(native_call_number(told.data.arch, told.data.nr)),
-      small_(is_32_bit(told.data.arch)) {
+      small_(is_32_bit(told.data.arch)),
+      stays_(stays) {
   std::ranges::copy(told.data.args, arguments_.begin());
 }
 
 bool Call::waits() const { return ::ioctl(listener_, SECCOMP_IOCTL_NOTIF_ID_VALID, &id_) == 0; }
 
+Call Call::for_later() const {
+  Call later = *this;
+  later.seen_ = false;
+  return later;
+}
+
+// To look at a duplicate takes half as long as to walk through /proc; that is for where there is none.
 std::optional<std::uint64_t> Call::device_of(int fd) const {
-  std::array<char, 64> path{};
-  *fmt::format_to_n(path.data(), path.size() - 1, "/proc/{}/fd/{}", thread_, fd).out = '\0';
   struct stat status {};
-  if (::stat(path.data(), &status) != 0 || !S_ISCHR(status.st_mode)) return std::nullopt;
+  if (const UniqueFd file = duplicate_by_thread(fd)) {
+    if (::fstat(file.get(), &status) != 0) return std::nullopt;
+  } else {
+    std::array<char, 64> path{};
+    *fmt::format_to_n(path.data(), path.size() - 1, "/proc/{}/fd/{}", thread_, fd).out = '\0';
+    if (::stat(path.data(), &status) != 0) return std::nullopt;
+  }
+  if (!S_ISCHR(status.st_mode)) return std::nullopt;
   return status.st_rdev;
+}
+
+// By a known thread's descriptor it is that thread's, which had the number before the call came and has it
+// still. A new one may be of another that has got the number.
+UniqueFd Call::duplicate_by_thread(int fd) const {
+  if (const int known = threads_->find(thread_); known >= 0) {
+    UniqueFd file(static_cast<int>(::syscall(SYS_pidfd_getfd, known, fd, 0)));
+    seen_ = static_cast<bool>(file);
+    if (file || errno != ESRCH) return file;
+    threads_->forget(thread_);
+  }
+  UniqueFd opened = threads_->open(thread_);
+  if (!opened || !waits()) return {};
+  const int known = threads_->keep(thread_, std::move(opened));
+  UniqueFd file(static_cast<int>(::syscall(SYS_pidfd_getfd, known, fd, 0)));
+  seen_ = static_cast<bool>(file);
+  return file;
 }
 
 // A thread that is not its process's first has no pidfd of its own before Linux 6.9.
 UniqueFd Call::duplicate(int fd) const {
-  UniqueFd process(static_cast<int>(::syscall(SYS_pidfd_open, thread_, 0)));
-  if (!process) process.reset(static_cast<int>(::syscall(SYS_pidfd_open, process_of(thread_), 0)));
+  if (UniqueFd file = duplicate_by_thread(fd)) return file;
+  const UniqueFd process(static_cast<int>(::syscall(SYS_pidfd_open, process_of(thread_), 0)));
   if (!process || !waits()) return {};
   return UniqueFd(static_cast<int>(::syscall(SYS_pidfd_getfd, process.get(), fd, 0)));
 }
@@ -71,7 +104,7 @@ bool Call::write(std::uint64_t address, std::span<const std::byte> what) const {
   // NOLINTNEXTLINE(performance-no-int-to-ptr): an address in another process
   const iovec remote{reinterpret_cast<void*>(address), what.size()};
   const auto size = static_cast<ssize_t>(what.size());
-  if (!waits()) return false;
+  if (!(stays_ && seen_) && !waits()) return false;
   if (::process_vm_writev(thread_, &local, 1, &remote, 1, 0) == size) return true;
   if (errno == EFAULT) return false;
   const UniqueFd memory = open_memory(thread_, O_WRONLY);

@@ -14,11 +14,14 @@ struct seccomp_notif;
 
 namespace porttape {
 
+class KnownThreads;
+
 // A system call that a supervised thread waits in, before the kernel has done anything of it. A value; the
 // thread may be gone at any time, and its memory with it.
 class Call {
  public:
-  Call(int listener, const seccomp_notif& told);
+  // Both outlive it. `stays`: only its thread's end can end it before it is answered.
+  Call(int listener, KnownThreads& threads, const seccomp_notif& told, bool stays);
 
   [[nodiscard]] std::uint64_t id() const { return id_; }
   [[nodiscard]] pid_t thread() const { return thread_; }
@@ -30,6 +33,8 @@ class Call {
   // Whether the thread still waits in it. What was read or opened by the thread's number before counts only
   // then: numbers are used again.
   [[nodiscard]] bool waits() const;
+  // For one that is answered later: what was seen of its thread up to now counts no more.
+  [[nodiscard]] Call for_later() const;
 
   // The device number of the file that the thread knows as `fd`; nothing where there is none.
   [[nodiscard]] std::optional<std::uint64_t> device_of(int fd) const;
@@ -54,11 +59,16 @@ class Call {
   }
 
  private:
+  [[nodiscard]] UniqueFd duplicate_by_thread(int fd) const;
+
   int listener_;
+  KnownThreads* threads_;
   std::uint64_t id_;
   pid_t thread_;
   int number_;
   bool small_;
+  bool stays_;
+  mutable bool seen_ = false;  // its thread was there just now
   std::array<std::uint64_t, 6> arguments_{};
 };
 

@@ -54,7 +54,8 @@ Supervisor::Supervisor(Loop& loop, UniqueFd listener, std::vector<std::unique_pt
       response_(sizes_here().seccomp_notif_resp),
       watch_(loop, listener_.get(), [this] { on_readable(); }) {
   const std::uint64_t flags = SECCOMP_USER_NOTIF_FD_SYNC_WAKE_UP;
-  wakes_at_once_ = ::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_SET_FLAGS, flags) == 0;
+  // A kernel that wakes both sides at once has what keeps other signals from a call (Linux 5.19) as well.
+  calls_stay_ = ::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_SET_FLAGS, flags) == 0;
   clock_->on_wake([this] { on_wake(); });
   watch_.watch_readable(true);
 }
@@ -64,11 +65,17 @@ Supervisor::~Supervisor() {
 }
 
 void Supervisor::on_readable() {
-  // One whose thread has gone meanwhile is told no more, and to receive it would wait for the next.
-  pollfd polled{.fd = listener_.get(), .events = POLLIN, .revents = 0};
-  if (::poll(&polled, 1, 0) != 1) return;
-  if ((polled.revents & POLLIN) != 0) return take_one();  // the loop comes again for the others
-  ended_ = true;
+  for (int taken = 0; taken < kInARow; ++taken) {
+    // One whose thread has gone meanwhile is told no more, and to receive it would wait for the next.
+    pollfd polled{.fd = listener_.get(), .events = POLLIN, .revents = 0};
+    if (::poll(&polled, 1, 0) != 1) return;
+    if ((polled.revents & POLLIN) == 0) return all_gone();
+    take_one();
+  }
+}
+
+// The programs, and so what was kept of them.
+void Supervisor::all_gone() {
   watch_.watch_readable(false);
   forget_gone();
   kept_.clear();
@@ -78,7 +85,8 @@ void Supervisor::on_readable() {
 void Supervisor::take_one() {
   std::ranges::fill(told_, std::byte{0});
   auto* const told = reinterpret_cast<seccomp_notif*>(told_.data());
-  if (::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_RECV, told) == 0) handle(Call(listener_.get(), *told));
+  if (::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_RECV, told) == 0)
+    handle(Call(listener_.get(), threads_, *told, calls_stay_));
 }
 
 void Supervisor::handle(const Call& call) {

@@ -215,6 +215,22 @@ TEST_F(TtyCallsTest, TheLinesThatAUserAsksForAreTold) {
   EXPECT_THAT(line.told, ElementsAre("cts on", "dsr on", "cd on", "ri off", "rts off", "cts off"));
 }
 
+TEST_F(TtyCallsTest, ANumberThatIsAnotherFileNowIsNotThePort) {
+  EXPECT_THAT(run({"lines", "other", "lines"}), ElementsAre("lines 0 dtr rts cts dsr cd", "other -1 ENOTTY",
+                                                            "closed -1 EBADF", "lines 0 dtr rts cts dsr cd"));
+}
+
+TEST_F(TtyCallsTest, ManyProcessesAndAThreadAreAnswered) {
+  EXPECT_THAT(
+      run({"lines", "children:20", "lines"}),
+      ElementsAre("lines 0 dtr rts cts dsr cd", "children 20 thread 1", "lines 0 dtr rts cts dsr cd"));
+}
+
+TEST_F(TtyCallsTest, AThreadIsAnsweredInTheProgramThatItBecomes) {
+  EXPECT_THAT(run({"lines", "exec", "rts-", "lines", "set:7E"}),
+              ElementsAre("lines 0 dtr rts cts dsr cd", "lines 0 dtr cts dsr cd", "set 0 7E"));
+}
+
 TEST_F(TtyCallsTest, ABadAddressIsTheDriversOwnError) {
   EXPECT_THAT(run({"bad"}), ElementsAre("bad -1 EFAULT"));
 }

@@ -3,12 +3,14 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/serial.h>
+#include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/ioctl.h>
 #include <sys/time.h>
+#include <sys/wait.h>
 #include <termios.h>
 #include <unistd.h>
 
@@ -52,8 +54,44 @@ static void alarm_in(int ms) {
   setitimer(ITIMER_REAL, &timer, NULL);
 }
 
+static void* ask(void* fd) {
+  int bits = 0;
+  return ioctl(*(int*)fd, TIOCMGET, &bits) == 0 ? fd : NULL;
+}
+
+// So many children, one after another, and one thread.
+static void ask_elsewhere(int fd, FILE* out, int children) {
+  int answered = 0;
+  for (int i = 0; i < children; ++i) {
+    const pid_t child = fork();
+    if (child == 0) _exit(ask((void*)&fd) != NULL ? 0 : 1);
+    int status = 1;
+    if (waitpid(child, &status, 0) == child && status == 0) ++answered;
+  }
+  pthread_t thread;
+  void* of_thread = NULL;
+  if (pthread_create(&thread, NULL, ask, (void*)&fd) == 0) pthread_join(thread, &of_thread);
+  fprintf(out, "children %d thread %d\n", answered, of_thread != NULL);
+}
+
+// The number of the tty is that of another file for a moment.
+static void ask_other(int fd, FILE* out) {
+  const int kept = dup(fd);
+  const int null = open("/dev/null", O_RDWR);
+  int bits = 0;
+  dup2(null, fd);
+  int result = ioctl(fd, TIOCMGET, &bits);
+  fprintf(out, "other %d %s\n", result, errno == ENOTTY ? "ENOTTY" : "other");
+  close(fd);
+  result = ioctl(fd, TIOCMGET, &bits);
+  fprintf(out, "closed %d %s\n", result, errno == EBADF ? "EBADF" : "other");
+  dup2(kept, fd);
+  close(kept);
+  close(null);
+}
+
 int main(int count, char** words) {
-  FILE* out = fopen(words[2], "w");
+  FILE* out = fopen(words[2], getenv("TTY_PROGRAM_GOES_ON") != NULL ? "a" : "w");
   const int fd = open(words[1], O_RDWR | O_NOCTTY);
   if (fd < 0 || out == NULL) return 9;
   for (int i = 3; i < count; ++i) {
@@ -90,6 +128,18 @@ int main(int count, char** words) {
       struct serial_icounter_struct counters;
       const int result = ioctl(fd, TIOCGICOUNT, &counters);
       fprintf(out, "count %d cts %d\n", result, counters.cts);
+    } else if (strcmp(step, "other") == 0) {
+      ask_other(fd, out);
+    } else if (strncmp(step, "children:", 9) == 0) {
+      ask_elsewhere(fd, out, atoi(step + 9));
+    } else if (strcmp(step, "exec") == 0) {
+      setenv("TTY_PROGRAM_GOES_ON", "1", 1);
+      words[i] = words[2];
+      words[i - 1] = words[1];
+      words[i - 2] = words[0];
+      fclose(out);
+      execv(words[0], words + i - 2);
+      return 6;
     } else if (strcmp(step, "bad") == 0) {
       const int result = ioctl(fd, TIOCMGET, (void*)8);
       fprintf(out, "bad %d %s\n", result, errno == EFAULT ? "EFAULT" : "other");
