@@ -12,6 +12,8 @@
 
 #include <spdlog/spdlog.h>
 
+#include "libport/supervise/tap_calls.hpp"
+#include "libport/supervise/tty_calls.hpp"
 #include "libport/tape/disks.hpp"
 #include "tools/found_port.hpp"
 #include "tools/supervised_child.hpp"
@@ -114,9 +116,21 @@ Result<void> CommandRun::start_command(const std::vector<std::string>& command) 
   return {};
 }
 
-// False: this machine forbids it, which is told.
-Result<bool> CommandRun::start_supervised(const std::vector<std::string>& command, PortPlace place,
-                                          ChildProcess::Output output) {
+Result<std::vector<std::unique_ptr<CallPart>>> CommandRun::supervising_parts() {
+  std::vector<std::unique_ptr<CallPart>> parts;
+  if (const std::shared_ptr<TappedLine>& tapped = options_.supervision->tapped) {
+    const auto processes = [this] {
+      std::vector<pid_t> pids;
+      for (const ProcessState& process : family_.members()) pids.push_back(process.pid);
+      return pids;
+    };
+    parts.push_back(std::make_unique<TapCalls>(
+        loop_, *tapped,
+        TapCalls::Options{.device = options_.supervision->tapped_device,
+                          .processes = processes,
+                          .tell = [log = context_.log](const std::string& what) { log->warn("{}", what); }}));
+    return parts;
+  }
   SupervisedLine* const line = channel_->driver().supervised();
   if (line == nullptr) {
     return make_error(Errc::usage,
@@ -124,19 +138,37 @@ Result<bool> CommandRun::start_supervised(const std::vector<std::string>& comman
                                   "leave out --driver, or name a pty",
                                   channel_->driver().name()));
   }
-  const std::optional<DevicePort> found =
-      port_to_find(*options_.supervision, channel_->driver(),
-                   sessions().empty() ? nullptr : &sessions().front()->device(), *context_.log);
+  parts.push_back(std::make_unique<TtyCalls>(*line, options_.supervision->lines));
+  return parts;
+}
+
+// False: this machine forbids it, which is told.
+Result<bool> CommandRun::start_supervised(const std::vector<std::string>& command, PortPlace place,
+                                          ChildProcess::Output output) {
+  Result<std::vector<std::unique_ptr<CallPart>>> parts = supervising_parts();
+  if (!parts) return parts.error();
+  const bool tapped = options_.supervision->tapped != nullptr;
+  std::optional<DevicePort> found;
+  if (!tapped) {
+    found = port_to_find(*options_.supervision, channel_->driver(),
+                         sessions().empty() ? nullptr : &sessions().front()->device(), *context_.log);
+  }
   if (found) place = {.path = found->identity.path};
   std::string forbidden;
   Result<std::unique_ptr<SupervisedChild>> started = SupervisedChild::start(
-      loop_, *line, *options_.supervision,
+      loop_, std::move(*parts),
       {.command = with_place(command, place),
        .environment = environment_of(place),
        .output = output,
        .found_as = found},
       forbidden, [log = context_.log](const std::string& what) { log->error("{}", what); });
   if (!started) return started.error();
+  if (!*started && tapped) {
+    return make_error(Errc::io,
+                      forbidden +
+                          "; record by a pty: porttape record --device PORT --tape NAME -- COMMAND…, "
+                          "with {port} in COMMAND for the port");
+  }
   if (!*started) {
     context_.log->error("{}; the command runs without a supervisor, on a plain pty", forbidden);
     return false;

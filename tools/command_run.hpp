@@ -13,6 +13,7 @@
 #include "libport/loop/timer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/session/make_session.hpp"
+#include "libport/supervise/supervisor.hpp"
 #include "tools/child_process.hpp"
 #include "tools/command_end.hpp"
 #include "tools/command_family.hpp"
@@ -77,6 +78,7 @@ class CommandRun {
 
  private:
   Result<void> start_command(const std::vector<std::string>& command);
+  Result<std::vector<std::unique_ptr<CallPart>>> supervising_parts();
   Result<bool> start_supervised(const std::vector<std::string>& command, PortPlace place,
                                 ChildProcess::Output output);
   void watch_signals();

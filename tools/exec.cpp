@@ -1,13 +1,21 @@
 #include <algorithm>
+#include <cerrno>
+#include <cstdint>
 #include <fmt/format.h>
 #include <fmt/ostream.h>
+#include <memory>
+#include <optional>
 #include <ostream>
 #include <string>
+#include <sys/stat.h>
 #include <utility>
 #include <vector>
 
 #include "libport/base/printable.hpp"
 #include "libport/catalog/channel.hpp"
+#include "libport/catalog/port_types.hpp"
+#include "libport/supervise/tapped_line.hpp"
+#include "libport/tty/serial_port.hpp"
 #include "tools/cassette_verbs.hpp"
 #include "tools/command_run.hpp"
 #include "tools/command_verb.hpp"
@@ -26,6 +34,8 @@ constexpr std::string_view kExecAbout =
     "calls takes some 10 us more.\n\n"
     "  --device PORT              a line to this device\n"
     "  --device PORT --tape NAME  and a tape of it, as `porttape record --exec`\n"
+    "  --tap --tape NAME          no port: a tape of what COMMAND and its own device\n"
+    "                             say, at their own line\n"
     "  --tape NAME                the tape in the device's place; what COMMAND does\n"
     "                             otherwise is told (`porttape test --exec` judges)\n\n"
     "Exit status: COMMAND's own, 128 + N after signal N. Without COMMAND having run:\n"
@@ -37,6 +47,10 @@ void tell_exec(std::ostream& err, std::string_view text) {
 
 std::vector<OptionSpec> exec_options() {
   std::vector<OptionSpec> specs = supervision_options(false);
+  specs.push_back({.name = "tap",
+                   .kind = OptionSpec::Kind::flag,
+                   .help = "no port: what the command says to its own device is recorded; --device PATH "
+                           "says which, else the first tty that it opens"});
   for (const ChannelMode mode : {ChannelMode::record, ChannelMode::bridge, ChannelMode::replay}) {
     for (OptionSpec& spec : channel_options(mode)) {
       const bool known = std::ranges::find(specs, spec.name, &OptionSpec::name) != specs.end();
@@ -68,9 +82,58 @@ Result<int> run_on_line(const CommandVerbLine& line, ChannelMode mode, const Sup
   return mode == ChannelMode::bridge && run.counters().device_losses > 0 ? exit_status::kDevice : status;
 }
 
+struct TappedDevice {
+  std::string path;
+  std::optional<std::uint64_t> number = {};  // st_rdev
+};
+
+// The serial device of this name, a path or a port.
+Result<TappedDevice> tapped_device(const std::string& named) {
+  struct stat status {};
+  std::string path = named;
+  if (::stat(named.c_str(), &status) != 0) {
+    const Result<PortSpec> port = parse_port(named);
+    if (!port) return port.error();
+    const auto* const serial = port->get<SerialOptions>();
+    if (serial == nullptr)
+      return make_error(Errc::usage,
+                        fmt::format("--device {}: with --tap it is the path of the serial device "
+                                    "that COMMAND opens",
+                                    in_quotes(named)));
+    path = serial->device;
+  }
+  if (::stat(path.c_str(), &status) != 0)
+    return make_error(Errc::device_missing,
+                      fmt::format("--device {}: {}", in_quotes(path), errno_text(errno)));
+  if (!S_ISCHR(status.st_mode))
+    return make_error(Errc::usage, fmt::format("--device {} is no tty", in_quotes(path)));
+  return TappedDevice{path, status.st_rdev};
+}
+
+// The command on its own device, of which a tape is made.
+Result<int> run_tapped(CommandVerbLine line, Supervision supervision, std::ostream& err) {
+  if (!line.values.contains("tape"))
+    return make_error(Errc::usage,
+                      "--tape NAME is missing; type porttape exec --tap --tape NAME -- COMMAND…");
+  if (!line.own_driver)
+    return make_error(Errc::usage, "--driver does not go with --tap: the command has its own device");
+  const auto named = line.values.find("device");
+  const Result<TappedDevice> device =
+      named != line.values.end() ? tapped_device(named->second) : TappedDevice();
+  if (!device) return device.error();
+  const auto wants_port = [](const auto& word) { return word.find("{port}") != std::string::npos; };
+  if (device->path.empty() && std::ranges::any_of(line.command, wants_port))
+    return make_error(Errc::usage, "with --tap {port} is the path of --device, which is missing");
+  line.values["device"] = "serial:" + (device->path.empty() ? "its-own" : device->path);
+  supervision.tapped_device = device->number;
+  supervision.tapped = std::make_shared<TappedLine>(device->path);
+  return record_supervised(std::move(line), supervision, err);
+}
+
 Result<int> exec_on(CommandVerbLine line, std::ostream& err) {
   const Result<std::optional<Supervision>> supervision = take_supervision(line.values, false);
   if (!supervision) return supervision.error();
+  if (line.values.erase("tap") > 0) return run_tapped(std::move(line), **supervision, err);
   const bool device = line.values.contains("device");
   const bool tape = line.values.contains("tape");
   if (!device && !tape) {

@@ -17,6 +17,7 @@
 #include "tools/option_description.hpp"
 #include "tools/record_mode.hpp"
 #include "tools/record_run.hpp"
+#include "tools/tap.hpp"
 #include "tools/text.hpp"
 #include "tools/verbs.hpp"
 
@@ -58,6 +59,12 @@ std::vector<std::string> with_placeholder(std::vector<std::string> words, const 
       word.replace(at, device.size(), "{port}");
   }
   return words;
+}
+
+void tell_never_tapped(const std::string& device, bool named, const Voice& voice) {
+  tell(voice, fmt::format("the command never opened {}, so that there is no tape",
+                          named ? device : "a serial device but its terminal"));
+  if (!named) tell(voice, "--device PATH names another tty");
 }
 
 void tell_unopened(const std::vector<std::string>& command, const std::string& device, const Voice& voice) {
@@ -140,7 +147,9 @@ int status_of(const RecordRun& record, bool whole) {
 }
 
 Result<int> record_on(CommandVerbLine line, const Voice& voice, std::optional<Supervision> supervision) {
-  const Result<ChannelPorts> ports = channel_ports({ChannelMode::record, line.values});
+  Result<ChannelPorts> ports = channel_ports({ChannelMode::record, line.values});
+  if (ports && supervision && supervision->tapped)
+    ports = tapped_ports(*ports, supervision->tapped, line.command.front());
   if (!ports) return ports.error();
   const std::string name = fmt::format("porttape {}", voice.verb);
   RecordRun record(name, *ports, line.command, supervision);
@@ -148,7 +157,9 @@ Result<int> record_on(CommandVerbLine line, const Voice& voice, std::optional<Su
   for (const std::string& note : record.notes()) tell(voice, note);
   const CommandEnd& end = record.command_end();
   if (end.exit_code() != 0 && !record.command_ended()) tell(voice, "the command " + end.text());
-  if (!record.opened()) {
+  if (!record.opened() && supervision && supervision->tapped) {
+    tell_never_tapped(line.values.at("device"), supervision->tapped_device.has_value(), voice);
+  } else if (!record.opened()) {
     tell_unopened(line.command, main_part(*ports), voice);
   } else if (record.tapes().empty()) {
     tell(voice, "there is no tape; what went wrong is told above");

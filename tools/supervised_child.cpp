@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "libport/supervise/own_supervisors.hpp"
-#include "libport/supervise/tty_calls.hpp"
 
 namespace porttape {
 namespace {
@@ -23,10 +22,8 @@ Error started_not(const SupervisedCommand::Trouble& trouble, const std::string& 
 }  // namespace
 
 Result<std::unique_ptr<SupervisedChild>> SupervisedChild::start(
-    Loop& loop, SupervisedLine& line, const Supervision& supervision, const Start& how,
-    std::string& forbidden, std::function<void(const std::string&)> tell) {
-  std::vector<std::unique_ptr<CallPart>> parts;
-  parts.push_back(std::make_unique<TtyCalls>(line, supervision.lines));
+    Loop& loop, std::vector<std::unique_ptr<CallPart>> parts, const Start& how, std::string& forbidden,
+    std::function<void(const std::string&)> tell) {
   parts.push_back(std::make_unique<OwnSupervisors>(std::move(tell)));
   std::vector<CallTrap> traps;
   for (const auto& part : parts) {

@@ -8,17 +8,15 @@
 
 #include "libport/base/result.hpp"
 #include "libport/loop/loop.hpp"
-#include "libport/port/supervised_line.hpp"
 #include "libport/supervise/device_view.hpp"
 #include "libport/supervise/supervised_command.hpp"
 #include "libport/supervise/supervisor.hpp"
 #include "tools/child_process.hpp"
 #include "tools/running_command.hpp"
-#include "tools/supervision.hpp"
 
 namespace porttape {
 
-// A command under a supervisor of ours, which answers for the line what a pty lacks.
+// A command under a supervisor of ours with these parts.
 class SupervisedChild final : public RunningCommand {
  public:
   struct Start {
@@ -30,9 +28,9 @@ class SupervisedChild final : public RunningCommand {
 
   // Where that cannot be here (the machine forbids it), there is none, and `forbidden` says why. `tell` is
   // given what the user should know, while the command runs. Errc::usage when there is no such command.
-  static Result<std::unique_ptr<SupervisedChild>> start(Loop& loop, SupervisedLine& line,
-                                                        const Supervision& supervision, const Start& how,
-                                                        std::string& forbidden,
+  static Result<std::unique_ptr<SupervisedChild>> start(Loop& loop,
+                                                        std::vector<std::unique_ptr<CallPart>> parts,
+                                                        const Start& how, std::string& forbidden,
                                                         std::function<void(const std::string&)> tell);
   ~SupervisedChild() override = default;
 

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -9,6 +11,7 @@
 #include "libport/base/result.hpp"
 #include "libport/port/port_type.hpp"
 #include "libport/supervise/line_model.hpp"
+#include "libport/supervise/tapped_line.hpp"
 
 namespace porttape {
 
@@ -17,6 +20,9 @@ struct Supervision {
   LineDefaults lines = {};
   bool finds = true;  // the command its port, by the identity of device or tape; see port_to_find()
   std::optional<PortIdentity> as = {};  // or by this
+  // It keeps its own device, which is told here; null: it has the driver's port.
+  std::shared_ptr<TappedLine> tapped = {};
+  std::optional<std::uint64_t> tapped_device = {};  // st_rdev; none: the first that it opens
 };
 
 // --lines, --as; with `flag` also --exec, without which they count for nothing.

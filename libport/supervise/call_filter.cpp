@@ -24,6 +24,7 @@ using Program = std::vector<sock_filter>;
 
 constexpr std::uint32_t kNumberAt = offsetof(seccomp_data, nr);
 constexpr std::uint32_t kArchAt = offsetof(seccomp_data, arch);
+constexpr std::uint32_t kFileAt = offsetof(seccomp_data, args);                             // the low half
 constexpr std::uint32_t kRequestAt = offsetof(seccomp_data, args) + sizeof(std::uint64_t);  // its low half
 
 #if defined(__x86_64__)
@@ -33,7 +34,8 @@ struct SmallCall {
   int native;
   int small;
 };
-constexpr std::array kSmallCalls{SmallCall{SYS_ioctl, 54}};
+constexpr std::array kSmallCalls{SmallCall{SYS_ioctl, 54}, SmallCall{SYS_open, 5},
+                                 SmallCall{SYS_openat, 295}};
 #elif defined(__aarch64__)
 constexpr std::uint32_t kNativeArch = AUDIT_ARCH_AARCH64;
 #elif defined(__riscv) && __riscv_xlen == 64
@@ -83,16 +85,30 @@ Program requests_program(std::vector<std::uint32_t> requests) {
   return program;
 }
 
+Program files_program(std::uint32_t from) {
+  constexpr std::uint32_t kFirstAfterStandard = 3;
+  return {load(kFileAt), BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, from, 1, 0),
+          BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, kFirstAfterStandard, 1, 0), answer(SECCOMP_RET_USER_NOTIF),
+          answer(SECCOMP_RET_ALLOW)};
+}
+
+Program body_of(const CallTrap& trap) {
+  if (trap.files_from) return files_program(*trap.files_from);
+  return trap.requests.empty() ? Program{answer(SECCOMP_RET_USER_NOTIF)} : requests_program(trap.requests);
+}
+
 Program call_program(const CallTrap& trap, int number) {
-  Program body =
-      trap.requests.empty() ? Program{answer(SECCOMP_RET_USER_NOTIF)} : requests_program(trap.requests);
+  const Program body = body_of(trap);
   Program program{unless_equal(static_cast<std::uint32_t>(number), body.size())};
   program.insert(program.end(), body.begin(), body.end());
   return program;
 }
 
 Program arch_program(std::uint32_t arch, const Program& calls) {
-  Program program{load(kArchAt), unless_equal(arch, calls.size() + 2), load(kNumberAt)};
+  // A conditional jump reaches 255 instructions.
+  const auto past = static_cast<std::uint32_t>(calls.size() + 2);
+  Program program{load(kArchAt), BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, arch, 1, 0),
+                  BPF_JUMP(BPF_JMP | BPF_JA, past, 0, 0), load(kNumberAt)};
   program.insert(program.end(), calls.begin(), calls.end());
   program.push_back(answer(SECCOMP_RET_ALLOW));
   return program;
@@ -151,7 +167,14 @@ Result<UniqueFd> trap_calls(const std::vector<CallTrap>& traps) {
   if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0)
     return make_error(Errc::usage, "no_new_privs is refused here: " + errno_text(errno));
   int fd = install(program, SECCOMP_FILTER_FLAG_NEW_LISTENER | SECCOMP_FILTER_FLAG_WAIT_KILLABLE_RECV);
-  // Before Linux 5.19: a signal ends what is being answered, and the call is done again.
+  // Before Linux 5.19: a signal ends what is being answered, and the call is done again. What was read from a
+  // device is lost by that.
+  const bool reads =
+      std::ranges::any_of(traps, [](const CallTrap& trap) { return trap.files_from.has_value(); });
+  if (fd < 0 && errno == EINVAL && reads)
+    return make_error(Errc::usage,
+                      "this kernel lets signals break off what is answered; Linux 5.19 or newer "
+                      "does not");
   if (fd < 0 && errno == EINVAL) fd = install(program, SECCOMP_FILTER_FLAG_NEW_LISTENER);
   if (fd < 0) return refused(errno);
   return UniqueFd(fd);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "libport/base/result.hpp"
@@ -13,6 +14,8 @@ namespace porttape {
 struct CallTrap {
   int number = 0;
   std::vector<std::uint32_t> requests = {};
+  // Only where the first argument is a descriptor from this number on, or one of the three standard ones.
+  std::optional<std::uint32_t> files_from = {};
 
   friend bool operator==(const CallTrap&, const CallTrap&) = default;
 };

@@ -64,7 +64,7 @@ void TapeKeeper::take_part(const TapeGroup::Part& part) {
 void TapeKeeper::start() {
   TapeHeader header = options_.header;
   if (!options_.group) header.zero = tape_zero(zero_, Loop::now());
-  if (options_.identity) header.identity = options_.identity();
+  if (options_.describe) options_.describe(header);
   header = completed(std::move(header));
   id_ = header.id;
   LiveTape::Options live{.paths = options_.tape,

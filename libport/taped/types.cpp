@@ -204,7 +204,11 @@ Result<std::unique_ptr<Port>> make_recording_port(const PortContext& context, co
       .fail_closed = options.fail_closed,
       .group = options.group,
       .connection = options.connection,
-      .identity = [device = port->get()] { return device->identity(); },
+      .describe =
+          [device = port->get(), name = options.device_name](TapeHeader& header) {
+            header.identity = device->identity();
+            if (name) header.device = name();
+          },
       .on_ended = options.on_ended};
   auto tap = std::make_unique<TapPort>(context, std::move(*port));
   tap->add(std::make_unique<TapeKeeper>(context, std::move(tape), [&tap = *tap] { tap.must_end(); }));

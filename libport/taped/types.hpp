@@ -21,6 +21,7 @@ struct RecordingOptions {
   OnExisting on_existing = OnExisting::refuse;
   bool fail_closed = false;
   std::function<void(const TapePaths&)> on_ended = {};  // each tape that was made, at its end
+  std::function<std::string()> device_name = {};        // for the tape, if it is no more what was written
   // One of these, of this connection; null: a tape by itself.
   std::shared_ptr<TapeGroup> group = {};
   unsigned connection = 1;

@@ -1,0 +1,310 @@
+#include "libport/supervise/tap_calls.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <fcntl.h>
+#include <filesystem>
+#include <fmt/format.h>
+#include <sys/ioctl.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <system_error>
+#include <termios.h>
+#include <unistd.h>
+#include <utility>
+
+#include "libport/base/printable.hpp"
+#include "libport/supervise/pending_signals.hpp"
+
+namespace porttape {
+namespace {
+
+using std::chrono::milliseconds;
+
+// Below FD_SETSIZE, for programs that select(), and above what others have.
+constexpr std::uint32_t kFilesFrom = 960;
+constexpr std::uint32_t kFilesKept = 64;  // for it, where the limit is lower
+constexpr Nanos kHoldersLook = milliseconds(1);
+constexpr Nanos kCarrierLook = milliseconds(10);
+
+std::uint32_t files_from_here() {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= kFilesFrom + kFilesKept) return kFilesFrom;
+  return static_cast<std::uint32_t>(limit.rlim_cur > 2 * kFilesKept ? limit.rlim_cur - kFilesKept
+                                                                    : limit.rlim_cur / 2);
+}
+
+// What a path of the program is for us.
+std::string path_here(const Call& call, const std::string& path, int folder) {
+  if (path.starts_with('/')) return path;
+  return folder == AT_FDCWD ? fmt::format("/proc/{}/cwd/{}", call.thread(), path)
+                            : fmt::format("/proc/{}/fd/{}/{}", call.thread(), folder, path);
+}
+
+bool is_open(const Call& call, std::uint32_t fd) {
+  struct stat status {};
+  return ::lstat(fmt::format("/proc/{}/fd/{}", call.thread(), fd).c_str(), &status) == 0;
+}
+
+int first_free(const Call& call, std::uint32_t from) {
+  while (is_open(call, from)) ++from;
+  return static_cast<int>(from);
+}
+
+// A tty without modem lines has one.
+bool has_carrier(int fd) {
+  int bits = 0;
+  return ::ioctl(fd, TIOCMGET, &bits) != 0 || (bits & TIOCM_CD) != 0;
+}
+
+}  // namespace
+
+std::optional<TapCalls::OpenArguments> TapCalls::open_arguments(const Call& call) {
+#ifdef SYS_open
+  if (call.number() == SYS_open) {
+    const auto path = call.read_path(call.argument(0));
+    if (!path) return std::nullopt;
+    return OpenArguments{path_here(call, *path, AT_FDCWD), static_cast<int>(call.argument(1))};
+  }
+#endif
+  const auto path = call.read_path(call.argument(1));
+  if (!path) return std::nullopt;
+  std::uint64_t flags = call.argument(2);
+  if (call.number() == SYS_openat2) {
+    const auto how = call.read_as<std::array<std::uint64_t, 3>>(call.argument(2));
+    if (!how || (*how)[2] != 0) return std::nullopt;  // resolved in a way of its own
+    flags = (*how)[0];
+  }
+  return OpenArguments{path_here(call, *path, static_cast<int>(call.argument(0))), static_cast<int>(flags)};
+}
+
+TapCalls::TapCalls(Loop& loop, TappedLine& line, Options options)
+    : loop_(&loop),
+      line_(&line),
+      transfers_(loop, line),
+      requests_(line),
+      options_(std::move(options)),
+      files_from_(files_from_here()),
+      device_(options_.device),
+      holders_timer_(loop, [this] { look_for_holders(); }) {}
+
+TapCalls::~TapCalls() = default;
+
+std::vector<CallTrap> TapCalls::traps() const {
+  std::vector<CallTrap> traps;
+  for (const long number : {SYS_read, SYS_write})
+    traps.push_back({static_cast<int>(number), {}, files_from_});
+  traps.push_back({.number = SYS_ioctl, .requests = TapRequests::requests()});
+  for (const long number : {SYS_readv, SYS_writev, SYS_dup, SYS_dup3,
+#ifdef SYS_dup2
+                            SYS_dup2,
+#endif
+                            SYS_fcntl, SYS_close, SYS_close_range})
+    traps.push_back({static_cast<int>(number), {}, files_from_});
+  for (const long number : {
+#ifdef SYS_open
+           SYS_open,
+#endif
+           SYS_openat, SYS_openat2, SYS_sendfile, SYS_splice, SYS_tee, SYS_copy_file_range,
+           SYS_io_uring_setup})
+    traps.push_back({.number = static_cast<int>(number)});
+  return traps;
+}
+
+bool TapCalls::is_tapped(const Call& call, int fd) const {
+  return device_ && line_->open() && call.device_of(fd) == device_;
+}
+
+CallPart::Decision TapCalls::decide(Supervisor& supervisor, const Call& call) {
+  switch (call.number()) {
+#ifdef SYS_open
+    case SYS_open:
+#endif
+    case SYS_openat:
+    case SYS_openat2:
+      return decide_open(supervisor, call);
+    case SYS_read:
+    case SYS_readv:
+    case SYS_write:
+    case SYS_writev:
+    case SYS_ioctl:
+      return decide_device(supervisor, call);
+    case SYS_dup:
+    case SYS_dup3:
+#ifdef SYS_dup2
+    case SYS_dup2:
+#endif
+    case SYS_fcntl:
+      return decide_copy(call);
+    case SYS_close:
+    case SYS_close_range:
+      if (line_->open()) holders_timer_.set_after(kHoldersLook);
+      return outcome::Pass{};
+    // Programs that use these do it another way where they are told so.
+    case SYS_sendfile:
+    case SYS_splice:
+    case SYS_tee:
+    case SYS_copy_file_range: {
+      const auto other = static_cast<int>(
+          call.argument(call.number() == SYS_splice || call.number() == SYS_copy_file_range ? 2 : 1));
+      if (is_tapped(call, static_cast<int>(call.argument(0))) || is_tapped(call, other))
+        return outcome::Refuse{EINVAL};
+      return outcome::Pass{};
+    }
+    case SYS_io_uring_setup:
+      return outcome::Refuse{ENOSYS};
+    default:
+      return NotMine{};
+  }
+}
+
+CallPart::Decision TapCalls::decide_open(Supervisor& supervisor, const Call& call) {
+  const std::optional<OpenArguments> wanted = open_arguments(call);
+  struct stat status {};
+  if (!wanted || (wanted->flags & O_PATH) != 0 || ::stat(wanted->path.c_str(), &status) != 0 ||
+      !S_ISCHR(status.st_mode))
+    return outcome::Pass{};
+  if (device_ ? status.st_rdev != *device_ : !ports_.can_be(status.st_rdev)) return outcome::Pass{};
+  if (call.is_small()) {
+    tell_once(
+        "a 32-bit program opens its device: what it says is not on the tape; record it by "
+        "`porttape exec --device`");
+    return outcome::Pass{};
+  }
+  return open_tapped(supervisor, call, *wanted, status.st_rdev);
+}
+
+CallPart::Decision TapCalls::open_tapped(Supervisor& supervisor, const Call& call,
+                                         const OpenArguments& wanted, std::uint64_t device) {
+  const bool waits = (wanted.flags & O_NONBLOCK) == 0;
+  const int flags = wanted.flags & ~(O_CREAT | O_EXCL | O_TRUNC);
+  UniqueFd file(::open(wanted.path.c_str(), flags | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  if (!file) return outcome::Refuse{errno};
+  termios made{};
+  if (::tcgetattr(file.get(), &made) != 0) return outcome::Pass{};  // no tty
+  if (waits) ::fcntl(file.get(), F_SETFL, ::fcntl(file.get(), F_GETFL) & ~O_NONBLOCK);
+  device_ = device;
+  if (!waits || (made.c_cflag & CLOCAL) != 0 || has_carrier(file.get()))
+    return opened(call, wanted, std::move(file));
+  const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
+  wait_for_carrier(kept, wanted, std::make_shared<UniqueFd>(std::move(file)));
+  return Kept{};
+}
+
+void TapCalls::wait_for_carrier(const std::weak_ptr<KeptCall>& kept, const OpenArguments& wanted,
+                                const std::shared_ptr<UniqueFd>& file) {
+  const auto waiting = kept.lock();
+  if (!waiting || waiting->over()) return;
+  if (has_carrier(file->get())) return waiting->finish(opened(waiting->call(), wanted, std::move(*file)));
+  waiting->call_at(Loop::now() + kCarrierLook,
+                   [this, kept, wanted, file] { wait_for_carrier(kept, wanted, file); });
+}
+
+Outcome TapCalls::opened(const Call& call, const OpenArguments& wanted, UniqueFd file) {
+  if (line_->open()) look_for_holders();  // it may be this close and open again
+  if (!line_->open()) {
+    std::array<char, 4096> name{};
+    const std::string link = fmt::format("/proc/self/fd/{}", file.get());
+    const ssize_t size = ::readlink(link.c_str(), name.data(), name.size());
+    line_->opened(size > 0 ? std::string(name.data(), static_cast<std::size_t>(size)) : wanted.path,
+                  TapRequests::settings_of(file));
+    requests_.tell_first_lines(file);
+  }
+  watch_process(process_of(call.thread()));
+  const int at = first_free(call, files_from_);
+  return outcome::Install{std::move(file), at, (wanted.flags & O_CLOEXEC) != 0};
+}
+
+// A copy is where reads and writes of it are seen, too.
+CallPart::Decision TapCalls::decide_copy(const Call& call) {
+  const auto fd = static_cast<int>(call.argument(0));
+  const auto at = static_cast<std::uint32_t>(call.argument(call.number() == SYS_fcntl ? 2 : 1));
+  const auto command = static_cast<int>(call.argument(1));
+  const bool is_fcntl = call.number() == SYS_fcntl;
+  if (is_fcntl && command != F_DUPFD && command != F_DUPFD_CLOEXEC) return outcome::Pass{};
+  if (!is_tapped(call, fd)) return outcome::Pass{};
+  if (!is_fcntl && call.number() != SYS_dup) {
+    if (at > 2 && at < files_from_)
+      tell_once(
+          fmt::format("the command has moved its device to descriptor {}, where what it reads and writes "
+                      "is not seen: record it by `porttape exec --device` instead",
+                      at));
+    return outcome::Pass{};
+  }
+  UniqueFd copy = call.duplicate(fd);
+  if (!copy) return outcome::Pass{};
+  const int place = first_free(call, std::max(files_from_, is_fcntl ? at : 0));
+  return Outcome(outcome::Install{std::move(copy), place, is_fcntl && command == F_DUPFD_CLOEXEC});
+}
+
+// What is done to the device itself.
+CallPart::Decision TapCalls::decide_device(Supervisor& supervisor, const Call& call) {
+  const bool is_request = call.number() == SYS_ioctl;
+  if (!line_->open()) return is_request ? Decision(NotMine{}) : Decision(outcome::Pass{});
+  const auto fd = static_cast<int>(call.argument(0));
+  UniqueFd file = call.duplicate(fd);
+  struct stat status {};
+  const bool ours =
+      file ? ::fstat(file.get(), &status) == 0 && S_ISCHR(status.st_mode) && status.st_rdev == *device_
+           : is_tapped(call, fd);
+  if (!ours) return is_request ? Decision(NotMine{}) : Decision(outcome::Pass{});
+  if (!file) {
+    tell_once("its descriptors are not to be had (" + errno_text(errno) +
+              "): what the command says to its device is not on the tape");
+    return outcome::Pass{};
+  }
+  return is_request ? requests_.decide(supervisor, call, std::move(file))
+                    : transfers_.decide(supervisor, call, std::move(file));
+}
+
+// Whether it has the device open.
+bool TapCalls::holds(pid_t process) const {
+  std::error_code error;
+  for (std::filesystem::directory_iterator each(fmt::format("/proc/{}/fd", process), error), end;
+       !error && each != end; each.increment(error)) {
+    struct stat status {};
+    if (::stat(each->path().c_str(), &status) == 0 && S_ISCHR(status.st_mode) && status.st_rdev == *device_)
+      return true;
+  }
+  return false;
+}
+
+// At its end the device may be closed.
+void TapCalls::watch_process(pid_t process) {
+  if (std::ranges::any_of(holders_, [&](const auto& each) { return each->process == process; })) return;
+  auto holder = std::make_unique<Holder>();
+  holder->process = process;
+  holder->file.reset(static_cast<int>(::syscall(SYS_pidfd_open, process, 0)));
+  if (!holder->file) return holders_timer_.set_after(kHoldersLook);
+  holder->watch.emplace(*loop_, holder->file.get(), [this, process] {
+    const auto of_it = [&](const auto& each) { return each->process == process; };
+    const auto found = std::ranges::find_if(holders_, of_it);
+    if (found == holders_.end()) return;
+    (*found)->watch->watch_readable(false);
+    (*found)->over = true;
+    holders_timer_.set_after(kHoldersLook);
+  });
+  holder->watch->watch_readable(true);
+  holders_.push_back(std::move(holder));
+}
+
+void TapCalls::look_for_holders() {
+  std::erase_if(holders_, [](const auto& each) { return each->over; });
+  if (!line_->open()) return;
+  for (const pid_t process : options_.processes()) {
+    if (holds(process)) return watch_process(process);
+  }
+  holders_timer_.cancel();
+  line_->closed();
+}
+
+void TapCalls::tell_once(const std::string& what) {
+  if (std::ranges::find(told_, what) != told_.end()) return;
+  told_.push_back(what);
+  options_.tell(what);
+}
+
+}  // namespace porttape

@@ -1,0 +1,91 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <sys/types.h>
+#include <vector>
+
+#include "libport/base/unique_fd.hpp"
+#include "libport/loop/fd_watch.hpp"
+#include "libport/loop/loop.hpp"
+#include "libport/loop/timer.hpp"
+#include "libport/supervise/port_devices.hpp"
+#include "libport/supervise/supervisor.hpp"
+#include "libport/supervise/tap_requests.hpp"
+#include "libport/supervise/tap_transfers.hpp"
+#include "libport/supervise/tapped_line.hpp"
+
+namespace porttape {
+
+// Tells a TappedLine what programs do with their own serial device. It opens the device for them and does
+// their reads, writes and settings on a duplicate of their descriptor, so that what is told is what happened:
+// with the counts and errors of the kernel, and never what another thread has put into a buffer meanwhile.
+// A duplicate is kept no longer than a call, so that a last close stays the driver's own.
+//
+// The device is the first tty that is opened and can be a port (PortDevices), or the one that is named. The
+// programs have it by descriptors from `files_from` on, which alone are trapped, and as stdin, stdout and
+// stderr.
+class TapCalls final : public CallPart {
+ public:
+  struct Options {
+    std::optional<std::uint64_t> device = {};  // st_rdev; none: the first that is opened
+    // Of the programs that may have it open.
+    std::function<std::vector<pid_t>()> processes;
+    // What the user should know.
+    std::function<void(const std::string&)> tell;
+  };
+
+  TapCalls(Loop& loop, TappedLine& line, Options options);
+  ~TapCalls() override;
+  TapCalls(const TapCalls&) = delete;
+  TapCalls& operator=(const TapCalls&) = delete;
+
+  [[nodiscard]] std::vector<CallTrap> traps() const override;
+  Decision decide(Supervisor& supervisor, const Call& call) override;
+
+ private:
+  struct OpenArguments {
+    std::string path;
+    int flags = 0;
+  };
+  struct Holder {
+    pid_t process = 0;
+    UniqueFd file = {};  // a pidfd
+    std::optional<FdWatch> watch = {};
+    bool over = false;
+  };
+
+  [[nodiscard]] bool is_tapped(const Call& call, int fd) const;
+  static std::optional<OpenArguments> open_arguments(const Call& call);
+  Decision decide_open(Supervisor& supervisor, const Call& call);
+  Decision open_tapped(Supervisor& supervisor, const Call& call, const OpenArguments& wanted,
+                       std::uint64_t device);
+  void wait_for_carrier(const std::weak_ptr<KeptCall>& kept, const OpenArguments& wanted,
+                        const std::shared_ptr<UniqueFd>& file);
+  Outcome opened(const Call& call, const OpenArguments& wanted, UniqueFd file);
+  Decision decide_copy(const Call& call);
+  Decision decide_device(Supervisor& supervisor, const Call& call);
+  [[nodiscard]] bool holds(pid_t process) const;
+  void watch_process(pid_t process);
+  void look_for_holders();
+  void tell_once(const std::string& what);
+
+  Loop* loop_;
+  TappedLine* line_;
+  TapTransfers transfers_;
+  TapRequests requests_;
+  Options options_;
+  PortDevices ports_;
+  std::uint32_t files_from_;
+  std::optional<std::uint64_t> device_;
+  Timer holders_timer_;
+  std::vector<std::string> told_;
+  std::vector<std::unique_ptr<Holder>> holders_;
+};
+
+}  // namespace porttape

@@ -1,0 +1,199 @@
+#include "libport/supervise/tap_requests.hpp"
+
+#include <array>
+#include <asm/termbits.h>
+#include <cerrno>
+#include <chrono>
+#include <fcntl.h>
+#include <optional>
+#include <span>
+#include <sys/ioctl.h>
+#include <utility>
+
+#include "libport/supervise/settings_form.hpp"
+#include "libport/tty/tty.hpp"
+
+namespace porttape {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr Nanos kSentLook = milliseconds(1);
+constexpr Nanos kBreak = milliseconds(250);  // of a TCSBRK, and a TCSBRKP of 0: tty_io.c of the kernel's
+constexpr Nanos kTenth = milliseconds(100);
+constexpr int kDriven = TIOCM_DTR | TIOCM_RTS;
+
+constexpr std::array<std::uint32_t, 19> kTapped{
+    TCSETS,  TCSETSW,  TCSETSF,  TCSETA, TCSETAW,  TCSETAF,  TCSETS2,  TCSETSW2, TCSETSF2,   TCSBRK,
+    TCSBRKP, TIOCSBRK, TIOCCBRK, TCFLSH, TIOCMGET, TIOCMSET, TIOCMBIS, TIOCMBIC, TIOCGICOUNT};
+
+LineSettings settings_at(int fd, tcflag_t flags) {
+  LineSettings settings;
+  if (const Result<ShownSettings> shown = shown_settings(fd)) settings = shown->settings.over(settings);
+  settings.data_bits = data_bits_of(flags);
+  settings.parity = parity_of(flags);
+  return settings;
+}
+
+// By the kernel's own reading of it, on a line that is nobody's.
+LineSettings settings_in(std::uint32_t request, const std::byte* made) {
+  const UniqueFd line(::open("/dev/ptmx", O_RDWR | O_NOCTTY | O_CLOEXEC));
+  if (!line || ::ioctl(line.get(), request, made) != 0) return {};
+  return settings_at(line.get(), flags_in(form_of(request), made));
+}
+
+std::optional<int> lines_of(int fd) {
+  int bits = 0;
+  return ::ioctl(fd, TIOCMGET, &bits) == 0 ? std::optional(bits) : std::nullopt;
+}
+
+// The kernel tells of no end of it: its queue is looked at. What the UART still has is not seen here.
+void when_sent(const std::weak_ptr<KeptCall>& kept, const std::shared_ptr<UniqueFd>& file,
+               const std::function<void()>& then) {
+  const auto waiting = kept.lock();
+  if (!waiting || waiting->over()) return;
+  int left = 0;
+  if (::ioctl(file->get(), TIOCOUTQ, &left) != 0 || left == 0) return then();
+  waiting->call_at(Loop::now() + kSentLook, [kept, file, then] { when_sent(kept, file, then); });
+}
+
+}  // namespace
+
+std::vector<std::uint32_t> TapRequests::requests() { return {kTapped.begin(), kTapped.end()}; }
+
+LineSettings TapRequests::settings_of(const UniqueFd& file) {
+  termios made{};
+  return ::ioctl(file.get(), TCGETS, &made) == 0 ? settings_at(file.get(), made.c_cflag) : LineSettings();
+}
+
+void TapRequests::tell_first_lines(const UniqueFd& file) {
+  if (const std::optional<int> bits = lines_of(file.get())) tell_signals(*bits, true);
+}
+
+CallPart::Decision TapRequests::decide(Supervisor& supervisor, const Call& call, UniqueFd file) {
+  const auto request = static_cast<std::uint32_t>(call.argument(1));
+  switch (request) {
+    case TIOCMGET:
+      return give_lines(call, file);
+    case TIOCMSET:
+    case TIOCMBIS:
+    case TIOCMBIC:
+      return drive_lines(call, file, request);
+    case TIOCGICOUNT:  // which counts their changes
+      if (const std::optional<int> bits = lines_of(file.get())) tell_signals(*bits, false);
+      return outcome::Pass{};
+    case TCFLSH:
+      return flush(call, file);
+    case TIOCSBRK:
+    case TIOCCBRK:
+      return set_break(file, request == TIOCSBRK);
+    case TCSBRK:
+      if (call.argument(2) != 0) return drain(supervisor, call, std::make_shared<UniqueFd>(std::move(file)));
+      return send_break(supervisor, call, std::make_shared<UniqueFd>(std::move(file)), kBreak);
+    case TCSBRKP: {
+      const auto tenths = static_cast<int>(call.argument(2));
+      return send_break(supervisor, call, std::make_shared<UniqueFd>(std::move(file)),
+                        tenths > 0 ? kTenth * tenths : kBreak);
+    }
+    default:
+      return make_settings(call, file, request);
+  }
+}
+
+// Those that wait for the last byte to be sent are the kernel's.
+Outcome TapRequests::make_settings(const Call& call, const UniqueFd& file, std::uint32_t request) {
+  const SettingsForm form = form_of(request);
+  std::array<std::byte, sizeof(termios2)> made{};
+  if (!call.read(call.argument(2), std::span(made).first(form.size))) return outcome::Refuse{EFAULT};
+  const std::uint32_t at_once = made_at_once(request);
+  if (at_once == request && ::ioctl(file.get(), request, made.data()) != 0) return outcome::Refuse{errno};
+  if (flushes_input(request)) line_->flushed(FlushQueue::in);
+  line_->made(settings_in(at_once, made.data()));
+  return at_once == request ? Outcome(outcome::Answer{0}) : Outcome(outcome::Pass{});
+}
+
+Outcome TapRequests::flush(const Call& call, const UniqueFd& file) {
+  const auto queue = static_cast<int>(call.argument(2));
+  if (::ioctl(file.get(), TCFLSH, queue) != 0) return outcome::Refuse{errno};
+  line_->flushed(queue == TCIFLUSH ? FlushQueue::in : queue == TCOFLUSH ? FlushQueue::out : FlushQueue::both);
+  return outcome::Answer{0};
+}
+
+Outcome TapRequests::set_break(const UniqueFd& file, bool on) {
+  if (::ioctl(file.get(), on ? TIOCSBRK : TIOCCBRK, 0) != 0) return outcome::Refuse{errno};
+  line_->driver_signalled({LineSignal::Name::brk, on});
+  return outcome::Answer{0};
+}
+
+Outcome TapRequests::give_lines(const Call& call, const UniqueFd& file) {
+  const std::optional<int> bits = lines_of(file.get());
+  if (!bits) return outcome::Refuse{errno};
+  tell_signals(*bits, false);
+  return call.write_as(call.argument(2), *bits) ? Outcome(outcome::Answer{0})
+                                                : Outcome(outcome::Refuse{EFAULT});
+}
+
+Outcome TapRequests::drive_lines(const Call& call, const UniqueFd& file, std::uint32_t request) {
+  const std::optional<int> bits = call.read_as<int>(call.argument(2));
+  if (!bits) return outcome::Refuse{EFAULT};
+  if (::ioctl(file.get(), request, &*bits) != 0) return outcome::Refuse{errno};
+  const int now = request == TIOCMBIS ? bits_ | *bits : request == TIOCMBIC ? bits_ & ~*bits : *bits;
+  for (const auto& [name, bit] :
+       {std::pair{LineSignal::Name::dtr, TIOCM_DTR}, {LineSignal::Name::rts, TIOCM_RTS}}) {
+    if (((bits_ ^ now) & bit) != 0) line_->driver_signalled({name, (now & bit) != 0});
+  }
+  bits_ = (bits_ & ~kDriven) | (now & kDriven);
+  return outcome::Answer{0};
+}
+
+void TapRequests::tell_signals(int bits, bool all) {
+  for (const auto& [name, bit] : {std::pair{LineSignal::Name::cts, TIOCM_CTS},
+                                  {LineSignal::Name::dsr, TIOCM_DSR},
+                                  {LineSignal::Name::cd, TIOCM_CD},
+                                  {LineSignal::Name::ri, TIOCM_RI}}) {
+    if (all || ((bits_ ^ bits) & bit) != 0) line_->device_signalled({name, (bits & bit) != 0});
+  }
+  bits_ = bits;
+}
+
+CallPart::Decision TapRequests::drain(Supervisor& supervisor, const Call& call,
+                                      std::shared_ptr<UniqueFd> file) {
+  const std::function<void()> over = line_->drains();
+  const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
+  kept->on_gone(over);
+  const std::weak_ptr weak(kept);
+  when_sent(weak, file, [weak, file, over] {
+    over();
+    file->reset();
+    if (const auto waiting = weak.lock()) waiting->finish(outcome::Pass{});
+  });
+  return CallPart::Kept{};
+}
+
+// As send_break() of the kernel's tty_io.c, which waits in the call.
+CallPart::Decision TapRequests::send_break(Supervisor& supervisor, const Call& call,
+                                           std::shared_ptr<UniqueFd> file, Nanos length) {
+  const std::weak_ptr kept(supervisor.keep(call));
+  when_sent(kept, file, [this, kept, file, length] { begin_break(kept, file, length); });
+  return CallPart::Kept{};
+}
+
+void TapRequests::begin_break(const std::weak_ptr<KeptCall>& kept, const std::shared_ptr<UniqueFd>& file,
+                              Nanos length) {
+  const auto waiting = kept.lock();
+  if (!waiting) return;
+  Outcome begun = set_break(*file, true);
+  if (std::holds_alternative<outcome::Refuse>(begun)) {
+    file->reset();
+    return waiting->finish(std::move(begun));
+  }
+  const auto end = [this, kept, file](Outcome outcome) {
+    set_break(*file, false);
+    file->reset();
+    if (const auto still = kept.lock()) still->finish(std::move(outcome));
+  };
+  waiting->on_gone([end] { end(outcome::Refuse{EINTR}); });
+  waiting->call_at(Loop::now() + length, [end] { end(outcome::Answer{0}); });
+}
+
+}  // namespace porttape

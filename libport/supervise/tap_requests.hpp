@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "libport/base/unique_fd.hpp"
+#include "libport/supervise/supervisor.hpp"
+#include "libport/supervise/tapped_line.hpp"
+
+namespace porttape {
+
+// What a program asks of its own device beside bytes, done on a duplicate of its descriptor and told to a
+// TappedLine: settings, modem lines, breaks, flushes, drains. What the device does with its lines is told
+// when a program looks at them. Loop thread only; outlives the supervisor's kept calls.
+class TapRequests {
+ public:
+  explicit TapRequests(TappedLine& line) : line_(&line) {}
+
+  [[nodiscard]] static std::vector<std::uint32_t> requests();
+
+  // Such a request to `file`, the device.
+  CallPart::Decision decide(Supervisor& supervisor, const Call& call, UniqueFd file);
+
+  // The device has just been opened: what its settings and lines are.
+  [[nodiscard]] static LineSettings settings_of(const UniqueFd& file);
+  void tell_first_lines(const UniqueFd& file);
+
+ private:
+  Outcome make_settings(const Call& call, const UniqueFd& file, std::uint32_t request);
+  Outcome flush(const Call& call, const UniqueFd& file);
+  Outcome set_break(const UniqueFd& file, bool on);
+  Outcome drive_lines(const Call& call, const UniqueFd& file, std::uint32_t request);
+  Outcome give_lines(const Call& call, const UniqueFd& file);
+  CallPart::Decision drain(Supervisor& supervisor, const Call& call, std::shared_ptr<UniqueFd> file);
+  CallPart::Decision send_break(Supervisor& supervisor, const Call& call, std::shared_ptr<UniqueFd> file,
+                                Nanos length);
+  void begin_break(const std::weak_ptr<KeptCall>& kept, const std::shared_ptr<UniqueFd>& file, Nanos length);
+  void tell_signals(int bits, bool all);
+
+  TappedLine* line_;
+  int bits_ = 0;  // modem lines at the last look
+};
+
+}  // namespace porttape

@@ -1,0 +1,274 @@
+#include "libport/supervise/tap_transfers.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <fcntl.h>
+#include <optional>
+#include <poll.h>
+#include <span>
+#include <sys/epoll.h>
+#include <sys/ioctl.h>
+#include <sys/syscall.h>
+#include <sys/uio.h>
+#include <termios.h>
+#include <unistd.h>
+#include <utility>
+#include <vector>
+
+#include "libport/base/printable.hpp"
+
+namespace porttape {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr Nanos kShortOf = milliseconds(1);  // between looks at a read that lacks bytes
+constexpr Nanos kTenth = milliseconds(100);  // the unit of VTIME
+constexpr std::size_t kMostAtOnce = std::size_t{64} * 1024;
+constexpr std::size_t kMostParts = 1024;  // UIO_MAXIOV
+
+// While it holds, nothing on that open file waits. The program's own calls that would notice are made here,
+// one after the other.
+class WithoutWaiting {
+ public:
+  explicit WithoutWaiting(int fd) : fd_(fd), flags_(::fcntl(fd, F_GETFL)) {
+    if (waits()) ::fcntl(fd_, F_SETFL, flags_ | O_NONBLOCK);
+  }
+  ~WithoutWaiting() {
+    if (waits()) ::fcntl(fd_, F_SETFL, flags_);
+  }
+  WithoutWaiting(const WithoutWaiting&) = delete;
+  WithoutWaiting& operator=(const WithoutWaiting&) = delete;
+  [[nodiscard]] bool waits() const { return flags_ >= 0 && (flags_ & O_NONBLOCK) == 0; }
+
+ private:
+  int fd_;
+  int flags_;
+};
+
+// Where the program's bytes are.
+std::optional<std::vector<iovec>> parts_of(const Call& call, bool several) {
+  if (!several) {
+    // NOLINTNEXTLINE(performance-no-int-to-ptr): an address in another process
+    return std::vector{iovec{reinterpret_cast<void*>(call.argument(1)), call.argument(2)}};
+  }
+  const std::uint64_t count = call.argument(2);
+  if (count > kMostParts) return std::nullopt;
+  std::vector<iovec> parts(count);
+  if (!call.read(call.argument(1), std::as_writable_bytes(std::span(parts)))) return std::nullopt;
+  return parts;
+}
+
+std::size_t size_of(const std::vector<iovec>& parts) {
+  std::size_t size = 0;
+  for (const iovec& part : parts) size += std::min(part.iov_len, kMostAtOnce);
+  return size;
+}
+
+template <class Each>
+bool for_each_part(const std::vector<iovec>& parts, Bytes& bytes, const Each& each) {
+  std::size_t at = 0;
+  for (const iovec& part : parts) {
+    const std::size_t size = std::min(part.iov_len, bytes.size() - at);
+    if (size > 0 && !each(reinterpret_cast<std::uint64_t>(part.iov_base), std::span(bytes).subspan(at, size)))
+      return false;
+    at += size;
+  }
+  return true;
+}
+
+bool is_loss(int error) { return error == EIO || error == ENODEV || error == ENXIO; }
+
+}  // namespace
+
+// A read or write that is being done.
+struct TapTransfers::Transfer {
+  Transfer(const Call& of, bool is_write, std::vector<iovec> where, UniqueFd duplicate)
+      : call(of), writes(is_write), parts(std::move(where)), file(std::move(duplicate)) {}
+
+  Call call;
+  bool writes;
+  std::vector<iovec> parts;
+  UniqueFd file;
+  Bytes bytes = {};      // to write
+  std::size_t done = 0;  // of them
+  std::size_t size = 0;  // that may be read
+  bool waits = true;
+  Instant began = Loop::now();
+  std::optional<Instant> last_byte = {};
+  std::size_t seen = 0;
+  std::weak_ptr<KeptCall> kept = {};  // whose owner has this
+  std::uint64_t number = 0;           // where it has waited
+};
+
+TapTransfers::TapTransfers(Loop& loop, TappedLine& line)
+    : line_(&line), ready_(::epoll_create1(EPOLL_CLOEXEC)) {
+  if (!ready_) return;
+  ready_watch_.emplace(loop, ready_.get(), [this] { on_ready(); });
+  ready_watch_->watch_readable(true);
+}
+
+CallPart::Decision TapTransfers::decide(Supervisor& supervisor, const Call& call, UniqueFd file) {
+  const bool several = call.number() == SYS_readv || call.number() == SYS_writev;
+  const bool writes = call.number() == SYS_write || call.number() == SYS_writev;
+  std::optional<std::vector<iovec>> parts = parts_of(call, several);
+  if (!parts) return outcome::Refuse{EFAULT};
+  const auto transfer = std::make_shared<Transfer>(call, writes, std::move(*parts), std::move(file));
+  transfer->size = size_of(transfer->parts);
+  if (writes) {
+    transfer->bytes.resize(transfer->size);
+    const bool all = for_each_part(transfer->parts, transfer->bytes, [&](std::uint64_t address, auto bytes) {
+      return call.read(address, std::as_writable_bytes(bytes));
+    });
+    if (!all) return outcome::Refuse{EFAULT};
+  }
+  if (std::optional<Outcome> done = writes ? write_now(*transfer) : read_now(*transfer))
+    return std::move(*done);
+  const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
+  transfer->kept = kept;
+  kept->on_gone([this, transfer] {
+    const auto waiting = transfer->kept.lock();
+    if (waiting && transfer->done > 0)
+      waiting->finish(outcome::Answer{static_cast<std::int64_t>(transfer->done)});
+    end(*transfer);
+  });
+  wait(kept, transfer);
+  return CallPart::Kept{};
+}
+
+// Nothing: it is to be tried again.
+std::optional<Outcome> TapTransfers::write_now(Transfer& transfer) {
+  const WithoutWaiting at_once(transfer.file.get());
+  transfer.waits = at_once.waits();
+  while (true) {
+    const ByteView left = ByteView(transfer.bytes).subspan(transfer.done);
+    const ssize_t size = ::write(transfer.file.get(), left.data(), left.size());
+    if (size < 0 && errno == EINTR) continue;
+    if (size >= 0) {
+      line_->wrote(left.first(static_cast<std::size_t>(size)));
+      transfer.done += static_cast<std::size_t>(size);
+      const bool all = transfer.done == transfer.bytes.size();
+      if (all || !transfer.waits) return outcome::Answer{static_cast<std::int64_t>(transfer.done)};
+      if (size > 0) continue;
+      return std::nullopt;
+    }
+    const int error = errno;
+    if (error == EAGAIN && transfer.waits) return std::nullopt;
+    if (is_loss(error)) line_->lost(errno_text(error));
+    if (transfer.done > 0) return outcome::Answer{static_cast<std::int64_t>(transfer.done)};
+    return outcome::Refuse{error};
+  }
+}
+
+// As n_tty_read() of the kernel has it: termios(3), "Canonical and noncanonical mode".
+std::optional<Outcome> TapTransfers::read_now(Transfer& transfer) {
+  const int fd = transfer.file.get();
+  const WithoutWaiting at_once(fd);
+  transfer.waits = at_once.waits();
+  std::size_t most = transfer.size;
+  if (transfer.waits) {
+    pollfd ready{fd, POLLIN, 0};
+    ::poll(&ready, 1, 0);
+    termios made{};
+    int there = 0;
+    const bool known = ::tcgetattr(fd, &made) == 0 && ::ioctl(fd, FIONREAD, &there) == 0;
+    const bool gone = (ready.revents & (POLLHUP | POLLERR)) != 0;
+    if (known && !gone && (made.c_lflag & ICANON) == 0) {
+      const auto available = static_cast<std::size_t>(std::max(there, 0));
+      const bool any = made.c_cc[VMIN] == 0;
+      const Nanos patience = kTenth * made.c_cc[VTIME];
+      const std::size_t needed = any ? static_cast<std::size_t>(patience > Nanos(0))
+                                     : std::min<std::size_t>(made.c_cc[VMIN], transfer.size);
+      const Instant now = Loop::now();
+      if (available > transfer.seen) transfer.last_byte = now;
+      transfer.seen = available;
+      const Instant since = any ? transfer.began : transfer.last_byte.value_or(now);
+      const bool over = patience > Nanos(0) && (any || available > 0) && now >= since + patience;
+      if (available < needed && !over) return std::nullopt;
+      if (available == 0) return outcome::Answer{0};
+      most = std::min(most, available);
+    }
+  }
+  Bytes bytes(std::min(most, kMostAtOnce));
+  ssize_t size = 0;
+  do {
+    size = ::read(fd, bytes.data(), bytes.size());
+  } while (size < 0 && errno == EINTR);
+  const int error = errno;
+  if (size < 0 && error == EAGAIN && transfer.waits) return std::nullopt;
+  if (size < 0) {
+    if (is_loss(error)) line_->lost(errno_text(error));
+    return outcome::Refuse{error};
+  }
+  bytes.resize(static_cast<std::size_t>(size));
+  if (size > 0) line_->got(bytes);
+  const bool all = for_each_part(transfer.parts, bytes, [&](std::uint64_t address, auto part) {
+    return transfer.call.write(address, std::as_bytes(part));
+  });
+  if (!all) return outcome::Refuse{EFAULT};
+  return outcome::Answer{size};
+}
+
+void TapTransfers::wait(const std::shared_ptr<KeptCall>& kept, const std::shared_ptr<Transfer>& transfer) {
+  const auto again = [this, weak = std::weak_ptr(transfer)] {
+    if (const auto waiting = weak.lock()) go_on(waiting);
+  };
+  // Bytes that are there and not enough would be told again and again.
+  if (transfer->seen > 0) {
+    return kept->call_at(Loop::now() + kShortOf, again);
+  }
+  termios made{};
+  if (!transfer->writes && ::tcgetattr(transfer->file.get(), &made) == 0 && (made.c_lflag & ICANON) == 0) {
+    if (made.c_cc[VMIN] == 0) {
+      kept->call_at(transfer->began + kTenth * made.c_cc[VTIME], again);
+    } else if (made.c_cc[VTIME] == 0 && made.c_cc[VMIN] > transfer->size) {
+      return kept->call_at(Loop::now() + kShortOf, again);  // poll() waits for VMIN bytes
+    }
+  }
+  if (!watch(transfer)) return kept->call_at(Loop::now() + kShortOf, again);
+}
+
+// Once. False: that is not to be had.
+bool TapTransfers::watch(const std::shared_ptr<Transfer>& transfer) {
+  epoll_event wanted{};
+  wanted.events = (transfer->writes ? EPOLLOUT : EPOLLIN) | EPOLLONESHOT;
+  const bool known = transfer->number != 0;
+  if (!known) {
+    transfer->number = ++number_;
+    waiting_.emplace(number_, transfer);
+  }
+  wanted.data.u64 = transfer->number;
+  return ready_watch_ &&
+         ::epoll_ctl(ready_.get(), known ? EPOLL_CTL_MOD : EPOLL_CTL_ADD, transfer->file.get(), &wanted) == 0;
+}
+
+void TapTransfers::on_ready() {
+  std::array<epoll_event, 16> events{};
+  const int count = ::epoll_wait(ready_.get(), events.data(), static_cast<int>(events.size()), 0);
+  for (const epoll_event& event : std::span(events).first(static_cast<std::size_t>(std::max(count, 0)))) {
+    const auto found = waiting_.find(event.data.u64);
+    if (found == waiting_.end()) continue;
+    if (const auto transfer = found->second.lock()) go_on(transfer);
+  }
+}
+
+// The program has the file open, so that closing ours ends no watch.
+void TapTransfers::end(Transfer& transfer) {
+  if (transfer.number != 0 && transfer.file)
+    ::epoll_ctl(ready_.get(), EPOLL_CTL_DEL, transfer.file.get(), nullptr);
+  waiting_.erase(transfer.number);
+  transfer.file.reset();
+}
+
+void TapTransfers::go_on(const std::shared_ptr<Transfer>& transfer) {
+  const std::shared_ptr<KeptCall> kept = transfer->kept.lock();
+  if (!kept || kept->over()) return end(*transfer);
+  std::optional<Outcome> done = transfer->writes ? write_now(*transfer) : read_now(*transfer);
+  if (!done) return wait(kept, transfer);
+  end(*transfer);
+  kept->finish(std::move(*done));
+}
+
+}  // namespace porttape

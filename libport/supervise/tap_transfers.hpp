@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+
+#include "libport/base/unique_fd.hpp"
+#include "libport/loop/fd_watch.hpp"
+#include "libport/loop/loop.hpp"
+#include "libport/supervise/supervisor.hpp"
+#include "libport/supervise/tapped_line.hpp"
+
+namespace porttape {
+
+// The reads and writes of programs on their own device, done here on a duplicate of their descriptor and told
+// to a TappedLine: what is told are the bytes that the kernel took or gave. A call that would wait is kept,
+// and tried again when the device can; the duplicate is closed with the call. Loop thread only; outlives the
+// supervisor's kept calls.
+class TapTransfers {
+ public:
+  TapTransfers(Loop& loop, TappedLine& line);
+
+  // A read, readv, write or writev of `file`, the device.
+  CallPart::Decision decide(Supervisor& supervisor, const Call& call, UniqueFd file);
+
+ private:
+  struct Transfer;
+
+  void on_ready();
+  bool watch(const std::shared_ptr<Transfer>& transfer);
+  void end(Transfer& transfer);
+  void wait(const std::shared_ptr<KeptCall>& kept, const std::shared_ptr<Transfer>& transfer);
+  void go_on(const std::shared_ptr<Transfer>& transfer);
+  std::optional<Outcome> read_now(Transfer& transfer);
+  std::optional<Outcome> write_now(Transfer& transfer);
+
+  TappedLine* line_;
+  // Of the devices that are waited for: a watch of the loop's on the file itself would make it O_NONBLOCK for
+  // the program, too.
+  UniqueFd ready_;
+  std::optional<FdWatch> ready_watch_;  // none: they are looked at by the clock
+  std::map<std::uint64_t, std::weak_ptr<Transfer>> waiting_;
+  std::uint64_t number_ = 0;  // of the last that waited
+};
+
+}  // namespace porttape

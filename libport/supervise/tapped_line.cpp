@@ -1,0 +1,188 @@
+#include "libport/supervise/tapped_line.hpp"
+
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "libport/tty/device_identity.hpp"
+
+namespace porttape {
+
+// The driver's end: up while the driver has its device open.
+class TappedLine::Driver final : public Port {
+ public:
+  explicit Driver(TappedLine& line) : line_(&line) {}
+  ~Driver() override {
+    if (line_ != nullptr) line_->driver_ = nullptr;
+  }
+  void line_gone() { line_ = nullptr; }
+
+  Result<void> prepare() override { return {}; }
+  void open() override {
+    accepting_ = true;
+    if (line_ != nullptr && line_->open_) come_up();
+  }
+  void close() override { accepting_ = up_ = false; }
+  void write(ByteView) override {}  // the driver has it
+  [[nodiscard]] bool congested() const override { return false; }
+  bool end_writing() override { return false; }
+  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return 0; }
+  void set_reading(bool on) override { reading_ = on; }
+  void hang_up(bool) override {}
+  void read_pending() override {}
+  [[nodiscard]] bool shows_signals() const override { return true; }
+  [[nodiscard]] bool passive() const override { return true; }
+  [[nodiscard]] bool keeps_datagrams() const override { return false; }
+  [[nodiscard]] std::string name() const override { return "the command"; }
+  [[nodiscard]] PortPlace place() const override {
+    return {.path = line_ != nullptr ? line_->device_path_ : std::string()};
+  }
+
+  void come_up() {
+    if (!accepting_ || up_) return;
+    up_ = true;
+    listener().on_up();
+  }
+  void go_down() {
+    if (std::exchange(up_, false)) listener().on_down({.reason = LineDown::Reason::closed, .error = {}});
+  }
+  [[nodiscard]] bool up() const { return up_; }
+  [[nodiscard]] PortListener& told() const { return listener(); }
+
+ private:
+  TappedLine* line_;
+  bool accepting_ = false;
+  bool up_ = false;
+  bool reading_ = true;
+};
+
+// The device's end: up as soon as it is asked, since the driver has opened it.
+class TappedLine::Device final : public Port {
+ public:
+  explicit Device(TappedLine& line) : line_(&line) {}
+  ~Device() override {
+    if (line_ != nullptr) line_->device_ = nullptr;
+  }
+  void line_gone() { line_ = nullptr; }
+
+  Result<void> prepare() override { return {}; }
+  void open() override {
+    up_ = true;
+    listener().on_up();
+  }
+  void close() override {
+    up_ = false;
+    end_drains();
+  }
+  void write(ByteView) override {}  // it has it
+  [[nodiscard]] bool congested() const override { return false; }
+  bool end_writing() override { return false; }
+  [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return std::nullopt; }
+  [[nodiscard]] std::optional<LineSettings> settings() const override {
+    return line_ != nullptr ? std::optional(line_->settings_) : std::nullopt;
+  }
+  Result<void> apply(const LineSettings&) override { return {}; }  // the driver has done so
+  void drain(std::function<void()> done) override {
+    if (!up_) return done();
+    drains_.push_back(std::move(done));
+  }
+  void set_reading(bool) override {}
+  void hang_up(bool) override {}
+  void read_pending() override {}
+  [[nodiscard]] bool shows_signals() const override { return true; }
+  [[nodiscard]] bool passive() const override { return false; }
+  [[nodiscard]] bool keeps_datagrams() const override { return false; }
+  [[nodiscard]] std::string name() const override {
+    return line_ != nullptr && !line_->name_.empty() ? line_->device_name() : "the command's device";
+  }
+  [[nodiscard]] std::optional<PortIdentity> identity() const override {
+    return line_ != nullptr && !line_->name_.empty() ? identity_of(line_->name_) : std::nullopt;
+  }
+
+  [[nodiscard]] bool up() const { return up_; }
+  [[nodiscard]] PortListener& told() const { return listener(); }
+  void end_drains() {
+    for (const std::function<void()>& done : std::exchange(drains_, {})) done();
+  }
+  void lose(const std::string& why) {
+    if (!std::exchange(up_, false)) return;
+    end_drains();
+    listener().on_down({.reason = LineDown::Reason::lost, .error = make_error(Errc::device_lost, why)});
+  }
+
+ private:
+  TappedLine* line_;
+  std::vector<std::function<void()>> drains_;
+  bool up_ = false;
+};
+
+TappedLine::TappedLine(std::string device) : device_path_(std::move(device)) {}
+
+TappedLine::~TappedLine() {
+  if (driver_ != nullptr) driver_->line_gone();
+  if (device_ != nullptr) device_->line_gone();
+}
+
+std::unique_ptr<Port> TappedLine::driver_port() {
+  auto port = std::make_unique<Driver>(*this);
+  driver_ = port.get();
+  return port;
+}
+
+std::unique_ptr<Port> TappedLine::device_port() {
+  auto port = std::make_unique<Device>(*this);
+  device_ = port.get();
+  return port;
+}
+
+void TappedLine::opened(const std::string& device, const LineSettings& settings) {
+  name_ = device;
+  settings_ = settings;
+  open_ = true;
+  if (driver_ != nullptr) driver_->come_up();
+}
+
+void TappedLine::closed() {
+  open_ = false;
+  if (driver_ != nullptr) driver_->go_down();
+}
+
+void TappedLine::wrote(ByteView data) {
+  if (driver_ != nullptr && driver_->up()) driver_->told().on_data(data);
+}
+
+void TappedLine::got(ByteView data) {
+  if (device_ != nullptr && device_->up()) device_->told().on_data(data);
+}
+
+void TappedLine::made(const LineSettings& settings) {
+  settings_ = settings;
+  if (driver_ != nullptr && driver_->up())
+    driver_->told().on_settings(SeenSettings::of(settings), SettingsOrder::exact);
+}
+
+void TappedLine::flushed(FlushQueue queue) {
+  if (driver_ != nullptr && driver_->up()) driver_->told().on_flush(queue);
+}
+
+void TappedLine::driver_signalled(const LineSignal& signal) {
+  if (driver_ != nullptr && driver_->up()) driver_->told().on_signal(signal);
+}
+
+void TappedLine::device_signalled(const LineSignal& signal) {
+  if (device_ != nullptr && device_->up()) device_->told().on_signal(signal);
+}
+
+std::function<void()> TappedLine::drains() {
+  if (driver_ == nullptr || !driver_->up()) return [] {};
+  driver_->told().on_drain([] {});
+  return [this] {
+    if (device_ != nullptr) device_->end_drains();
+  };
+}
+
+void TappedLine::lost(const std::string& why) {
+  if (device_ != nullptr) device_->lose(why);
+}
+
+}  // namespace porttape
