@@ -15,7 +15,6 @@
 #include "libport/catalog/channel.hpp"
 #include "libport/catalog/port_types.hpp"
 #include "libport/supervise/tapped_line.hpp"
-#include "libport/tty/serial_port.hpp"
 #include "tools/cassette_verbs.hpp"
 #include "tools/command_run.hpp"
 #include "tools/command_verb.hpp"
@@ -94,13 +93,12 @@ Result<TappedDevice> tapped_device(const std::string& named) {
   if (::stat(named.c_str(), &status) != 0) {
     const Result<PortSpec> port = parse_port(named);
     if (!port) return port.error();
-    const auto* const serial = port->get<SerialOptions>();
-    if (serial == nullptr)
+    if (port->type().name != "serial")
       return make_error(Errc::usage,
                         fmt::format("--device {}: with --tap it is the path of the serial device "
                                     "that COMMAND opens",
                                     in_quotes(named)));
-    path = serial->device;
+    path = port->written().text("device");
   }
   if (::stat(path.c_str(), &status) != 0)
     return make_error(Errc::device_missing,
