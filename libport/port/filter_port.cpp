@@ -139,6 +139,10 @@ void FilterPort::on_drain(std::function<void()> done) {
   in_.put([this, done = std::move(done)] { ForwardingPort::on_drain(done); });
 }
 
+void FilterPort::on_ask(const LineRequest& request, TakeAnswer done) {
+  in_.put([this, request, done = std::move(done)] { ForwardingPort::on_ask(request, done); });
+}
+
 // A replay that is over has its last bytes behind what is held; a tape that must not fail has no time.
 void FilterPort::on_finished(int exit_status) {
   if (exit_status == exit_status::kRuntime) return ForwardingPort::on_finished(exit_status);
@@ -178,6 +182,10 @@ void FilterPort::signal(const LineSignal& signal) {
 
 void FilterPort::drain(std::function<void()> done) {
   out_.put([this, done = std::move(done)] { ForwardingPort::drain(done); });
+}
+
+void FilterPort::ask(const LineRequest& request, TakeAnswer done) {
+  out_.put([this, request, done = std::move(done)] { ForwardingPort::ask(request, done); });
 }
 
 void FilterPort::on_drained() {

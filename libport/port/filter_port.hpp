@@ -50,6 +50,7 @@ class FilterPort : public ForwardingPort {
   Result<void> apply(const LineSettings& settings) final;
   void signal(const LineSignal& signal) final;
   void drain(std::function<void()> done) final;
+  void ask(const LineRequest& request, TakeAnswer done) final;
   void set_reading(bool on) final;
   void hang_up(bool after_reading) final;
   void read_pending() final;
@@ -93,6 +94,7 @@ class FilterPort : public ForwardingPort {
   void on_settings(const SeenSettings& settings, SettingsOrder order) final;
   void on_signal(const LineSignal& signal) final;
   void on_drain(std::function<void()> done) final;
+  void on_ask(const LineRequest& request, TakeAnswer done) final;
   void on_finished(int exit_status) final;
 
   std::size_t write_some(ByteView data) final;

@@ -25,6 +25,9 @@ void ForwardingPort::signal(const LineSignal& signal) { inner_->signal(signal); 
 void ForwardingPort::watch_signals(bool on) { inner_->watch_signals(on); }
 bool ForwardingPort::shows_signals() const { return inner_->shows_signals(); }
 void ForwardingPort::drain(std::function<void()> done) { inner_->drain(std::move(done)); }
+void ForwardingPort::ask(const LineRequest& request, TakeAnswer done) {
+  inner_->ask(request, std::move(done));
+}
 void ForwardingPort::set_reading(bool on) { inner_->set_reading(on); }
 void ForwardingPort::hang_up(bool after_reading) { inner_->hang_up(after_reading); }
 void ForwardingPort::read_pending() { inner_->read_pending(); }
@@ -67,6 +70,9 @@ void ForwardingPort::on_settings(const SeenSettings& settings, SettingsOrder ord
 }
 void ForwardingPort::on_signal(const LineSignal& signal) { listener().on_signal(signal); }
 void ForwardingPort::on_drain(std::function<void()> done) { listener().on_drain(std::move(done)); }
+void ForwardingPort::on_ask(const LineRequest& request, TakeAnswer done) {
+  listener().on_ask(request, std::move(done));
+}
 void ForwardingPort::on_left_unread(std::uint64_t bytes) { listener().on_left_unread(bytes); }
 void ForwardingPort::on_dropped(std::uint64_t bytes, std::string_view why) {
   listener().on_dropped(bytes, why);

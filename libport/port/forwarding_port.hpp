@@ -36,6 +36,7 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   void watch_signals(bool on) override;
   [[nodiscard]] bool shows_signals() const override;
   void drain(std::function<void()> done) override;
+  void ask(const LineRequest& request, TakeAnswer done) override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;
@@ -79,6 +80,7 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   void on_settings(const SeenSettings& settings, SettingsOrder order) override;
   void on_signal(const LineSignal& signal) override;
   void on_drain(std::function<void()> done) override;
+  void on_ask(const LineRequest& request, TakeAnswer done) override;
   void on_left_unread(std::uint64_t bytes) override;
   void on_dropped(std::uint64_t bytes, std::string_view why) override;
   void on_fault(const LineFault& fault) override;

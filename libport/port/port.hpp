@@ -12,6 +12,7 @@
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/line_fault.hpp"
+#include "libport/base/line_request.hpp"
 #include "libport/base/line_settings.hpp"
 #include "libport/base/line_signal.hpp"
 #include "libport/base/port_identity.hpp"
@@ -102,6 +103,11 @@ class PortListener {
   // The peer waits until all that it wrote has left the session's other port (its drain()); `done` is called
   // then, once.
   virtual void on_drain(std::function<void()> done) { done(); }
+  // The peer asks what only the session's other port can answer (its ask()).
+  virtual void on_ask(const LineRequest& request, TakeAnswer done) {
+    (void)request;
+    done(std::nullopt);
+  }
   // The peer has gone and left so many bytes unread; only where that is known. on_down() follows.
   virtual void on_left_unread(std::uint64_t bytes) { (void)bytes; }
   // So many bytes, taken by write() or come from the peer, reached nobody.
@@ -292,6 +298,11 @@ class Port {
   // Calls `done` once, from within or later: when all that was written has left for the device, or cannot any
   // more, as the line is down.
   virtual void drain(std::function<void()> done) { done(); }
+  // Asks the device, behind all that was written, set and signalled; calls `done` once, from within or later.
+  virtual void ask(const LineRequest& request, TakeAnswer done) {
+    (void)request;
+    done(std::nullopt);
+  }
   // Whether on_signal() of what the device drives is wanted; at any time. Where it is, and the line has such
   // signals, they are told when it comes up (or is resumed), before any bytes, and whenever they change.
   virtual void watch_signals(bool on) { (void)on; }

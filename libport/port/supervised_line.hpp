@@ -4,6 +4,7 @@
 #include <functional>
 #include <optional>
 
+#include "libport/base/line_request.hpp"
 #include "libport/base/line_settings.hpp"
 #include "libport/base/line_signal.hpp"
 
@@ -53,6 +54,9 @@ class SupervisedLine {
   // The peer waits until all that it has written has left the device: `done` is called then, or when the line
   // is over; once, from within or later.
   virtual void wait_until_sent(std::function<void()> done) = 0;
+  // The peer asks the device, behind all that it has done before: `done` is called once, from within or
+  // later.
+  virtual void ask(const LineRequest& request, TakeAnswer done) = 0;
 
  protected:
   ~SupervisedLine() = default;

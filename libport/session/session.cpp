@@ -51,6 +51,9 @@ struct Session::DriverSide final : PortListener {
   }
   void on_signal(const LineSignal& signal) override { session.driver_signalled(signal); }
   void on_drain(std::function<void()> done) override { session.driver_drains(std::move(done)); }
+  void on_ask(const LineRequest& request, TakeAnswer done) override {
+    session.driver_asks(request, std::move(done));
+  }
   Answers on_ended() override { return session.driver_ended(); }
   [[nodiscard]] bool half_closes() const override { return session.device_->has_half_close(); }
   bool wants_rest() override {
@@ -162,6 +165,8 @@ void Session::device_up() {
   failures_.up(Loop::now());
   context_.log->debug("{}: up", device_->name());
   for (const LineSignal& signal : early_signals_.take()) device_->signal(signal);
+  for (EarlyRequest& early : std::exchange(early_requests_, {}))
+    device_->ask(early.request, std::move(early.done));
   read_driver();
   for (std::function<void()>& done : std::exchange(early_drains_, {})) device_->drain(std::move(done));
 }
@@ -592,9 +597,20 @@ void Session::driver_drains(std::function<void()> done) {
   }
 }
 
+void Session::driver_asks(const LineRequest& request, TakeAnswer done) {
+  if (device_state_ == DeviceState::opening || device_state_ == DeviceState::draining) {
+    early_requests_.push_back({request, std::move(done)});
+  } else if (device_has_line()) {
+    device_->ask(request, std::move(done));
+  } else {
+    done(std::nullopt);
+  }
+}
+
 // The line that they were for is over.
 void Session::drop_early() {
   early_signals_.clear();
+  for (const EarlyRequest& early : std::exchange(early_requests_, {})) early.done(std::nullopt);
   for (const std::function<void()>& done : std::exchange(early_drains_, {})) done();
 }
 

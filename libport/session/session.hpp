@@ -94,6 +94,11 @@ class Session final : public Channel {
     SettingsOrder order;
   };
 
+  struct EarlyRequest {
+    LineRequest request;
+    TakeAnswer done;
+  };
+
   enum class DeviceState { closed, opening, up, interrupted, down, draining };
 
   struct Gate;
@@ -137,6 +142,7 @@ class Session final : public Channel {
   void driver_settings(const SeenSettings& seen, SettingsOrder order);
   void driver_signalled(const LineSignal& signal);
   void driver_drains(std::function<void()> done);
+  void driver_asks(const LineRequest& request, TakeAnswer done);
   void drop_early();
   void show_settings();
   void device_complete(int exit_status);
@@ -166,6 +172,7 @@ class Session final : public Channel {
   std::optional<EarlySettings> early_settings_;
   SignalQueue early_signals_;                        // for a device that is being opened
   std::vector<std::function<void()>> early_drains_;  // the same
+  std::vector<EarlyRequest> early_requests_;         // the same
   Timer open_timer_;                                 // for a device that has just failed
   Failures failures_;
   Counters counters_;

@@ -16,7 +16,6 @@
 namespace porttape {
 namespace {
 
-constexpr unsigned kRateOfItsOwn = 38400;  // stands for what ASYNC_SPD_… says, where that says something
 constexpr std::int64_t kMostTenths = 600;
 constexpr Nanos kTenth = std::chrono::milliseconds(100);
 constexpr tcflag_t kHidden = CSIZE | PARENB | PARODD | CMSPAR | CLOCAL;
@@ -69,45 +68,13 @@ tcflag_t hidden_of(const LineSettings& settings) {
   return flags;
 }
 
-// The kernel's, for a program of 32 bits: some members are pointers.
-struct SmallSerialStruct {
-  int type;
-  int line;
-  unsigned port;
-  int irq;
-  int flags;
-  int xmit_fifo_size;
-  int custom_divisor;
-  int baud_base;
-  unsigned short close_delay;
-  char io_type;
-  char reserved_char;
-  int hub6;
-  unsigned short closing_wait;
-  unsigned short closing_wait2;
-  unsigned iomem_base;
-  unsigned short iomem_reg_shift;
-  unsigned port_high;
-  int reserved;
-};
-
-serial_struct plain_serial() {
-  serial_struct serial{};
-  serial.type = PORT_16550A;
-  serial.xmit_fifo_size = 16;
-  serial.baud_base = 115200;
-  serial.close_delay = 50;     // hundredths of a second
-  serial.closing_wait = 3000;  // the same
-  return serial;
-}
-
 Outcome done_well() { return outcome::Answer{0}; }
 Outcome bad_address() { return outcome::Refuse{EFAULT}; }
 
 }  // namespace
 
 TtyCalls::TtyCalls(SupervisedLine& line, const LineDefaults& defaults)
-    : line_(&line), model_(defaults), tells_lines_(defaults != LineDefaults()), serial_(plain_serial()) {
+    : line_(&line), model_(defaults), tells_lines_(defaults != LineDefaults()) {
   line_->supervise(this);
 }
 
@@ -159,13 +126,13 @@ CallPart::Decision TtyCalls::decide_signals(Supervisor& supervisor, const Call& 
     case TIOCGICOUNT:
       return give_counters(call);
     case TIOCGSERIAL:
-      return give_serial(call);
+      return give_serial(supervisor, call);
     case TIOCSSERIAL:
-      return make_serial(call);
+      return make_serial(supervisor, call);
     case TIOCGRS485:
-      return give_rs485(call);
+      return give_rs485(supervisor, call);
     case TIOCSRS485:
-      return make_rs485(call);
+      return make_rs485(supervisor, call);
     default:
       return NotMine{};
   }
@@ -250,27 +217,7 @@ LineSettings TtyCalls::settings_now() const {
     settings = shown->settings.over(settings);
   settings.data_bits = data_bits_of(hidden_);
   settings.parity = parity_of(hidden_);
-  if (settings.baud != kRateOfItsOwn) return settings;
-  switch (static_cast<unsigned>(serial_.flags) & ASYNC_SPD_MASK) {
-    case ASYNC_SPD_HI:
-      settings.baud = 57600;
-      break;
-    case ASYNC_SPD_VHI:
-      settings.baud = 115200;
-      break;
-    case ASYNC_SPD_SHI:
-      settings.baud = 230400;
-      break;
-    case ASYNC_SPD_WARP:
-      settings.baud = 460800;
-      break;
-    case ASYNC_SPD_CUST:
-      if (serial_.custom_divisor > 0)
-        settings.baud = static_cast<unsigned>(serial_.baud_base / serial_.custom_divisor);
-      break;
-    default:
-      break;
-  }
+  settings.baud = uart_.rate_of(settings.baud);
   return settings;
 }
 
@@ -355,9 +302,8 @@ CallPart::Decision TtyCalls::decide_break(Supervisor& supervisor, const Call& ca
     case TCSBRKP:
       return send_break(supervisor, call, length > 0 ? std::min(length, kMostTenths) * kTenth : kBreak);
     case TIOCSBRK:
-      return behind_sent(supervisor, call, [this](const Call&, SettingsOrder) {
-        signalled({LineSignal::Name::brk, true});
-        return done_well();
+      return begin_break(supervisor, call, [](KeptCall& waiting, int error) {
+        waiting.finish(error == 0 ? done_well() : outcome::Refuse{error});
       });
     default:
       signalled({LineSignal::Name::brk, false});
@@ -365,17 +311,35 @@ CallPart::Decision TtyCalls::decide_break(Supervisor& supervisor, const Call& ca
   }
 }
 
-CallPart::Decision TtyCalls::send_break(Supervisor& supervisor, const Call& call, Nanos length) {
-  when_sent(supervisor.keep(call), [this, length](const std::shared_ptr<KeptCall>& waiting, SettingsOrder) {
-    signalled({LineSignal::Name::brk, true});
+// Once all has left that was written before. `then` gets to know what the device says; the break is over then
+// where that is an error, or where the call was interrupted.
+CallPart::Decision TtyCalls::begin_break(Supervisor& supervisor, const Call& call, const Begun& then) {
+  when_sent(supervisor.keep(call), [this, then](const std::shared_ptr<KeptCall>& waiting, SettingsOrder) {
     const auto end = [this] { signalled({LineSignal::Name::brk, false}); };
+    signalled({LineSignal::Name::brk, true});
     waiting->on_gone(end);
-    waiting->call_at(Loop::now() + length, [end, weak = std::weak_ptr(waiting)] {
-      end();
-      if (const auto over = weak.lock()) over->finish(done_well());
-    });
+    const auto told = [weak = std::weak_ptr(waiting), end, then](const std::optional<LineAnswer>& answer) {
+      const auto kept = weak.lock();
+      if (!kept || kept->over()) return;
+      const int error = answer ? answer->error : 0;
+      if (error != 0) end();
+      then(*kept, error);
+    };
+    if (line_ == nullptr) return told(std::nullopt);
+    line_->ask({LineRequest::Kind::last_break}, told);
   });
   return Kept{};
+}
+
+// As the kernel has it, a device that knows no breaks is no error.
+CallPart::Decision TtyCalls::send_break(Supervisor& supervisor, const Call& call, Nanos length) {
+  return begin_break(supervisor, call, [this, length](KeptCall& waiting, int error) {
+    if (error != 0) return waiting.finish(error == EOPNOTSUPP ? done_well() : outcome::Refuse{error});
+    waiting.call_at(Loop::now() + length, [this, &waiting] {
+      signalled({LineSignal::Name::brk, false});
+      waiting.finish(done_well());
+    });
+  });
 }
 
 Outcome TtyCalls::give_counters(const Call& call) const {
@@ -389,46 +353,56 @@ Outcome TtyCalls::give_counters(const Call& call) const {
   return call.write_as(call.argument(2), counters) ? done_well() : bad_address();
 }
 
-Outcome TtyCalls::give_serial(const Call& call) const {
-  if (!call.is_small()) return call.write_as(call.argument(2), serial_) ? done_well() : bad_address();
-  SmallSerialStruct small{};
-  small.type = serial_.type;
-  small.flags = serial_.flags;
-  small.xmit_fifo_size = serial_.xmit_fifo_size;
-  small.custom_divisor = serial_.custom_divisor;
-  small.baud_base = serial_.baud_base;
-  small.close_delay = serial_.close_delay;
-  small.closing_wait = serial_.closing_wait;
-  return call.write_as(call.argument(2), small) ? done_well() : bad_address();
+// What the driver wrote before goes first, and the open that is not known yet.
+CallPart::Decision TtyCalls::ask(Supervisor& supervisor, const Call& call, const LineRequest& request,
+                                 const Answered& then) {
+  (void)line_->catch_up();
+  const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
+  line_->ask(request, [weak = std::weak_ptr(kept), then](const std::optional<LineAnswer>& answer) {
+    const auto waiting = weak.lock();
+    if (!waiting || waiting->over()) return;
+    waiting->finish(answer && answer->error != 0 ? outcome::Refuse{answer->error}
+                                                 : then(waiting->call(), answer));
+  });
+  return Kept{};
 }
 
-// What a driver may change of its port, as the kernel's serial drivers have it: the rest is the hardware's.
-Outcome TtyCalls::make_serial(const Call& call) {
-  const auto take = [this](const auto& wanted) {
-    serial_.flags = wanted.flags;
-    serial_.custom_divisor = wanted.custom_divisor;
-    serial_.close_delay = wanted.close_delay;
-    serial_.closing_wait = wanted.closing_wait;
-    return done_well();
-  };
-  if (call.is_small()) {
-    const auto small = call.read_as<SmallSerialStruct>(call.argument(2));
-    return small ? take(*small) : bad_address();
-  }
-  const auto wanted = call.read_as<serial_struct>(call.argument(2));
-  return wanted ? take(*wanted) : bad_address();
+CallPart::Decision TtyCalls::give_serial(Supervisor& supervisor, const Call& call) {
+  return ask(supervisor, call, {LineRequest::Kind::get_serial},
+             [this](const Call& waiting, const std::optional<LineAnswer>& answer) {
+               if (answer) uart_.show(answer->serial);
+               return write_serial(waiting, waiting.argument(2), uart_.serial()) ? done_well()
+                                                                                 : bad_address();
+             });
 }
 
-Outcome TtyCalls::give_rs485(const Call& call) const {
-  return call.write_as(call.argument(2), rs485_) ? done_well() : bad_address();
+CallPart::Decision TtyCalls::make_serial(Supervisor& supervisor, const Call& call) {
+  const std::optional<serial_struct> wanted = read_serial(call, call.argument(2));
+  if (!wanted) return bad_address();
+  return ask(supervisor, call, {LineRequest::Kind::set_serial, *wanted},
+             [this, wanted](const Call&, const std::optional<LineAnswer>&) {
+               uart_.make(*wanted);
+               return done_well();
+             });
+}
+
+CallPart::Decision TtyCalls::give_rs485(Supervisor& supervisor, const Call& call) {
+  return ask(supervisor, call, {LineRequest::Kind::get_rs485},
+             [this](const Call& waiting, const std::optional<LineAnswer>& answer) {
+               if (answer) uart_.show(answer->rs485);
+               return waiting.write_as(waiting.argument(2), uart_.rs485()) ? done_well() : bad_address();
+             });
 }
 
 // The driver is given back what was taken.
-Outcome TtyCalls::make_rs485(const Call& call) {
+CallPart::Decision TtyCalls::make_rs485(Supervisor& supervisor, const Call& call) {
   const auto wanted = call.read_as<serial_rs485>(call.argument(2));
   if (!wanted) return bad_address();
-  rs485_ = *wanted;
-  return call.write_as(call.argument(2), rs485_) ? done_well() : bad_address();
+  return ask(supervisor, call, {LineRequest::Kind::set_rs485, {}, *wanted},
+             [this, wanted](const Call& waiting, const std::optional<LineAnswer>& answer) {
+               uart_.show(answer ? answer->rs485 : *wanted);
+               return waiting.write_as(waiting.argument(2), uart_.rs485()) ? done_well() : bad_address();
+             });
 }
 
 void TtyCalls::line_opened() {

@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
-#include <linux/serial.h>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -13,6 +12,7 @@
 #include "libport/port/supervised_line.hpp"
 #include "libport/supervise/line_model.hpp"
 #include "libport/supervise/supervisor.hpp"
+#include "libport/supervise/uart_model.hpp"
 
 namespace porttape {
 
@@ -70,12 +70,16 @@ class TtyCalls final : public CallPart, private LineSupervisor {
   Decision wait_for_input(Supervisor& supervisor, const Call& call);
   void tell_inputs();
   void look_at_inputs();
+  using Answered = std::function<Outcome(const Call& call, const std::optional<LineAnswer>& answer)>;
+  Decision ask(Supervisor& supervisor, const Call& call, const LineRequest& request, const Answered& then);
+  using Begun = std::function<void(KeptCall& waiting, int error)>;
+  Decision begin_break(Supervisor& supervisor, const Call& call, const Begun& then);
   Decision send_break(Supervisor& supervisor, const Call& call, Nanos length);
   Outcome give_counters(const Call& call) const;
-  Outcome give_serial(const Call& call) const;
-  Outcome make_serial(const Call& call);
-  Outcome give_rs485(const Call& call) const;
-  Outcome make_rs485(const Call& call);
+  Decision give_serial(Supervisor& supervisor, const Call& call);
+  Decision make_serial(Supervisor& supervisor, const Call& call);
+  Decision give_rs485(Supervisor& supervisor, const Call& call);
+  Decision make_rs485(Supervisor& supervisor, const Call& call);
   [[nodiscard]] LineSettings settings_now() const;
 
   SupervisedLine* line_;  // null: it has gone
@@ -85,8 +89,7 @@ class TtyCalls final : public CallPart, private LineSupervisor {
   bool open_ = false;
   bool as_opened_ = true;     // nobody has set the line since
   bool tells_lines_ = false;  // the defaults are the user's: they belong on the tape
-  serial_struct serial_{};
-  serial_rs485 rs485_{};
+  UartModel uart_;
   std::optional<int> told_inputs_;  // in this session
   std::vector<InputWait> input_waits_;
 };

@@ -20,6 +20,23 @@ class SystemLineCalls final : public LineCalls {
     return line == 0 ? EINVAL : done(::ioctl(fd, signal.on ? TIOCMBIS : TIOCMBIC, &line));
   }
 
+  int ask(int fd, const LineRequest& request, LineAnswer& answer) override {
+    answer.rs485 = request.rs485;
+    switch (request.kind) {
+      case LineRequest::Kind::get_serial:
+        return done(::ioctl(fd, TIOCGSERIAL, &answer.serial));
+      case LineRequest::Kind::set_serial:
+        return done(::ioctl(fd, TIOCSSERIAL, &request.serial));
+      case LineRequest::Kind::get_rs485:
+        return done(::ioctl(fd, TIOCGRS485, &answer.rs485));
+      case LineRequest::Kind::set_rs485:
+        return done(::ioctl(fd, TIOCSRS485, &answer.rs485));
+      case LineRequest::Kind::last_break:
+        break;
+    }
+    return EINVAL;
+  }
+
   std::size_t unsent(int fd) override {
     int left = 0;
     return ::ioctl(fd, TIOCOUTQ, &left) == 0 && left > 0 ? static_cast<std::size_t>(left) : 0;

@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 
+#include "libport/base/line_request.hpp"
 #include "libport/base/line_signal.hpp"
 #include "libport/base/time.hpp"
 
@@ -31,6 +32,8 @@ class LineCalls {
   // Drives dtr, rts or the break. 0, or the error number: ENOTTY or EINVAL where the tty has no such thing.
   // May wait for the device; a break that begins waits for what was written, however long.
   virtual int set(int fd, const LineSignal& signal) = 0;
+  // Any request but LineRequest::Kind::last_break. 0, or the error number. May wait for the device.
+  virtual int ask(int fd, const LineRequest& request, LineAnswer& answer) = 0;
   // Bytes that the kernel holds for the device.
   virtual std::size_t unsent(int fd) = 0;
   // Waits until what was written has left the device, as long as that gets on. False: it stood still for

@@ -519,6 +519,11 @@ void PtyPort::wait_until_sent(std::function<void()> done) {
   listener().on_drain(std::move(done));
 }
 
+void PtyPort::ask(const LineRequest& request, TakeAnswer done) {
+  if (!up_) return done(std::nullopt);
+  listener().on_ask(request, std::move(done));
+}
+
 void PtyPort::signal(const LineSignal& signal) {
   if (supervisor_ != nullptr) supervisor_->line_signalled(signal);
 }

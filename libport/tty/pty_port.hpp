@@ -112,6 +112,7 @@ class PtyPort final : public Port, private SupervisedLine {
   void flushed(bool in, bool out) override;
   void signalled(const LineSignal& signal) override;
   void wait_until_sent(std::function<void()> done) override;
+  void ask(const LineRequest& request, TakeAnswer done) override;
 
   Result<void> make_line();
   void replace_line();

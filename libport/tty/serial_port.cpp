@@ -304,6 +304,7 @@ void SerialPort::close() {
   if (!interrupted_) waiting_.reset();
   untried_.reset();
   if (!line_ || !common_.always_open) driven_.clear();
+  made_.clear();
   if (!line_) {
     current_ = options_.settings;
     return;

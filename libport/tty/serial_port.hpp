@@ -47,7 +47,8 @@ struct SerialOptions {
 //
 // Signals. signal() drives dtr, rts and the break in turn with both. What the device does with its own is
 // told where that is wanted (ModemWatch); where it has none (a pty), nothing is, and what it is to drive is
-// ignored. A break that the driver leaves on ends at close().
+// ignored. A break that the driver leaves on ends at close(). What a driver makes of the UART and of RS-485
+// (ask()) stays, as the kernel has it.
 class SerialPort final : public Port, private WaitingCalls {
  public:
   SerialPort(const PortContext& context, const CommonOptions& common, SerialOptions options,
@@ -73,6 +74,7 @@ class SerialPort final : public Port, private WaitingCalls {
   Result<void> apply(const LineSettings& settings) override;
   void signal(const LineSignal& signal) override;
   void drain(std::function<void()> done) override;
+  void ask(const LineRequest& request, TakeAnswer done) override;
   void watch_signals(bool on) override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
@@ -153,6 +155,7 @@ class SerialPort final : public Port, private WaitingCalls {
   bool reading_ = true;
   bool signals_wanted_ = false;
   std::map<LineSignal::Name, bool> driven_;               // by the driver, in this session
+  std::map<LineRequest::Kind, LineRequest> made_;         // the same, of those that set something
   std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
 };
 

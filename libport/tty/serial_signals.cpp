@@ -1,4 +1,4 @@
-// The signals of SerialPort, and its drains.
+// The signals of SerialPort, its drains, and what is asked of its device.
 
 #include <algorithm>
 #include <cerrno>
@@ -23,6 +23,7 @@ void SerialPort::drive_again() {
     const bool stands = on == (name != LineSignal::Name::brk);
     if (!stands) line_->changes.signal({name, on});
   }
+  for (const auto& [kind, request] : made_) line_->changes.ask(request, [](const auto&) {});
 }
 
 // The next driver finds the line as by an open.
@@ -57,6 +58,18 @@ void SerialPort::drain(std::function<void()> done) {
   } else {
     done();
   }
+}
+
+void SerialPort::ask(const LineRequest& request, TakeAnswer done) {
+  if (!line_) return done(LineAnswer{.error = EIO});
+  const bool makes =
+      request.kind == LineRequest::Kind::set_serial || request.kind == LineRequest::Kind::set_rs485;
+  if (!makes) return line_->changes.ask(request, std::move(done));
+  line_->changes.ask(request, [this, request, done = std::move(done),
+                               alive = std::weak_ptr<int>(alive_)](const std::optional<LineAnswer>& answer) {
+    if (!alive.expired() && opened_ && answer && answer->error == 0) made_[request.kind] = request;
+    done(answer);
+  });
 }
 
 void SerialPort::watch_signals(bool on) {

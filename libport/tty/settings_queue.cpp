@@ -30,6 +30,19 @@ Nanos time_of(std::size_t bytes, unsigned baud) {
 
 bool begins_break(const LineSignal& signal) { return signal.name == LineSignal::Name::brk && signal.on; }
 
+// A break that was left out, since the bytes before it stand still, is not the device's error.
+std::optional<LineAnswer> answer_of(LineCalls& calls, int fd, const LineRequest& request, int break_error) {
+  LineAnswer answer;
+  if (request.kind == LineRequest::Kind::last_break) {
+    answer.error = break_error == ETIMEDOUT ? 0 : break_error;
+  } else {
+    answer.error = calls.ask(fd, request, answer);
+  }
+  const bool knows_none = answer.error == ENOTTY || answer.error == EINVAL;
+  if (knows_none && !calls.modem_lines(fd)) return std::nullopt;
+  return answer;
+}
+
 }  // namespace
 
 Result<TakenSettings> change_settings(LineCalls& calls, int fd, const LineSettings& from,
@@ -80,6 +93,10 @@ void SettingsQueue::stop() {
   alive_.reset();
   timer_.cancel();
   drain_timer_.cancel();
+  for (const Step& step : steps_) {
+    if (const auto* const question = std::get_if<Question>(&step.what))
+      loop_->post([done = question->done] { done(LineAnswer{.error = EIO}); });
+  }
   end_drains();
 }
 
@@ -109,6 +126,10 @@ void SettingsQueue::signal(const LineSignal& signal) {
   add({signal, {}});
 }
 
+void SettingsQueue::ask(const LineRequest& request, TakeAnswer done) {
+  add({Question{request, std::move(done)}, {}});
+}
+
 void SettingsQueue::add(Step step) {
   steps_.push_back(std::move(step));
   make_next();
@@ -123,7 +144,9 @@ Result<TakenSettings> SettingsQueue::change_at_once(const LineSettings& settings
 void SettingsQueue::make_next() {
   if (making_ || steps_.empty()) return;
   const auto* const settings = std::get_if<LineSettings>(&steps_.front().what);
-  if (settings != nullptr && differ_in_flow_only(current_, *settings)) return begin(false);
+  const bool at_once = settings != nullptr ? differ_in_flow_only(current_, *settings)
+                                           : std::holds_alternative<Question>(steps_.front().what);
+  if (at_once) return begin(false);
   if (!outbox().congested()) return begin(true);
   left_at_look_ = outbox().pending();
   timer_.set_after(kNoProgress);
@@ -143,6 +166,8 @@ void SettingsQueue::begin(bool wait) {
     begin_settings(*settings, wait);
   } else if (const auto* const signal = std::get_if<LineSignal>(&what)) {
     begin_signal(*signal, wait);
+  } else if (const auto* const question = std::get_if<Question>(&what)) {
+    begin_question(*question);
   } else {
     begin_last_bytes();
   }
@@ -181,7 +206,10 @@ void SettingsQueue::begin_signal(const LineSignal& signal, bool wait) {
   const auto set = [error, signal, calls = tty_.calls](int fd, bool sent) {
     *error = sent || !begins_break(signal) ? calls->set(fd, signal) : ETIMEDOUT;
   };
-  const auto done = [this, error, signal] { made([this, error, signal] { told_.signal(signal, *error); }); };
+  const auto done = [this, error, signal] {
+    if (begins_break(signal)) break_error_ = *error;
+    made([this, error, signal] { told_.signal(signal, *error); });
+  };
   do_elsewhere([set, wait, waits = begins_break(signal), calls = tty_.calls](
                    int fd) { set(fd, wait && (!waits || calls->wait_until_sent(fd, kNoProgress))); },
                done,
@@ -189,6 +217,17 @@ void SettingsQueue::begin_signal(const LineSignal& signal, bool wait) {
                  set(tty_.fd, wait && tty_.calls->unsent(tty_.fd) == 0);
                  done();
                });
+}
+
+void SettingsQueue::begin_question(const Question& question) {
+  const auto answer = std::make_shared<std::optional<LineAnswer>>();
+  const auto job = [answer, request = question.request, break_error = break_error_,
+                    calls = tty_.calls](int fd) { *answer = answer_of(*calls, fd, request, break_error); };
+  const auto done = [this, answer, take = question.done] { made([answer, take] { take(*answer); }); };
+  do_elsewhere(job, done, [this, job, done] {
+    job(tty_.fd);
+    done();
+  });
 }
 
 void SettingsQueue::begin_last_bytes() {

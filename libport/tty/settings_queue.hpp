@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "libport/base/bytes.hpp"
+#include "libport/base/line_request.hpp"
 #include "libport/base/line_settings.hpp"
 #include "libport/base/line_signal.hpp"
 #include "libport/base/workers.hpp"
@@ -26,7 +27,8 @@ namespace porttape {
 // |------------------------|--------------------------------------------------------------------|
 // | settings, a break's on | until the device has sent it                                       |
 // | dtr, rts, a break's off | until the kernel has taken it                                     |
-// | flow control alone     | not at all: it may be what holds it up                             |
+// | flow control alone, a  | not at all: it may be what holds it up                             |
+// | question               |                                                                    |
 //
 // A second without progress is enough for all of them, but a break that cannot follow its bytes is not made.
 // What may wait is done on another thread, in turn with the other jobs of `strand`.
@@ -57,6 +59,9 @@ class SettingsQueue {
   // Without waiting for anything, for a program that waits in its calls.
   Result<TakenSettings> change_at_once(const LineSettings& settings);
   void signal(const LineSignal& signal);
+  // The device's answer, once all before it is made; of a line that is over: EIO. Nothing: the tty has no
+  // such thing, nor modem lines, and is no serial device.
+  void ask(const LineRequest& request, TakeAnswer done);
   void write(ByteView data);
   // Keeps nothing; told.drained comes when more can go.
   std::size_t write_some(ByteView data);
@@ -83,8 +88,12 @@ class SettingsQueue {
 
  private:
   struct LastBytes {};  // the UART's, for those that drain
+  struct Question {
+    LineRequest request;
+    TakeAnswer done;
+  };
   struct Step {
-    std::variant<LineSettings, LineSignal, LastBytes> what;
+    std::variant<LineSettings, LineSignal, Question, LastBytes> what;
     Bytes after;
   };
 
@@ -97,6 +106,7 @@ class SettingsQueue {
                     const std::function<void()>& without);
   void begin_settings(const LineSettings& wanted, bool wait);
   void begin_signal(const LineSignal& signal, bool wait);
+  void begin_question(const Question& question);
   void begin_last_bytes();
   void settings_made(const LineSettings& wanted, const Result<TakenSettings>& taken);
   // What comes after the step that is made; `tell` is called when its bytes are written.
@@ -112,6 +122,7 @@ class SettingsQueue {
   bool making_ = false;      // on the other thread
   bool waited_for_ = false;  // by bytes, or for told.drained
   bool breaks_ = false;
+  int break_error_ = 0;           // of the last that was begun
   std::size_t left_at_look_ = 0;  // what was not sent when the timer was set
   Timer timer_;
   std::vector<std::function<void()>> drains_;

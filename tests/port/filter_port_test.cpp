@@ -491,6 +491,25 @@ TEST_F(FilterPortTest, SignalsAndDrainsWithNothingHeldGoOnAtOnce) {
   EXPECT_EQ(log.events, "ri+ ");
 }
 
+TEST_F(FilterPortTest, QuestionsKeepTheirPlaceEitherWay) {
+  port.in = port.out = hours(1);
+  device.calls.clear();
+  int answers = 0;
+  const TakeAnswer take = [&answers](const std::optional<LineAnswer>&) { ++answers; };
+  device.send("a");
+  device.ask(take);
+  port.write(as_bytes("b"));
+  port.ask({}, take);
+  EXPECT_EQ(answers, 0);
+  EXPECT_EQ(device.calls, "");
+  port.read_pending();
+  EXPECT_EQ(answers, 1);
+  port.end_writing();
+  EXPECT_EQ(device.calls, "ask end_writing ");
+  device.questions.at(0)(LineAnswer{});
+  EXPECT_EQ(answers, 2);
+}
+
 TEST_F(FilterPortTest, ADrainThatIsHeldWhenTheLineGoesDownReachesTheInnerPortOnce) {
   port.out = hours(1);
   port.write(as_bytes("a"));

@@ -40,6 +40,10 @@ class ToldPort final : public Port, private WaitingCalls, private Recorder, priv
     say("drain");
     done();
   }
+  void ask(const LineRequest&, TakeAnswer done) override {
+    say("ask");
+    done(LineAnswer{.error = 9});
+  }
   void set_reading(bool on) override { say(on ? "reading" : "not reading"); }
   void hang_up(bool after_reading) override { say(after_reading ? "hang up later" : "hang up"); }
   void read_pending() override { say("read pending"); }
@@ -95,6 +99,9 @@ TEST_F(ForwardingPortTest, PassesOnEveryCallToTheInnerPort) {
   bool sent = false;
   wrapper.drain([&sent] { sent = true; });
   EXPECT_TRUE(sent);
+  int error = 0;
+  wrapper.ask({}, [&error](const std::optional<LineAnswer>& answer) { error = answer->error; });
+  EXPECT_EQ(error, 9);
   EXPECT_TRUE(wrapper.shows_signals());
   wrapper.set_reading(false);
   wrapper.hang_up(true);
@@ -104,10 +111,10 @@ TEST_F(ForwardingPortTest, PassesOnEveryCallToTheInnerPort) {
   wrapper.faulted({.kind = "drop"});
   wrapper.close();
   wrapper.finish();
-  EXPECT_EQ(calls,
-            (std::vector<std::string>{"prepare", "open", "write x", "apply 300", "watch signals",
-                                      "signal rts", "drain", "not reading", "hang up later", "read pending",
-                                      "peer flushed", "peer set", "faulted drop", "close", "finish"}));
+  EXPECT_EQ(calls, (std::vector<std::string>{"prepare", "open", "write x", "apply 300", "watch signals",
+                                             "signal rts", "drain", "ask", "not reading", "hang up later",
+                                             "read pending", "peer flushed", "peer set", "faulted drop",
+                                             "close", "finish"}));
   EXPECT_TRUE(wrapper.congested());
   EXPECT_TRUE(wrapper.end_writing());
   EXPECT_TRUE(wrapper.has_half_close());
@@ -147,6 +154,7 @@ class WholeLog final : public PortListener {
   void on_settings(const SeenSettings&, SettingsOrder) override { calls.emplace_back("settings"); }
   void on_signal(const LineSignal&) override { calls.emplace_back("signal"); }
   void on_drain(std::function<void()>) override { calls.emplace_back("drain"); }
+  void on_ask(const LineRequest&, TakeAnswer) override { calls.emplace_back("ask"); }
   void on_dropped(std::uint64_t, std::string_view) override { calls.emplace_back("dropped"); }
   void on_fault(const LineFault&) override { calls.emplace_back("fault"); }
   std::vector<std::string> calls;
@@ -173,11 +181,12 @@ TEST(ForwardingPort, PassesOnEveryCallToTheListener) {
   told.on_settings({}, SettingsOrder::exact);
   told.on_signal({});
   told.on_drain([] {});
+  told.on_ask({}, {});
   told.on_dropped(1, "why");
   told.on_fault({});
   EXPECT_EQ(log.calls, (std::vector<std::string>{"up", "data", "arrivals", "drained", "down", "finished",
                                                  "complete", "interrupted", "resumed", "flush", "settings",
-                                                 "signal", "drain", "dropped", "fault"}));
+                                                 "signal", "drain", "ask", "dropped", "fault"}));
   EXPECT_EQ(told.on_ended(), PortListener::Answers::until_hang_up);
   EXPECT_TRUE(told.half_closes());
   EXPECT_TRUE(told.wants_rest());

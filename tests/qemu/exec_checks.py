@@ -36,10 +36,14 @@ frame=7E1: kept
 frame=8O1: kept
 drain: 501 bytes
 serial: low latency
-rs485: on
+rs485: error 25
 break: sent
 say=bye: answered
 """
+# cdc_acm keeps no such flag.
+SAID_BY_ACM = SAID.replace("serial: low latency", "serial: not low latency")
+# A tape has neither: the driver is given back what it made.
+REPLAYED = SAID.replace("rs485: error 25", "rs485: on")
 # What of it is on the tape, in this order.
 TAPED = ["dtr off", "dtr on", "rts off", "rts on", "7 even exact", "8 odd exact", "break on", "break off"]
 
@@ -86,14 +90,14 @@ def replayed(folder, tape, steps, said, user=None):
     command(PORTTAPE, "test", "--exec", "--check-settings", "--tape", str(tape), "--", *driver(folder / "mark", steps))
 
 
-def recorded(folder, device, user=None):
-    """Records all steps on `device`; the tape, and what exec warned of."""
+def recorded(folder, device, wanted, user=None):
+    """Records all steps on `device`, where the driver says what is wanted; the tape, and what exec warned of."""
     tape = folder / "tape"
     if user is not None:
         os.chmod(device, 0o666)
         folder.chmod(0o777)
     said, told = supervised(folder, ["--device", f"{device},baud=57600", "--tape", str(tape)], STEPS, user)
-    same(said, SAID, "the driver said")
+    same(said, wanted, "the driver said")
     need_sound(tape)
     got = taped_of_driver(tape)
     need(contains_in_order(got, TAPED), f"on the tape: {got}")
@@ -116,20 +120,20 @@ def need_ftdi(told):
 def exec_acm(folder, user=None):
     modem, settings = len(wire.modem), len(wire.settings)
     with far("/dev/ttyGS0"):
-        tape, told = recorded(folder, "/dev/ttyACM0", user)
+        tape, told = recorded(folder, "/dev/ttyACM0", SAID_BY_ACM, user)
         until(lambda: wire.modem[-1:] == [0], lambda: f"DTR is left up: {wire.modem[modem:]}")
     need_acm(wire.modem[modem:], wire.settings[settings:])
     need("the device has no breaks" in told, f"it is not told that the device has no breaks: {told}")
-    replayed(folder, tape, STEPS, SAID, user)
+    replayed(folder, tape, STEPS, REPLAYED, user)
     return "USB device told DTR and RTS off and on, 7E1, 8O1; that it has no breaks is told; tape exact; replayed the same"
 
 
 def exec_ftdi(folder, user=None):
     begin = len(wire.ftdi)
     with far("/dev/ttyS3"):
-        tape, _ = recorded(folder, "/dev/ttyUSB0", user)
+        tape, _ = recorded(folder, "/dev/ttyUSB0", SAID, user)
     need_ftdi(wire.ftdi[begin:])
-    replayed(folder, tape, STEPS, SAID, user)
+    replayed(folder, tape, STEPS, REPLAYED, user)
     return "adapter told DTR and RTS off and on, 7E1, 8O1, break; tape exact; replayed the same"
 
 
@@ -153,7 +157,7 @@ def check_exec_bridge(folder):
     """Without a tape."""
     modem, settings = len(wire.modem), len(wire.settings)
     with far("/dev/ttyGS0"):
-        same(supervised(folder, ["--device", "/dev/ttyACM0,baud=57600"], STEPS)[0], SAID, "the driver said")
+        same(supervised(folder, ["--device", "/dev/ttyACM0,baud=57600"], STEPS)[0], SAID_BY_ACM, "the driver said")
     need_acm(wire.modem[modem:], wire.settings[settings:])
     return "the same without a tape"
 

@@ -120,8 +120,11 @@ def do_serial(port):
 def do_rs485(port):
     got = array.array("I", [0] * 8)
     got[0] = RS485_ENABLED
-    fcntl.ioctl(port.fd, TIOCSRS485, got)
-    fcntl.ioctl(port.fd, TIOCGRS485, got)
+    try:
+        fcntl.ioctl(port.fd, TIOCSRS485, got)
+        fcntl.ioctl(port.fd, TIOCGRS485, got)
+    except OSError as error:
+        return f"error {error.errno}"
     return "on" if got[0] & RS485_ENABLED else "off"
 
 

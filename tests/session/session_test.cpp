@@ -127,6 +127,41 @@ TEST_F(SessionTest, WhatADriverDoesBeforeTheDeviceIsThereWaitsForIt) {
   EXPECT_EQ(sent, 1);
 }
 
+TEST_F(SessionTest, WhatADriverAsksIsTheDevicesToAnswerOnceItIsThere) {
+  int error = 0;
+  int answers = 0;
+  const TakeAnswer take = [&](const std::optional<LineAnswer>& answer) {
+    error = answer ? answer->error : -1;
+    ++answers;
+  };
+  device.up_at_once = false;
+  start();
+  driver.up();
+  device.calls.clear();
+  driver.ask(take);
+  EXPECT_EQ(device.calls, "");
+  device.up();
+  EXPECT_EQ(device.calls, "ask ");
+  device.questions.at(0)(LineAnswer{.error = 25});
+  EXPECT_EQ(error, 25);
+  device.down(Reason::lost);
+  driver.ask(take);
+  EXPECT_EQ(device.calls.find("ask "), device.calls.rfind("ask ")) << "it has no line";
+  EXPECT_EQ(error, -1);
+  EXPECT_EQ(answers, 2);
+}
+
+TEST_F(SessionTest, WhatADriverAskedOfADeviceThatDoesNotComeIsNotItsToAnswer) {
+  device.up_at_once = false;
+  start();
+  driver.up();
+  bool asked = false;
+  driver.ask([&asked](const std::optional<LineAnswer>& answer) { asked = !answer; });
+  EXPECT_FALSE(asked);
+  device.down(Reason::failed);
+  EXPECT_TRUE(asked);
+}
+
 TEST_F(SessionTest, WhatTheNextDriverDoesWaitsUntilTheLastOnesBytesHaveGone) {
   leave_last_bytes();
   driver.shows_signals = true;

@@ -71,6 +71,13 @@ class PtyLine final : public SupervisedLine {
     on_held();
   }
 
+  void ask(const LineRequest& request, TakeAnswer done) override {
+    const bool makes =
+        request.kind == LineRequest::Kind::set_serial || request.kind == LineRequest::Kind::set_rs485;
+    if (makes) say(request.kind == LineRequest::Kind::set_rs485 ? "made rs485" : "made serial");
+    done(answer);
+  }
+
   void say(std::string what) { told.push_back(std::move(what)); }
 
   std::string path;
@@ -81,6 +88,7 @@ class PtyLine final : public SupervisedLine {
   std::function<void()> held;
   std::function<void()> on_held = [] {};
   std::function<void(const LineSignal&)> on_signal;
+  std::optional<LineAnswer> answer;  // the device's, to all that it is asked
 
  private:
   UniqueFd master_;
@@ -182,8 +190,38 @@ TEST_F(TtyCallsTest, ADrainLastsUntilTheDeviceHasAll) {
 }
 
 TEST_F(TtyCallsTest, ABreakBeginsAndEnds) {
-  EXPECT_THAT(run({"break"}), ElementsAre("break 0"));
+  EXPECT_THAT(run({"break"}), ElementsAre("break 0 0"));
   EXPECT_THAT(line.told, ElementsAre("break on", "break off"));
+}
+
+TEST_F(TtyCallsTest, ABreakThatTheDeviceRefusesIsTheDriversError) {
+  line.answer = LineAnswer{.error = EIO};
+  EXPECT_THAT(run({"break", "break+"}), ElementsAre("break -1 EIO", "break+ -1 EIO"));
+  EXPECT_THAT(line.told, ElementsAre("break on", "break off", "break on", "break off"));
+}
+
+TEST_F(TtyCallsTest, ADeviceThatKnowsNoBreaksIsAnErrorWhereTheKernelHasItSo) {
+  line.answer = LineAnswer{.error = EOPNOTSUPP};
+  EXPECT_THAT(run({"break", "break+"}), ElementsAre("break 0 0", "break+ -1 EOPNOTSUPP"));
+}
+
+TEST_F(TtyCallsTest, WhatADeviceSaysOfItsUartIsTheDriversAnswer) {
+  line.answer = LineAnswer{};
+  line.answer->serial.type = PORT_16850;
+  line.answer->rs485.flags = SER_RS485_ENABLED;
+  line.answer->rs485.delay_rts_after_send = 7;  // it has no other
+  EXPECT_THAT(run({"write:a", "serial", "rs485"}),
+              ElementsAre("write 1", "serial 0 type 12", "rs485 0 after 7, 0 after 7"));
+  EXPECT_THAT(line.told, ElementsAre("wrote a", "made serial", "made rs485"));
+}
+
+TEST_F(TtyCallsTest, WhatADeviceRefusesOfItIsTheDriversError) {
+  line.answer = LineAnswer{.error = ENOTTY};
+  EXPECT_THAT(run({"serial", "rs485"}), ElementsAre("serial -1 ENOTTY", "rs485 -1 ENOTTY"));
+}
+
+TEST_F(TtyCallsTest, WithoutASerialDeviceTheDriverIsGivenBackWhatItMade) {
+  EXPECT_THAT(run({"serial", "rs485"}), ElementsAre("serial 0 type 4", "rs485 0 after 3, 0 after 3"));
 }
 
 TEST_F(TtyCallsTest, AWaitForALineEndsWithItsChange) {

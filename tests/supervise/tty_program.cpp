@@ -45,6 +45,40 @@ static void set(int fd, FILE* out, const char* frame) {
           (tio.c_cflag & CLOCAL) != 0 ? "" : "c");
 }
 
+static const char* error_name(void) {
+  return errno == 0            ? "0"
+         : errno == EIO        ? "EIO"
+         : errno == ENOTTY     ? "ENOTTY"
+         : errno == EINTR      ? "EINTR"
+         : errno == EOPNOTSUPP ? "EOPNOTSUPP"
+                               : "other";
+}
+
+static void change_uart(int fd, FILE* out) {
+  struct serial_struct serial;
+  if (ioctl(fd, TIOCGSERIAL, &serial) != 0) {
+    fprintf(out, "serial -1 %s\n", error_name());
+    return;
+  }
+  serial.flags |= ASYNC_LOW_LATENCY;
+  fprintf(out, "serial %d type %d\n", ioctl(fd, TIOCSSERIAL, &serial), serial.type);
+}
+
+static void change_rs485(int fd, FILE* out) {
+  struct serial_rs485 rs485;
+  memset(&rs485, 0, sizeof(rs485));
+  rs485.flags = SER_RS485_ENABLED;
+  rs485.delay_rts_after_send = 3;
+  const int made = ioctl(fd, TIOCSRS485, &rs485);
+  if (made != 0) {
+    fprintf(out, "rs485 %d %s\n", made, error_name());
+    return;
+  }
+  fprintf(out, "rs485 %d after %u, ", made, rs485.delay_rts_after_send);
+  const int read_back = ioctl(fd, TIOCGRS485, &rs485);
+  fprintf(out, "%d after %u\n", read_back, rs485.delay_rts_after_send);
+}
+
 static void alarm_in(int ms) {
   struct sigaction action;
   memset(&action, 0, sizeof(action));
@@ -112,18 +146,22 @@ int main(int count, char** words) {
     } else if (strcmp(step, "flush") == 0) {
       fprintf(out, "flush %d\n", tcflush(fd, TCIOFLUSH));
     } else if (strcmp(step, "break") == 0) {
-      fprintf(out, "break %d\n", ioctl(fd, TCSBRKP, 1));
+      const int result = ioctl(fd, TCSBRKP, 1);
+      fprintf(out, "break %d %s\n", result, error_name());
+    } else if (strcmp(step, "break+") == 0) {
+      const int result = ioctl(fd, TIOCSBRK);
+      fprintf(out, "break+ %d %s\n", result, error_name());
+    } else if (strcmp(step, "serial") == 0) {
+      change_uart(fd, out);
+    } else if (strcmp(step, "rs485") == 0) {
+      change_rs485(fd, out);
     } else if (strncmp(step, "write:", 6) == 0) {
       fprintf(out, "write %zd\n", write(fd, step + 6, strlen(step + 6)));
     } else if (strncmp(step, "alarm:", 6) == 0) {
       alarm_in(atoi(step + 6));
     } else if (strcmp(step, "wait") == 0) {
       const int result = ioctl(fd, TIOCMIWAIT, TIOCM_CTS);
-      fprintf(out, "wait %d %s\n", result,
-              errno == 0       ? "0"
-              : errno == EINTR ? "EINTR"
-              : errno == EIO   ? "EIO"
-                               : "other");
+      fprintf(out, "wait %d %s\n", result, error_name());
     } else if (strcmp(step, "count") == 0) {
       struct serial_icounter_struct counters;
       const int result = ioctl(fd, TIOCGICOUNT, &counters);

@@ -39,6 +39,7 @@ class MemoryPort final : public Port, private Recorder {
     bool takes_settings = true;
     bool shows_signals = false;
     std::vector<std::function<void()>> drains;  // that the test ends
+    std::vector<TakeAnswer> questions;          // that the test answers
     int status = 0;
 
     void up() { port->listener().on_up(); }
@@ -66,6 +67,7 @@ class MemoryPort final : public Port, private Recorder {
     }
     void signal(const LineSignal& signal) { port->listener().on_signal(signal); }
     void wait_until_sent(std::function<void()> done) { port->listener().on_drain(std::move(done)); }
+    void ask(TakeAnswer done) { port->listener().on_ask({}, std::move(done)); }
     void finish(int exit_status) { port->listener().on_finished(exit_status); }
     void complete() { port->listener().on_complete(status); }
   };
@@ -116,6 +118,10 @@ class MemoryPort final : public Port, private Recorder {
   void drain(std::function<void()> done) override {
     peer_->calls += "drain ";
     peer_->drains.push_back(std::move(done));
+  }
+  void ask(const LineRequest&, TakeAnswer done) override {
+    peer_->calls += "ask ";
+    peer_->questions.push_back(std::move(done));
   }
   void hang_up(bool after_reading) override {
     peer_->calls += after_reading ? "hang_up_after_reading " : "hang_up ";

@@ -65,6 +65,21 @@ class PlayedLine final : public LineCalls {
     journal_ += "[" + std::string(name_of(signal.name)) + (signal.on ? "+]" : "-]");
     return error;
   }
+  int ask(int, const LineRequest& request, LineAnswer& answer) override {
+    const std::lock_guard lock(mutex_);
+    read_bytes();
+    const bool rs485 =
+        request.kind == LineRequest::Kind::get_rs485 || request.kind == LineRequest::Kind::set_rs485;
+    const bool makes =
+        request.kind == LineRequest::Kind::set_rs485 || request.kind == LineRequest::Kind::set_serial;
+    journal_ += std::string(makes ? "[set " : "[get ") + (rs485 ? "rs485]" : "serial]");
+    if (ask_error != 0) return ask_error;
+    if (request.kind == LineRequest::Kind::set_rs485) rs485_ = request.rs485;
+    if (request.kind == LineRequest::Kind::set_serial) serial_ = request.serial;
+    answer.serial = serial_;
+    answer.rs485 = rs485_;
+    return 0;
+  }
   std::size_t unsent(int) override { return queued; }
   bool wait_until_sent(int, Nanos) override {
     const std::lock_guard lock(mutex_);
@@ -94,6 +109,7 @@ class PlayedLine final : public LineCalls {
 
   int device = -1;             // where bytes come out: a pty's master
   std::atomic<int> error = 0;  // of set()
+  std::atomic<int> ask_error = 0;
   std::atomic<std::size_t> queued = 0;
   std::atomic<bool> moves = true;  // what wait_until_sent() gives
   std::atomic<int> wait_error = 0;
@@ -114,6 +130,8 @@ class PlayedLine final : public LineCalls {
   std::condition_variable released_;
   std::string journal_;
   std::optional<int> lines_ = 0;
+  serial_struct serial_{};
+  serial_rs485 rs485_{};
   std::optional<SignalCounts> counts_ = SignalCounts{};
   bool hangs_ = false;
   UniqueFd changes_;

@@ -2,6 +2,7 @@
 #include <cerrno>
 #include <fcntl.h>
 #include <filesystem>
+#include <fmt/format.h>
 #include <map>
 #include <memory>
 #include <string>
@@ -47,6 +48,23 @@ class SerialSignalsTest : public SerialPortTest {
   }
   void drain(int& done) {
     port->drain([&done] { ++done; });
+  }
+  // The device's answer: `- ` for none, else the error and what it has.
+  void ask(LineRequest request, std::string& told) {
+    port->ask(request, [&told](const std::optional<LineAnswer>& answer) {
+      told += answer ? fmt::format("{},{},{} ", answer->error, answer->serial.custom_divisor,
+                                   answer->rs485.delay_rts_after_send)
+                     : "- ";
+    });
+  }
+  void until_told(const std::string& told, const std::string& wanted) {
+    run_until(loop, [&] { return told.size() >= wanted.size(); });
+    EXPECT_EQ(told, wanted);
+  }
+  static LineRequest made_rs485(unsigned delay) {
+    LineRequest request{.kind = LineRequest::Kind::set_rs485};
+    request.rs485.delay_rts_after_send = delay;
+    return request;
   }
   void until_done(const int& done) {
     run_until(loop, [&] { return done > 0; });
@@ -155,6 +173,67 @@ TEST_F(SerialSignalsTest, OtherTroubleIsAWarning) {
   EXPECT_EQ(times_told("setting rts"), 1U);
 }
 
+TEST_F(SerialSignalsTest, WhatIsAskedIsAnsweredByTheDeviceInTurnWithTheRest) {
+  start();
+  LineRequest wanted{.kind = LineRequest::Kind::set_serial};
+  wanted.serial.custom_divisor = 7;
+  std::string told;
+  port->write(as_bytes("a"));
+  ask(wanted, told);
+  port->write(as_bytes("b"));
+  ask(made_rs485(3), told);
+  port->signal({Name::rts, true});
+  ask({.kind = LineRequest::Kind::get_serial}, told);
+  port->write(as_bytes("c"));
+  until_told(told, "0,7,0 0,7,3 0,7,3 ");
+  until_journal("a[set serial]b[set rs485][rts+][get serial]c");
+}
+
+TEST_F(SerialSignalsTest, WhatADeviceWithModemLinesRefusesIsItsAnswer) {
+  start();
+  line->ask_error = ENOTTY;
+  std::string told;
+  ask({.kind = LineRequest::Kind::get_rs485}, told);
+  until_told(told, fmt::format("{},0,0 ", ENOTTY));
+}
+
+TEST_F(SerialSignalsTest, ATtyWithoutAnyOfItIsNoneToAsk) {
+  start();
+  line->lose_lines();
+  line->ask_error = ENOTTY;
+  std::string told;
+  ask({.kind = LineRequest::Kind::get_rs485}, told);
+  line->error = ENOTTY;
+  port->signal({Name::brk, true});
+  ask({.kind = LineRequest::Kind::last_break}, told);
+  until_told(told, "- - ");
+}
+
+TEST_F(SerialSignalsTest, WhetherABreakWasTakenIsKnownBehindIt) {
+  start();
+  std::string told;
+  port->signal({Name::brk, true});
+  ask({.kind = LineRequest::Kind::last_break}, told);
+  until_told(told, "0,0,0 ");
+  line->error = EOPNOTSUPP;
+  port->signal({Name::brk, false});
+  port->signal({Name::brk, true});
+  port->signal({Name::brk, false});
+  ask({.kind = LineRequest::Kind::last_break}, told);
+  until_told(told, fmt::format("0,0,0 {},0,0 ", EOPNOTSUPP));
+}
+
+TEST_F(SerialSignalsTest, AQuestionIsAnsweredOnceWhenTheLineIsClosed) {
+  start();
+  std::string told;
+  ask({.kind = LineRequest::Kind::get_serial}, told);
+  port->close();
+  until_told(told, fmt::format("{},0,0 ", EIO));
+  port->open();
+  run_until(loop, [&] { return log.events == "up up "; });
+  EXPECT_EQ(told, fmt::format("{},0,0 ", EIO));
+}
+
 TEST_F(SerialSignalsTest, APtyHasNone) {
   make_port();
   ASSERT_TRUE(port->prepare().has_value());
@@ -208,7 +287,10 @@ TEST_F(SerialSignalsTest, WhatTheDriverDroveIsDrivenAgainWhenTheDeviceComesBack)
   start({{"device", link}, {"alwaysopen", "1"}, {"baud", "4800"}});
   port->signal({Name::dtr, true});
   port->signal({Name::rts, false});
-  until_journal("[dtr+][rts-]");
+  std::string told;
+  ask(made_rs485(3), told);
+  until_journal("[dtr+][rts-][set rs485]");
+  until_told(told, "0,0,3 ");
   UniqueFd other(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK));
   ::grantpt(other.get());
   ::unlockpt(other.get());
@@ -221,7 +303,7 @@ TEST_F(SerialSignalsTest, WhatTheDriverDroveIsDrivenAgainWhenTheDeviceComesBack)
   std::filesystem::create_symlink(::ptsname(other.get()), link);
   until_events("up interrupted resumed ");
   port->write(as_bytes("a"));
-  until_journal("[dtr+][rts-][dtr-][rts-]a");
+  until_journal("[dtr+][rts-][set rs485][dtr-][rts-][set rs485]a");
   line->device = -1;
   device = std::move(other);
 }
