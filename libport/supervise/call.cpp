@@ -10,7 +10,6 @@
 #include <sys/ioctl.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
-#include <sys/sysmacros.h>
 #include <sys/uio.h>
 #include <unistd.h>
 #include <utility>
@@ -19,9 +18,12 @@
 #include "libport/supervise/call_filter.hpp"
 #include "libport/supervise/known_threads.hpp"
 #include "libport/supervise/pending_signals.hpp"
+#include "libport/supervise/port_devices.hpp"
 
 namespace porttape {
 namespace {
+
+constexpr std::uint64_t kDevTty = 5U << 8U;  // 5:0
 
 // Where process_vm_readv() and its like are forbidden (a container's filter).
 UniqueFd open_memory(pid_t thread, int mode) {
@@ -52,7 +54,8 @@ Call Call::for_later() const {
 // To look at a duplicate takes half as long as to walk through /proc; that is for where there is none.
 std::optional<std::uint64_t> Call::device_of(int fd) const {
   struct stat status {};
-  if (const UniqueFd file = duplicate_by_thread(fd)) {
+  UniqueFd file = duplicate_by_thread(fd);
+  if (file) {
     if (::fstat(file.get(), &status) != 0) return std::nullopt;
   } else {
     std::array<char, 64> path{};
@@ -60,7 +63,11 @@ std::optional<std::uint64_t> Call::device_of(int fd) const {
     if (::stat(path.data(), &status) != 0) return std::nullopt;
   }
   if (!S_ISCHR(status.st_mode)) return std::nullopt;
-  return status.st_rdev;
+  if (status.st_rdev != kDevTty) return status.st_rdev;
+  // A descriptor of it stays what it was opened as, whatever terminal its process has now.
+  if (!file) file = duplicate(fd);
+  unsigned number = 0;
+  return file && ::ioctl(file.get(), TIOCGDEV, &number) == 0 ? device_number(number) : status.st_rdev;
 }
 
 // By a known thread's descriptor it is that thread's, which had the number before the call came and has it

@@ -36,7 +36,8 @@ class Call {
   // For one that is answered later: what was seen of its thread up to now counts no more.
   [[nodiscard]] Call for_later() const;
 
-  // The device number of the file that the thread knows as `fd`; nothing where there is none.
+  // The device number of the file that the thread knows as `fd`, of /dev/tty that of the terminal which it
+  // stands for; nothing where there is none.
   [[nodiscard]] std::optional<std::uint64_t> device_of(int fd) const;
 
   // A descriptor of ours for that same open file; nothing where that is forbidden, or there is none.

@@ -30,7 +30,7 @@ std::optional<std::uint64_t> controlling_terminal() {
   int session = 0;
   std::uint32_t terminal = 0;
   if (!(rest >> state >> parent >> group >> session >> terminal) || terminal == 0) return std::nullopt;
-  return makedev((terminal >> 8U) & 0xfffU, (terminal & 0xffU) | ((terminal >> 12U) & 0xfff00U));
+  return device_number(terminal);
 }
 
 }  // namespace
@@ -48,6 +48,10 @@ bool PortDevices::can_be(std::uint64_t device) const {
   const unsigned kind = major(device);
   if (kind == 1 || kind == 5 || (kind == kTtyMajor && minor(device) < kFirstSerial)) return false;
   return std::ranges::find(terminals_, device) == terminals_.end();
+}
+
+std::uint64_t device_number(std::uint32_t word) {
+  return makedev((word >> 8U) & 0xfffU, (word & 0xffU) | ((word >> 12U) & 0xfff00U));
 }
 
 bool is_pty(std::uint64_t device) { return major(device) >= kFirstPty && major(device) <= kLastPty; }

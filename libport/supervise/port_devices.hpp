@@ -20,4 +20,7 @@ class PortDevices {
 
 bool is_pty(std::uint64_t device);
 
+// By the kernel's word for a device's number in 32 bits (TIOCGDEV, proc_pid_stat(5)).
+std::uint64_t device_number(std::uint32_t word);
+
 }  // namespace porttape

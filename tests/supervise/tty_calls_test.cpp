@@ -189,6 +189,13 @@ TEST_F(TtyCallsTest, ADrainLastsUntilTheDeviceHasAll) {
   EXPECT_THAT(line.told, ElementsAre("wrote x", "sent"));
 }
 
+TEST_F(TtyCallsTest, TheControllingTerminalIsThePort) {
+  EXPECT_THAT(run({"session", "lines", "set:7E", "write:x", "flush"}),
+              ElementsAre("lines 0 dtr rts cts dsr cd", "set 0 7E", "write 1", "flush 0"));
+  EXPECT_EQ(status, 0);
+  EXPECT_THAT(line.told, ElementsAre("19200 baud, 7E1", "wrote x", "flushed in out"));
+}
+
 TEST_F(TtyCallsTest, ABreakBeginsAndEnds) {
   EXPECT_THAT(run({"break"}), ElementsAre("break 0 0"));
   EXPECT_THAT(line.told, ElementsAre("break on", "break off"));

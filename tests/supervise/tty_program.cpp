@@ -126,12 +126,24 @@ static void ask_other(int fd, FILE* out) {
 
 int main(int count, char** words) {
   FILE* out = fopen(words[2], getenv("TTY_PROGRAM_GOES_ON") != NULL ? "a" : "w");
-  const int fd = open(words[1], O_RDWR | O_NOCTTY);
+  int fd = open(words[1], O_RDWR | O_NOCTTY);
   if (fd < 0 || out == NULL) return 9;
   for (int i = 3; i < count; ++i) {
     const char* step = words[i];
     errno = 0;
-    if (strcmp(step, "lines") == 0) {
+    if (strcmp(step, "session") == 0) {
+      const pid_t child = fork();
+      if (child != 0) {
+        int status = 0;
+        waitpid(child, &status, 0);
+        return WEXITSTATUS(status);
+      }
+      setsid();
+      if (ioctl(fd, TIOCSCTTY, 0) != 0) return 6;
+      close(fd);
+      fd = open("/dev/tty", O_RDWR);
+      if (fd < 0) return 5;
+    } else if (strcmp(step, "lines") == 0) {
       int bits = 0;
       const int result = ioctl(fd, TIOCMGET, &bits);
       fprintf(out, "lines %d%s%s%s%s%s%s\n", result, bits & TIOCM_DTR ? " dtr" : "",
