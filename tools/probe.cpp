@@ -15,6 +15,7 @@
 #include "libport/base/json_object.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/loop/signal_watch.hpp"
+#include "libport/supervise/lost_rights.hpp"
 #include "libport/supervise/probe_calls.hpp"
 #include "libport/supervise/supervised_command.hpp"
 #include "tools/child_process.hpp"
@@ -36,7 +37,7 @@ constexpr std::string_view kProbeAbout =
     "and how it looks for them, and changes nothing of that. Once it has ended, says\n"
     "on stdout what a plain pty lacks or bends of it, and the line that mends it.\n"
     "A port is any tty but the terminal and what stdin, stdout and stderr are.\n"
-    "Setuid programs run as the caller.\n\n"
+    "Setuid programs run as the caller, which is told where COMMAND is one.\n\n"
     "Exit status: COMMAND's own, 128 + N after signal N. Without COMMAND having run:\n"
     "1 system calls cannot be looked at here, 2 wrong use, no such command.\n\n";
 
@@ -132,7 +133,7 @@ std::string json_of_findings(const ProbeFindings& findings, const std::string& r
 }
 
 Result<CommandEnd> watch_command(const CommandVerbLine& line, bool to_stderr, ProbeFindings& findings,
-                                 CommandFamily& family) {
+                                 CommandFamily& family, std::ostream& err) {
   Loop loop;
   if (Result<void> adopted = family.adopt(); !adopted) return adopted.error();
   std::vector<std::unique_ptr<CallPart>> parts;
@@ -159,6 +160,8 @@ Result<CommandEnd> watch_command(const CommandVerbLine& line, bool to_stderr, Pr
                                     ? trouble.message
                                     : fmt::format("{}: {}", trouble.message, errno_text(trouble.error)));
   }
+  if (const std::string lost = lost_rights(line.command.front()); !lost.empty())
+    fmt::print(err, "porttape probe: {}\n", printable_line(lost));
   const Supervisor supervisor(loop, command->take_listener(), std::move(parts),
                               std::make_unique<RealClock>(loop));
   family.look_through(command->guard());
@@ -173,11 +176,11 @@ Result<CommandEnd> watch_command(const CommandVerbLine& line, bool to_stderr, Pr
   return end;
 }
 
-Result<int> probe_command(const CommandVerbLine& line, std::ostream& out) {
+Result<int> probe_command(const CommandVerbLine& line, std::ostream& out, std::ostream& err) {
   const bool json = line.values.contains("json");
   ProbeFindings findings;
   CommandFamily family;
-  const Result<CommandEnd> end = watch_command(line, json, findings, family);
+  const Result<CommandEnd> end = watch_command(line, json, findings, family, err);
   if (!end) return end.error();
   forgive_named(findings, line.command);
   const std::string remedy = remedy_line(findings, line.command);
@@ -200,7 +203,7 @@ int run_probe(Arguments args, std::ostream& out, std::ostream& err) {
                          .example = "-- ./ups_driver /dev/ttyUSB0",
                          .has_port = false};
   return run_command_verb(verb, args, out, err,
-                          [&](const CommandVerbLine& line) { return probe_command(line, out); });
+                          [&](const CommandVerbLine& line) { return probe_command(line, out, err); });
 }
 
 }  // namespace porttape

@@ -6,6 +6,7 @@
 #include <unistd.h>
 #include <utility>
 
+#include "libport/supervise/lost_rights.hpp"
 #include "libport/supervise/own_supervisors.hpp"
 
 namespace porttape {
@@ -23,8 +24,8 @@ Error started_not(const SupervisedCommand::Trouble& trouble, const std::string& 
 
 Result<std::unique_ptr<SupervisedChild>> SupervisedChild::start(
     Loop& loop, std::vector<std::unique_ptr<CallPart>> parts, const Start& how, std::string& forbidden,
-    std::function<void(const std::string&)> tell) {
-  parts.push_back(std::make_unique<OwnSupervisors>(std::move(tell)));
+    const std::function<void(const std::string&)>& tell) {
+  parts.push_back(std::make_unique<OwnSupervisors>(tell));
   std::vector<CallTrap> traps;
   for (const auto& part : parts) {
     for (CallTrap& trap : part->traps()) traps.push_back(std::move(trap));
@@ -56,6 +57,7 @@ Result<std::unique_ptr<SupervisedChild>> SupervisedChild::start(
     forbidden = trouble.message;
     return std::unique_ptr<SupervisedChild>();
   }
+  if (const std::string lost = lost_rights(how.command.front()); !lost.empty()) tell(lost);
   child->supervisor_ = std::make_unique<Supervisor>(loop, child->command_->take_listener(), std::move(parts),
                                                     std::make_unique<RealClock>(loop));
   return child;

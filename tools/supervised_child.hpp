@@ -31,7 +31,7 @@ class SupervisedChild final : public RunningCommand {
   static Result<std::unique_ptr<SupervisedChild>> start(Loop& loop,
                                                         std::vector<std::unique_ptr<CallPart>> parts,
                                                         const Start& how, std::string& forbidden,
-                                                        std::function<void(const std::string&)> tell);
+                                                        const std::function<void(const std::string&)>& tell);
   ~SupervisedChild() override = default;
 
   [[nodiscard]] bool running() const override { return command_->running(); }

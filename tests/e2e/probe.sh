@@ -80,3 +80,17 @@ say "its ends are the command's"
 try "$PORTTAPE" probe -- "$PORTTAPE" probe -- touch ran >report 2>said </dev/null
 { [[ $status == 1 && ! -e ran ]] && grep -q 'the command did not run' said; } || die "forbidden: exit $status: $(cat report said)"
 say "where calls cannot be looked at the command is not run"
+
+# A setuid program loses its owner's rights under a supervisor, which is told once.
+if [[ $EUID == 0 ]] && command -v setpriv >/dev/null; then
+  unprivileged() { setpriv --reuid 65534 --regid 65534 --clear-groups -- "$@"; }
+  cp "$(type -P true)" owned
+  chmod 4755 owned
+  chmod a+rx "$work"
+  try unprivileged "$PORTTAPE" probe -- "$work/owned" >report 2>said </dev/null
+  { [[ $status == 0 ]] && grep -c "owned' is setuid 'root'.*run porttape as 'root'" said | grep -qx 1; } ||
+    die "setuid: exit $status: $(cat report said)"
+  try "$PORTTAPE" probe -- "$work/owned" >report 2>said </dev/null
+  { [[ $status == 0 ]] && ! grep -q setuid said; } || die "setuid, as root: exit $status: $(cat report said)"
+  say "a setuid program's lost rights are told"
+fi
