@@ -6,7 +6,16 @@ need socat
 line_pair line
 cd "$work"
 
-record() { start "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/port" --tape "$1" 2>>"$work/log"; wait_for "$work/port" "$work/log"; }
+announced() { grep -c "$work/port is there" "$work/log"; }
+one_more_than() { (($(announced) > $1)); }
+# A killed daemon's link may lead to another program's pty: the daemon's own word counts.
+record() {
+  local before
+  before=$(announced) || true
+  start "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/port" --tape "$1" 2>>"$work/log"
+  until_true 20 one_more_than "$before" || die "$work/port did not come: $(cat "$work/log")"
+}
+: >"$work/log"
 # The device end sends everything back.
 start socat "FILE:$work/line.far,raw,echo=0" PIPE
 for signal in TERM INT; do
