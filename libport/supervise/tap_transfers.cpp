@@ -168,13 +168,13 @@ std::optional<Outcome> TapTransfers::read_now(Transfer& transfer) {
   const WithoutWaiting at_once(fd);
   transfer.waits = at_once.waits();
   std::size_t most = transfer.size;
+  pollfd ready{fd, POLLIN, 0};
+  ::poll(&ready, 1, 0);
+  const bool gone = (ready.revents & (POLLHUP | POLLERR)) != 0;
   if (transfer.waits) {
-    pollfd ready{fd, POLLIN, 0};
-    ::poll(&ready, 1, 0);
     termios made{};
     int there = 0;
     const bool known = ::tcgetattr(fd, &made) == 0 && ::ioctl(fd, FIONREAD, &there) == 0;
-    const bool gone = (ready.revents & (POLLHUP | POLLERR)) != 0;
     if (known && !gone && (made.c_lflag & ICANON) == 0) {
       const auto available = static_cast<std::size_t>(std::max(there, 0));
       const bool any = made.c_cc[VMIN] == 0;
@@ -204,6 +204,7 @@ std::optional<Outcome> TapTransfers::read_now(Transfer& transfer) {
   }
   bytes.resize(static_cast<std::size_t>(size));
   if (size > 0) line_->got(bytes);
+  if (size == 0 && gone) line_->lost("the line hung up");
   const bool all = for_each_part(transfer.parts, bytes, [&](std::uint64_t address, auto part) {
     return transfer.call.write(address, std::as_bytes(part));
   });
@@ -216,9 +217,7 @@ void TapTransfers::wait(const std::shared_ptr<KeptCall>& kept, const std::shared
     if (const auto waiting = weak.lock()) go_on(waiting);
   };
   // Bytes that are there and not enough would be told again and again.
-  if (transfer->seen > 0) {
-    return kept->call_at(Loop::now() + kShortOf, again);
-  }
+  if (transfer->seen > 0) return kept->call_at(Loop::now() + kShortOf, again);
   termios made{};
   if (!transfer->writes && ::tcgetattr(transfer->file.get(), &made) == 0 && (made.c_lflag & ICANON) == 0) {
     if (made.c_cc[VMIN] == 0) {

@@ -182,7 +182,7 @@ std::function<void()> TappedLine::drains() {
 }
 
 void TappedLine::lost(const std::string& why) {
-  if (device_ != nullptr) device_->lose(why);
+  if (device_ != nullptr) device_->lose(device_name() + ": " + why);
 }
 
 }  // namespace porttape
