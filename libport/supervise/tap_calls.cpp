@@ -84,7 +84,8 @@ std::optional<TapCalls::OpenArguments> TapCalls::open_arguments(const Call& call
 TapCalls::TapCalls(Loop& loop, TappedLine& line, Options options)
     : loop_(&loop),
       line_(&line),
-      transfers_(loop, line),
+      files_(loop),
+      transfers_(loop, line, files_),
       requests_(line),
       options_(std::move(options)),
       files_from_(files_from_here()),
@@ -97,7 +98,9 @@ std::vector<CallTrap> TapCalls::traps() const {
   std::vector<CallTrap> traps;
   for (const long number : {SYS_read, SYS_write})
     traps.push_back({static_cast<int>(number), {}, files_from_});
-  traps.push_back({.number = SYS_ioctl, .requests = TapRequests::requests()});
+  std::vector<std::uint32_t> requests = TapRequests::requests();
+  requests.push_back(FIONBIO);
+  traps.push_back({.number = SYS_ioctl, .requests = std::move(requests)});
   for (const long number : {SYS_readv, SYS_writev, SYS_dup, SYS_dup3,
 #ifdef SYS_dup2
                             SYS_dup2,
@@ -138,9 +141,11 @@ CallPart::Decision TapCalls::decide(Supervisor& supervisor, const Call& call) {
     case SYS_dup2:
 #endif
     case SYS_fcntl:
+      files_.let_go();
       return decide_copy(call);
     case SYS_close:
     case SYS_close_range:
+      files_.let_go();
       if (line_->open()) holders_timer_.set_after(kHoldersLook);
       return outcome::Pass{};
     // Programs that use these do it another way where they are told so.
@@ -181,6 +186,7 @@ CallPart::Decision TapCalls::open_tapped(Supervisor& supervisor, const Call& cal
                                          const OpenArguments& wanted, std::uint64_t device) {
   const bool waits = (wanted.flags & O_NONBLOCK) == 0;
   const int flags = wanted.flags & ~(O_CREAT | O_EXCL | O_TRUNC);
+  files_.let_go();
   UniqueFd file(::open(wanted.path.c_str(), flags | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   if (!file) return outcome::Refuse{errno};
   termios made{};
@@ -224,6 +230,7 @@ CallPart::Decision TapCalls::decide_copy(const Call& call) {
   const auto at = static_cast<std::uint32_t>(call.argument(call.number() == SYS_fcntl ? 2 : 1));
   const auto command = static_cast<int>(call.argument(1));
   const bool is_fcntl = call.number() == SYS_fcntl;
+  if (is_fcntl && (command == F_GETFL || command == F_SETFL)) return decide_flags(call);
   if (is_fcntl && command != F_DUPFD && command != F_DUPFD_CLOEXEC) return outcome::Pass{};
   if (!is_tapped(call, fd)) return outcome::Pass{};
   if (!is_fcntl && call.number() != SYS_dup) {
@@ -240,24 +247,46 @@ CallPart::Decision TapCalls::decide_copy(const Call& call) {
   return Outcome(outcome::Install{std::move(copy), place, is_fcntl && command == F_DUPFD_CLOEXEC});
 }
 
+// Here, since what a transfer makes of them meanwhile must not be seen.
+CallPart::Decision TapCalls::decide_flags(const Call& call) {
+  const auto fd = static_cast<int>(call.argument(0));
+  if (!is_tapped(call, fd)) return outcome::Pass{};
+  const UniqueFd file = call.duplicate(fd);
+  if (!file) return outcome::Pass{};
+  const auto command = static_cast<int>(call.argument(1));
+  const auto flags = static_cast<int>(call.argument(2));
+  // Whom it signals is told from the caller.
+  if (command == F_SETFL && (flags & O_ASYNC) != 0) return outcome::Pass{};
+  const int result = command == F_GETFL ? ::fcntl(file.get(), F_GETFL) : ::fcntl(file.get(), F_SETFL, flags);
+  if (result < 0) return outcome::Refuse{errno};
+  return Outcome(outcome::Answer{result});
+}
+
+CallPart::Decision TapCalls::set_non_blocking(const Call& call, const TappedFile& file) {
+  const auto on = call.read_as<int>(call.argument(2));
+  if (!on) return outcome::Refuse{EFAULT};
+  files_.restore();
+  if (::ioctl(file.fd(), FIONBIO, &*on) != 0) return outcome::Refuse{errno};
+  return Outcome(outcome::Answer{0});
+}
+
 // What is done to the device itself.
 CallPart::Decision TapCalls::decide_device(Supervisor& supervisor, const Call& call) {
   const bool is_request = call.number() == SYS_ioctl;
-  if (!line_->open()) return is_request ? Decision(NotMine{}) : Decision(outcome::Pass{});
+  const auto not_ours = [&] { return is_request ? Decision(NotMine{}) : Decision(outcome::Pass{}); };
+  if (!line_->open()) return not_ours();
   const auto fd = static_cast<int>(call.argument(0));
-  UniqueFd file = call.duplicate(fd);
-  struct stat status {};
-  const bool ours =
-      file ? ::fstat(file.get(), &status) == 0 && S_ISCHR(status.st_mode) && status.st_rdev == *device_
-           : is_tapped(call, fd);
-  if (!ours) return is_request ? Decision(NotMine{}) : Decision(outcome::Pass{});
+  int error = 0;
+  const std::shared_ptr<TappedFile> file = files_.find(call, fd, *device_, error);
   if (!file) {
-    tell_once("its descriptors are not to be had (" + errno_text(errno) +
+    if (error == 0 || !is_tapped(call, fd)) return not_ours();
+    tell_once("its descriptors are not to be had (" + errno_text(error) +
               "): what the command says to its device is not on the tape");
     return outcome::Pass{};
   }
-  return is_request ? requests_.decide(supervisor, call, std::move(file))
-                    : transfers_.decide(supervisor, call, std::move(file));
+  if (!is_request) return transfers_.decide(supervisor, call, file);
+  if (static_cast<std::uint32_t>(call.argument(1)) == FIONBIO) return set_non_blocking(call, *file);
+  return requests_.decide(supervisor, call, file);
 }
 
 // Whether it has the device open.

@@ -18,6 +18,7 @@
 #include "libport/supervise/supervisor.hpp"
 #include "libport/supervise/tap_requests.hpp"
 #include "libport/supervise/tap_transfers.hpp"
+#include "libport/supervise/tapped_files.hpp"
 #include "libport/supervise/tapped_line.hpp"
 
 namespace porttape {
@@ -25,7 +26,6 @@ namespace porttape {
 // Tells a TappedLine what programs do with their own serial device. It opens the device for them and does
 // their reads, writes and settings on a duplicate of their descriptor, so that what is told is what happened:
 // with the counts and errors of the kernel, and never what another thread has put into a buffer meanwhile.
-// A duplicate is kept no longer than a call, so that a last close stays the driver's own.
 //
 // The device is the first tty that is opened and can be a port (PortDevices), or the one that is named. The
 // programs have it by descriptors from `files_from` on, which alone are trapped, and as stdin, stdout and
@@ -69,6 +69,8 @@ class TapCalls final : public CallPart {
                         const std::shared_ptr<UniqueFd>& file);
   Outcome opened(const Call& call, const OpenArguments& wanted, UniqueFd file);
   Decision decide_copy(const Call& call);
+  Decision decide_flags(const Call& call);
+  Decision set_non_blocking(const Call& call, const TappedFile& file);
   Decision decide_device(Supervisor& supervisor, const Call& call);
   [[nodiscard]] bool holds(pid_t process) const;
   void watch_process(pid_t process);
@@ -77,6 +79,7 @@ class TapCalls final : public CallPart {
 
   Loop* loop_;
   TappedLine* line_;
+  TappedFiles files_;
   TapTransfers transfers_;
   TapRequests requests_;
   Options options_;

@@ -48,12 +48,12 @@ std::optional<int> lines_of(int fd) {
 }
 
 // The kernel tells of no end of it: its queue is looked at. What the UART still has is not seen here.
-void when_sent(const std::weak_ptr<KeptCall>& kept, const std::shared_ptr<UniqueFd>& file,
+void when_sent(const std::weak_ptr<KeptCall>& kept, const std::shared_ptr<TappedFile>& file,
                const std::function<void()>& then) {
   const auto waiting = kept.lock();
   if (!waiting || waiting->over()) return;
   int left = 0;
-  if (::ioctl(file->get(), TIOCOUTQ, &left) != 0 || left == 0) return then();
+  if (::ioctl(file->fd(), TIOCOUTQ, &left) != 0 || left == 0) return then();
   waiting->call_at(Loop::now() + kSentLook, [kept, file, then] { when_sent(kept, file, then); });
 }
 
@@ -70,73 +70,73 @@ void TapRequests::tell_first_lines(const UniqueFd& file) {
   if (const std::optional<int> bits = lines_of(file.get())) tell_signals(*bits, true);
 }
 
-CallPart::Decision TapRequests::decide(Supervisor& supervisor, const Call& call, UniqueFd file) {
+CallPart::Decision TapRequests::decide(Supervisor& supervisor, const Call& call,
+                                       const std::shared_ptr<TappedFile>& file) {
   const auto request = static_cast<std::uint32_t>(call.argument(1));
   switch (request) {
     case TIOCMGET:
-      return give_lines(call, file);
+      return give_lines(call, *file);
     case TIOCMSET:
     case TIOCMBIS:
     case TIOCMBIC:
-      return drive_lines(call, file, request);
+      return drive_lines(call, *file, request);
     case TIOCGICOUNT:  // which counts their changes
-      if (const std::optional<int> bits = lines_of(file.get())) tell_signals(*bits, false);
+      if (const std::optional<int> bits = lines_of(file->fd())) tell_signals(*bits, false);
       return outcome::Pass{};
     case TCFLSH:
-      return flush(call, file);
+      return flush(call, *file);
     case TIOCSBRK:
     case TIOCCBRK:
-      return set_break(file, request == TIOCSBRK);
+      return set_break(*file, request == TIOCSBRK);
     case TCSBRK:
-      if (call.argument(2) != 0) return drain(supervisor, call, std::make_shared<UniqueFd>(std::move(file)));
-      return send_break(supervisor, call, std::make_shared<UniqueFd>(std::move(file)), kBreak);
+      if (call.argument(2) != 0) return drain(supervisor, call, file);
+      return send_break(supervisor, call, file, kBreak);
     case TCSBRKP: {
       const auto tenths = static_cast<int>(call.argument(2));
-      return send_break(supervisor, call, std::make_shared<UniqueFd>(std::move(file)),
-                        tenths > 0 ? kTenth * tenths : kBreak);
+      return send_break(supervisor, call, file, tenths > 0 ? kTenth * tenths : kBreak);
     }
     default:
-      return make_settings(call, file, request);
+      return make_settings(call, *file, request);
   }
 }
 
 // Those that wait for the last byte to be sent are the kernel's.
-Outcome TapRequests::make_settings(const Call& call, const UniqueFd& file, std::uint32_t request) {
+Outcome TapRequests::make_settings(const Call& call, const TappedFile& file, std::uint32_t request) {
   const SettingsForm form = form_of(request);
   std::array<std::byte, sizeof(termios2)> made{};
   if (!call.read(call.argument(2), std::span(made).first(form.size))) return outcome::Refuse{EFAULT};
   const std::uint32_t at_once = made_at_once(request);
-  if (at_once == request && ::ioctl(file.get(), request, made.data()) != 0) return outcome::Refuse{errno};
+  if (at_once == request && ::ioctl(file.fd(), request, made.data()) != 0) return outcome::Refuse{errno};
   if (flushes_input(request)) line_->flushed(FlushQueue::in);
   line_->made(settings_in(at_once, made.data()));
   return at_once == request ? Outcome(outcome::Answer{0}) : Outcome(outcome::Pass{});
 }
 
-Outcome TapRequests::flush(const Call& call, const UniqueFd& file) {
+Outcome TapRequests::flush(const Call& call, const TappedFile& file) {
   const auto queue = static_cast<int>(call.argument(2));
-  if (::ioctl(file.get(), TCFLSH, queue) != 0) return outcome::Refuse{errno};
+  if (::ioctl(file.fd(), TCFLSH, queue) != 0) return outcome::Refuse{errno};
   line_->flushed(queue == TCIFLUSH ? FlushQueue::in : queue == TCOFLUSH ? FlushQueue::out : FlushQueue::both);
   return outcome::Answer{0};
 }
 
-Outcome TapRequests::set_break(const UniqueFd& file, bool on) {
-  if (::ioctl(file.get(), on ? TIOCSBRK : TIOCCBRK, 0) != 0) return outcome::Refuse{errno};
+Outcome TapRequests::set_break(const TappedFile& file, bool on) {
+  if (::ioctl(file.fd(), on ? TIOCSBRK : TIOCCBRK, 0) != 0) return outcome::Refuse{errno};
   line_->driver_signalled({LineSignal::Name::brk, on});
   return outcome::Answer{0};
 }
 
-Outcome TapRequests::give_lines(const Call& call, const UniqueFd& file) {
-  const std::optional<int> bits = lines_of(file.get());
+Outcome TapRequests::give_lines(const Call& call, const TappedFile& file) {
+  const std::optional<int> bits = lines_of(file.fd());
   if (!bits) return outcome::Refuse{errno};
   tell_signals(*bits, false);
   return call.write_as(call.argument(2), *bits) ? Outcome(outcome::Answer{0})
                                                 : Outcome(outcome::Refuse{EFAULT});
 }
 
-Outcome TapRequests::drive_lines(const Call& call, const UniqueFd& file, std::uint32_t request) {
+Outcome TapRequests::drive_lines(const Call& call, const TappedFile& file, std::uint32_t request) {
   const std::optional<int> bits = call.read_as<int>(call.argument(2));
   if (!bits) return outcome::Refuse{EFAULT};
-  if (::ioctl(file.get(), request, &*bits) != 0) return outcome::Refuse{errno};
+  if (::ioctl(file.fd(), request, &*bits) != 0) return outcome::Refuse{errno};
   const int now = request == TIOCMBIS ? bits_ | *bits : request == TIOCMBIC ? bits_ & ~*bits : *bits;
   for (const auto& [name, bit] :
        {std::pair{LineSignal::Name::dtr, TIOCM_DTR}, {LineSignal::Name::rts, TIOCM_RTS}}) {
@@ -157,14 +157,13 @@ void TapRequests::tell_signals(int bits, bool all) {
 }
 
 CallPart::Decision TapRequests::drain(Supervisor& supervisor, const Call& call,
-                                      std::shared_ptr<UniqueFd> file) {
+                                      const std::shared_ptr<TappedFile>& file) {
   const std::function<void()> over = line_->drains();
   const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
   kept->on_gone(over);
   const std::weak_ptr weak(kept);
   when_sent(weak, file, [weak, file, over] {
     over();
-    file->reset();
     if (const auto waiting = weak.lock()) waiting->finish(outcome::Pass{});
   });
   return CallPart::Kept{};
@@ -172,24 +171,20 @@ CallPart::Decision TapRequests::drain(Supervisor& supervisor, const Call& call,
 
 // As send_break() of the kernel's tty_io.c, which waits in the call.
 CallPart::Decision TapRequests::send_break(Supervisor& supervisor, const Call& call,
-                                           std::shared_ptr<UniqueFd> file, Nanos length) {
+                                           const std::shared_ptr<TappedFile>& file, Nanos length) {
   const std::weak_ptr kept(supervisor.keep(call));
   when_sent(kept, file, [this, kept, file, length] { begin_break(kept, file, length); });
   return CallPart::Kept{};
 }
 
-void TapRequests::begin_break(const std::weak_ptr<KeptCall>& kept, const std::shared_ptr<UniqueFd>& file,
+void TapRequests::begin_break(const std::weak_ptr<KeptCall>& kept, const std::shared_ptr<TappedFile>& file,
                               Nanos length) {
   const auto waiting = kept.lock();
   if (!waiting) return;
   Outcome begun = set_break(*file, true);
-  if (std::holds_alternative<outcome::Refuse>(begun)) {
-    file->reset();
-    return waiting->finish(std::move(begun));
-  }
+  if (std::holds_alternative<outcome::Refuse>(begun)) return waiting->finish(std::move(begun));
   const auto end = [this, kept, file](Outcome outcome) {
     set_break(*file, false);
-    file->reset();
     if (const auto still = kept.lock()) still->finish(std::move(outcome));
   };
   waiting->on_gone([end] { end(outcome::Refuse{EINTR}); });

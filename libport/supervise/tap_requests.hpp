@@ -7,6 +7,7 @@
 
 #include "libport/base/unique_fd.hpp"
 #include "libport/supervise/supervisor.hpp"
+#include "libport/supervise/tapped_files.hpp"
 #include "libport/supervise/tapped_line.hpp"
 
 namespace porttape {
@@ -21,22 +22,24 @@ class TapRequests {
   [[nodiscard]] static std::vector<std::uint32_t> requests();
 
   // Such a request to `file`, the device.
-  CallPart::Decision decide(Supervisor& supervisor, const Call& call, UniqueFd file);
+  CallPart::Decision decide(Supervisor& supervisor, const Call& call,
+                            const std::shared_ptr<TappedFile>& file);
 
   // The device has just been opened: what its settings and lines are.
   [[nodiscard]] static LineSettings settings_of(const UniqueFd& file);
   void tell_first_lines(const UniqueFd& file);
 
  private:
-  Outcome make_settings(const Call& call, const UniqueFd& file, std::uint32_t request);
-  Outcome flush(const Call& call, const UniqueFd& file);
-  Outcome set_break(const UniqueFd& file, bool on);
-  Outcome drive_lines(const Call& call, const UniqueFd& file, std::uint32_t request);
-  Outcome give_lines(const Call& call, const UniqueFd& file);
-  CallPart::Decision drain(Supervisor& supervisor, const Call& call, std::shared_ptr<UniqueFd> file);
-  CallPart::Decision send_break(Supervisor& supervisor, const Call& call, std::shared_ptr<UniqueFd> file,
-                                Nanos length);
-  void begin_break(const std::weak_ptr<KeptCall>& kept, const std::shared_ptr<UniqueFd>& file, Nanos length);
+  Outcome make_settings(const Call& call, const TappedFile& file, std::uint32_t request);
+  Outcome flush(const Call& call, const TappedFile& file);
+  Outcome set_break(const TappedFile& file, bool on);
+  Outcome drive_lines(const Call& call, const TappedFile& file, std::uint32_t request);
+  Outcome give_lines(const Call& call, const TappedFile& file);
+  CallPart::Decision drain(Supervisor& supervisor, const Call& call, const std::shared_ptr<TappedFile>& file);
+  CallPart::Decision send_break(Supervisor& supervisor, const Call& call,
+                                const std::shared_ptr<TappedFile>& file, Nanos length);
+  void begin_break(const std::weak_ptr<KeptCall>& kept, const std::shared_ptr<TappedFile>& file,
+                   Nanos length);
   void tell_signals(int bits, bool all);
 
   TappedLine* line_;

@@ -4,7 +4,6 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
-#include <fcntl.h>
 #include <optional>
 #include <poll.h>
 #include <span>
@@ -28,25 +27,6 @@ constexpr Nanos kShortOf = milliseconds(1);  // between looks at a read that lac
 constexpr Nanos kTenth = milliseconds(100);  // the unit of VTIME
 constexpr std::size_t kMostAtOnce = std::size_t{64} * 1024;
 constexpr std::size_t kMostParts = 1024;  // UIO_MAXIOV
-
-// While it holds, nothing on that open file waits. The program's own calls that would notice are made here,
-// one after the other.
-class WithoutWaiting {
- public:
-  explicit WithoutWaiting(int fd) : fd_(fd), flags_(::fcntl(fd, F_GETFL)) {
-    if (waits()) ::fcntl(fd_, F_SETFL, flags_ | O_NONBLOCK);
-  }
-  ~WithoutWaiting() {
-    if (waits()) ::fcntl(fd_, F_SETFL, flags_);
-  }
-  WithoutWaiting(const WithoutWaiting&) = delete;
-  WithoutWaiting& operator=(const WithoutWaiting&) = delete;
-  [[nodiscard]] bool waits() const { return flags_ >= 0 && (flags_ & O_NONBLOCK) == 0; }
-
- private:
-  int fd_;
-  int flags_;
-};
 
 // Where the program's bytes are.
 std::optional<std::vector<iovec>> parts_of(const Call& call, bool several) {
@@ -79,23 +59,34 @@ bool for_each_part(const std::vector<iovec>& parts, Bytes& bytes, const Each& ea
   return true;
 }
 
+bool hung_up(int fd) {
+  pollfd ready{fd, POLLIN, 0};
+  return ::poll(&ready, 1, 0) > 0 && (ready.revents & (POLLHUP | POLLERR)) != 0;
+}
+
 bool is_loss(int error) { return error == EIO || error == ENODEV || error == ENXIO; }
 
 }  // namespace
 
 // A read or write that is being done.
 struct TapTransfers::Transfer {
-  Transfer(const Call& of, bool is_write, std::vector<iovec> where, UniqueFd duplicate)
+  Transfer(const Call& of, bool is_write, std::vector<iovec> where, std::shared_ptr<TappedFile> duplicate)
       : call(of), writes(is_write), parts(std::move(where)), file(std::move(duplicate)) {}
 
   Call call;
   bool writes;
   std::vector<iovec> parts;
-  UniqueFd file;
+  std::shared_ptr<TappedFile> file;
   Bytes bytes = {};      // to write
   std::size_t done = 0;  // of them
   std::size_t size = 0;  // that may be read
-  bool waits = true;
+  // Of a tty that gives bytes, not lines; nothing where it is another, or not known.
+  struct Needs {
+    std::size_t least = 0;  // VMIN
+    Nanos patience = {};    // VTIME
+  };
+  std::optional<Needs> needs = {};
+  bool looked = false;  // at what it needs: at its begin, as the kernel does
   Instant began = Loop::now();
   std::optional<Instant> last_byte = {};
   std::size_t seen = 0;
@@ -103,14 +94,15 @@ struct TapTransfers::Transfer {
   std::uint64_t number = 0;           // where it has waited
 };
 
-TapTransfers::TapTransfers(Loop& loop, TappedLine& line)
-    : line_(&line), ready_(::epoll_create1(EPOLL_CLOEXEC)) {
-  if (!ready_) return;
-  ready_watch_.emplace(loop, ready_.get(), [this] { on_ready(); });
+TapTransfers::TapTransfers(Loop& loop, TappedLine& line, TappedFiles& files)
+    : line_(&line), files_(&files), ready_(std::make_shared<UniqueFd>(::epoll_create1(EPOLL_CLOEXEC))) {
+  if (!*ready_) return;
+  ready_watch_.emplace(loop, ready_->get(), [this] { on_ready(); });
   ready_watch_->watch_readable(true);
 }
 
-CallPart::Decision TapTransfers::decide(Supervisor& supervisor, const Call& call, UniqueFd file) {
+CallPart::Decision TapTransfers::decide(Supervisor& supervisor, const Call& call,
+                                        std::shared_ptr<TappedFile> file) {
   const bool several = call.number() == SYS_readv || call.number() == SYS_writev;
   const bool writes = call.number() == SYS_write || call.number() == SYS_writev;
   std::optional<std::vector<iovec>> parts = parts_of(call, several);
@@ -140,71 +132,77 @@ CallPart::Decision TapTransfers::decide(Supervisor& supervisor, const Call& call
 
 // Nothing: it is to be tried again.
 std::optional<Outcome> TapTransfers::write_now(Transfer& transfer) {
-  const WithoutWaiting at_once(transfer.file.get());
-  transfer.waits = at_once.waits();
+  files_->use(transfer.file);
+  const bool waits = transfer.file->waits();
   while (true) {
     const ByteView left = ByteView(transfer.bytes).subspan(transfer.done);
-    const ssize_t size = ::write(transfer.file.get(), left.data(), left.size());
+    const ssize_t size = ::write(transfer.file->fd(), left.data(), left.size());
     if (size < 0 && errno == EINTR) continue;
     if (size >= 0) {
       line_->wrote(left.first(static_cast<std::size_t>(size)));
       transfer.done += static_cast<std::size_t>(size);
       const bool all = transfer.done == transfer.bytes.size();
-      if (all || !transfer.waits) return outcome::Answer{static_cast<std::int64_t>(transfer.done)};
+      if (all || !waits) return outcome::Answer{static_cast<std::int64_t>(transfer.done)};
       if (size > 0) continue;
       return std::nullopt;
     }
     const int error = errno;
-    if (error == EAGAIN && transfer.waits) return std::nullopt;
+    if (error == EAGAIN && waits) return std::nullopt;
     if (is_loss(error)) line_->lost(errno_text(error));
     if (transfer.done > 0) return outcome::Answer{static_cast<std::int64_t>(transfer.done)};
     return outcome::Refuse{error};
   }
 }
 
-// As n_tty_read() of the kernel has it: termios(3), "Canonical and noncanonical mode".
+// How much a read that waits takes now, 0 where its time is over; nothing: it waits on. As n_tty_read() of
+// the kernel has it: termios(3), "Canonical and noncanonical mode".
+std::optional<std::size_t> TapTransfers::readable_now(Transfer& transfer) {
+  const int fd = transfer.file->fd();
+  termios made{};
+  if (!std::exchange(transfer.looked, true) && ::tcgetattr(fd, &made) == 0 && (made.c_lflag & ICANON) == 0)
+    transfer.needs = {.least = made.c_cc[VMIN], .patience = kTenth * made.c_cc[VTIME]};
+  if (!transfer.needs) return transfer.size;
+  const auto [least, patience] = *transfer.needs;
+  // What a read does without waiting, too, but for EAGAIN.
+  if (patience == Nanos(0) && least <= 1) return transfer.size;
+  int there = 0;
+  if (hung_up(fd) || ::ioctl(fd, FIONREAD, &there) != 0) return transfer.size;
+  const auto available = static_cast<std::size_t>(std::max(there, 0));
+  const bool any = least == 0;
+  const std::size_t needed = any ? 1 : std::min(least, transfer.size);
+  const Instant now = Loop::now();
+  if (available > transfer.seen) transfer.last_byte = now;
+  transfer.seen = available;
+  const Instant since = any ? transfer.began : transfer.last_byte.value_or(now);
+  const bool over = patience > Nanos(0) && (any || available > 0) && now >= since + patience;
+  if (available < needed && !over) return std::nullopt;
+  return std::min(transfer.size, available);
+}
+
 std::optional<Outcome> TapTransfers::read_now(Transfer& transfer) {
-  const int fd = transfer.file.get();
-  const WithoutWaiting at_once(fd);
-  transfer.waits = at_once.waits();
-  std::size_t most = transfer.size;
-  pollfd ready{fd, POLLIN, 0};
-  ::poll(&ready, 1, 0);
-  const bool gone = (ready.revents & (POLLHUP | POLLERR)) != 0;
-  if (transfer.waits) {
-    termios made{};
-    int there = 0;
-    const bool known = ::tcgetattr(fd, &made) == 0 && ::ioctl(fd, FIONREAD, &there) == 0;
-    if (known && !gone && (made.c_lflag & ICANON) == 0) {
-      const auto available = static_cast<std::size_t>(std::max(there, 0));
-      const bool any = made.c_cc[VMIN] == 0;
-      const Nanos patience = kTenth * made.c_cc[VTIME];
-      const std::size_t needed = any ? static_cast<std::size_t>(patience > Nanos(0))
-                                     : std::min<std::size_t>(made.c_cc[VMIN], transfer.size);
-      const Instant now = Loop::now();
-      if (available > transfer.seen) transfer.last_byte = now;
-      transfer.seen = available;
-      const Instant since = any ? transfer.began : transfer.last_byte.value_or(now);
-      const bool over = patience > Nanos(0) && (any || available > 0) && now >= since + patience;
-      if (available < needed && !over) return std::nullopt;
-      if (available == 0) return outcome::Answer{0};
-      most = std::min(most, available);
-    }
-  }
-  Bytes bytes(std::min(most, kMostAtOnce));
+  files_->use(transfer.file);
+  const int fd = transfer.file->fd();
+  const bool waits = transfer.file->waits();
+  const std::optional<std::size_t> most = waits ? readable_now(transfer) : transfer.size;
+  if (!most) return std::nullopt;
+  if (*most == 0) return outcome::Answer{0};
+  Bytes bytes(std::min(*most, kMostAtOnce));
   ssize_t size = 0;
   do {
     size = ::read(fd, bytes.data(), bytes.size());
   } while (size < 0 && errno == EINTR);
   const int error = errno;
-  if (size < 0 && error == EAGAIN && transfer.waits) return std::nullopt;
+  if (size < 0 && error == EAGAIN && waits) {
+    if (transfer.needs && transfer.needs->least == 0) return outcome::Answer{0};
+    return std::nullopt;
+  }
   if (size < 0) {
     if (is_loss(error)) line_->lost(errno_text(error));
     return outcome::Refuse{error};
   }
   bytes.resize(static_cast<std::size_t>(size));
   if (size > 0) line_->got(bytes);
-  if (size == 0 && gone) line_->lost("the line hung up");
+  if (size == 0 && hung_up(fd)) line_->lost("the line hung up");
   const bool all = for_each_part(transfer.parts, bytes, [&](std::uint64_t address, auto part) {
     return transfer.call.write(address, std::as_bytes(part));
   });
@@ -218,11 +216,10 @@ void TapTransfers::wait(const std::shared_ptr<KeptCall>& kept, const std::shared
   };
   // Bytes that are there and not enough would be told again and again.
   if (transfer->seen > 0) return kept->call_at(Loop::now() + kShortOf, again);
-  termios made{};
-  if (!transfer->writes && ::tcgetattr(transfer->file.get(), &made) == 0 && (made.c_lflag & ICANON) == 0) {
-    if (made.c_cc[VMIN] == 0) {
-      kept->call_at(transfer->began + kTenth * made.c_cc[VTIME], again);
-    } else if (made.c_cc[VTIME] == 0 && made.c_cc[VMIN] > transfer->size) {
+  if (const auto& needs = transfer->needs) {
+    if (needs->least == 0) {
+      kept->call_at(transfer->began + needs->patience, again);
+    } else if (needs->patience == Nanos(0) && needs->least > transfer->size) {
       return kept->call_at(Loop::now() + kShortOf, again);  // poll() waits for VMIN bytes
     }
   }
@@ -231,21 +228,26 @@ void TapTransfers::wait(const std::shared_ptr<KeptCall>& kept, const std::shared
 
 // Once. False: that is not to be had.
 bool TapTransfers::watch(const std::shared_ptr<Transfer>& transfer) {
-  epoll_event wanted{};
-  wanted.events = (transfer->writes ? EPOLLOUT : EPOLLIN) | EPOLLONESHOT;
-  const bool known = transfer->number != 0;
-  if (!known) {
+  if (!ready_watch_) return false;
+  if (transfer->number == 0) {
     transfer->number = ++number_;
     waiting_.emplace(number_, transfer);
   }
+  epoll_event wanted{};
+  wanted.events = (transfer->writes ? EPOLLOUT : EPOLLIN) | EPOLLONESHOT;
   wanted.data.u64 = transfer->number;
-  return ready_watch_ &&
-         ::epoll_ctl(ready_.get(), known ? EPOLL_CTL_MOD : EPOLL_CTL_ADD, transfer->file.get(), &wanted) == 0;
+  const int fd = transfer->file->fd();
+  std::shared_ptr<void>& watched = transfer->file->watch();
+  if (watched) return ::epoll_ctl(ready_->get(), EPOLL_CTL_MOD, fd, &wanted) == 0;
+  if (::epoll_ctl(ready_->get(), EPOLL_CTL_ADD, fd, &wanted) != 0) return false;
+  watched = std::shared_ptr<void>(
+      ready_.get(), [ready = ready_, fd](void*) { ::epoll_ctl(ready->get(), EPOLL_CTL_DEL, fd, nullptr); });
+  return true;
 }
 
 void TapTransfers::on_ready() {
   std::array<epoll_event, 16> events{};
-  const int count = ::epoll_wait(ready_.get(), events.data(), static_cast<int>(events.size()), 0);
+  const int count = ::epoll_wait(ready_->get(), events.data(), static_cast<int>(events.size()), 0);
   for (const epoll_event& event : std::span(events).first(static_cast<std::size_t>(std::max(count, 0)))) {
     const auto found = waiting_.find(event.data.u64);
     if (found == waiting_.end()) continue;
@@ -253,12 +255,9 @@ void TapTransfers::on_ready() {
   }
 }
 
-// The program has the file open, so that closing ours ends no watch.
 void TapTransfers::end(Transfer& transfer) {
-  if (transfer.number != 0 && transfer.file)
-    ::epoll_ctl(ready_.get(), EPOLL_CTL_DEL, transfer.file.get(), nullptr);
   waiting_.erase(transfer.number);
-  transfer.file.reset();
+  files_->drop(std::move(transfer.file));
 }
 
 void TapTransfers::go_on(const std::shared_ptr<Transfer>& transfer) {

@@ -9,20 +9,20 @@
 #include "libport/loop/fd_watch.hpp"
 #include "libport/loop/loop.hpp"
 #include "libport/supervise/supervisor.hpp"
+#include "libport/supervise/tapped_files.hpp"
 #include "libport/supervise/tapped_line.hpp"
 
 namespace porttape {
 
 // The reads and writes of programs on their own device, done here on a duplicate of their descriptor and told
 // to a TappedLine: what is told are the bytes that the kernel took or gave. A call that would wait is kept,
-// and tried again when the device can; the duplicate is closed with the call. Loop thread only; outlives the
-// supervisor's kept calls.
+// and tried again when the device can. Loop thread only; outlives the supervisor's kept calls.
 class TapTransfers {
  public:
-  TapTransfers(Loop& loop, TappedLine& line);
+  TapTransfers(Loop& loop, TappedLine& line, TappedFiles& files);
 
   // A read, readv, write or writev of `file`, the device.
-  CallPart::Decision decide(Supervisor& supervisor, const Call& call, UniqueFd file);
+  CallPart::Decision decide(Supervisor& supervisor, const Call& call, std::shared_ptr<TappedFile> file);
 
  private:
   struct Transfer;
@@ -33,12 +33,14 @@ class TapTransfers {
   void wait(const std::shared_ptr<KeptCall>& kept, const std::shared_ptr<Transfer>& transfer);
   void go_on(const std::shared_ptr<Transfer>& transfer);
   std::optional<Outcome> read_now(Transfer& transfer);
+  static std::optional<std::size_t> readable_now(Transfer& transfer);
   std::optional<Outcome> write_now(Transfer& transfer);
 
   TappedLine* line_;
+  TappedFiles* files_;
   // Of the devices that are waited for: a watch of the loop's on the file itself would make it O_NONBLOCK for
   // the program, too.
-  UniqueFd ready_;
+  std::shared_ptr<UniqueFd> ready_;
   std::optional<FdWatch> ready_watch_;  // none: they are looked at by the clock
   std::map<std::uint64_t, std::weak_ptr<Transfer>> waiting_;
   std::uint64_t number_ = 0;  // of the last that waited

@@ -50,7 +50,7 @@ Rig::~Rig() {
   relay_.stop();
 }
 
-std::string Rig::driver_path() const { return has_process() ? (dir() / "driver").string() : device_.slave; }
+std::string Rig::driver_path() const { return makes_port() ? (dir() / "driver").string() : device_.slave; }
 
 std::string Rig::output_tail() const {
   std::ifstream in(dir() / "output");
@@ -80,7 +80,7 @@ void Rig::start() {
     argv.push_back(filled(word, "{dir}", dir().string()));
   }
   relay_ = Child::run(argv, (dir() / "output").string());
-  if (tcp_) return;
+  if (tcp_ || !makes_port()) return;
   for (int waited = 0; !std::filesystem::exists(driver_path()); waited += 2) {
     if (relay_.poll()) throw BenchError(name() + " ended at start: " + output_tail());
     if (waited > kPortMs) throw BenchError(name() + " made no driver port: " + output_tail());

@@ -57,6 +57,8 @@ class Rig {
   // Over TCP it waits for the relay's connection when first asked for, in whichever process that is.
   [[nodiscard]] int device();
   [[nodiscard]] bool has_process() const { return !spec_.command.empty(); }
+  // Else the driver has the device itself.
+  [[nodiscard]] bool makes_port() const { return spec_.command.find("{driver}") != std::string::npos; }
   [[nodiscard]] pid_t pid() const { return relay_.pid(); }
   [[nodiscard]] bool alive() { return has_process() && !relay_.poll(); }
   [[nodiscard]] std::int64_t relay_cpu_ns() const { return has_process() ? cpu_ns(pid()) : 0; }

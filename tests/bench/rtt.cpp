@@ -67,8 +67,9 @@ int rtt_command(const Arguments& arguments) {
       "relay", po::value<Arguments>()->composing(),
       "a line to set up: {driver} link to make, {device} to open, {dir} scratch; no COMMAND: bare pty")(
       "driven", po::value<Arguments>()->composing(),
-      "as --relay, and COMMAND runs the driver: ends with `-- linebench drive {port} {dir}`")(
-      "path", po::value<Arguments>()->composing(), "a port that exists, with an echo behind it")(
+      "as --relay, and COMMAND runs the driver: ends with `-- linebench drive {port} {dir}`; no {driver}: it "
+      "has {device} itself")("path", po::value<Arguments>()->composing(),
+                             "a port that exists, with an echo behind it")(
       "size", po::value<std::uint32_t>()->default_value(16), "bytes a message, at most 4096")(
       "count", po::value<std::uint32_t>()->default_value(1000), "round trips a round")(
       "warmup", po::value<std::uint32_t>()->default_value(100), "before them, not counted")(

@@ -266,8 +266,8 @@ class Bench:
                        most=5)
 
     def exec(self):
-        """What a driver has of the supervisor of `porttape exec`: its round trips beside those of a recorded line, and its calls
-        beside those on a bare pty."""
+        """What a driver has of the supervisor of `porttape exec`: its round trips beside those of a recorded line, those that are
+        tapped and its calls beside those on a bare pty."""
         porttape, porttaped = self.programs["porttape"], self.programs["porttaped"]
         if not porttape or not porttaped:
             return self.table.skip("exec", "porttape or porttaped is not built")
@@ -287,6 +287,11 @@ class Bench:
             spread = max(1.02, statistics.quantiles(without, n=4)[2] / statistics.median(without))
             self.table.add(f"round trip {title}, under exec", driver[key + "_us"], "us", record[key + "_us"], "record",
                            statistics.median(a / b for a, b in zip(under, without)), most=spread if key == "p50" else None)
+        tap = f"tap={porttape} exec --tap --tape {{dir}}/t.log -- {self.programs['linebench']} drive {{device}} {{dir}}"
+        lines = {line["name"]: line for line in self.linebench(
+            "rtt", "--relay", "bare=", "--driven", tap, "--rounds", rounds, "--count", 4 * count, "--warmup", count // 10)}
+        beyond = statistics.median(a - b for a, b in zip(lines["tap"]["p50_rounds"], lines["bare"]["p50_rounds"]))
+        self.table.add("round trip median, exec --tap, beyond bare", beyond, "us", lines["bare"]["p50_us"], "bare pty", most=15)
         rounds, count = self.sized((2, 50), (3, 300), (11, 2000))
         for call in self.linebench("calls", "--driven", driven, "--rounds", rounds, "--count", count):
             name, value, bare = call["call"], call["p50_us"], call["bare_p50_us"]
