@@ -157,9 +157,46 @@ Result<void> check_tape_files(const TapePaths& paths, OnExisting on_existing) {
 
 struct NewTapeFiles::Entry {
   Place place;
-  fs::path name;  // in the folder; the final one unless a file is to be replaced
+  fs::path name;  // in the folder; the final one unless a file is to be replaced; none yet: empty
   bool made = false;
+  const FileSink* unnamed = nullptr;
+
+  std::unique_ptr<TapeSink> make(Appear appear, int& error);
+  [[nodiscard]] int publish();
 };
+
+std::unique_ptr<TapeSink> NewTapeFiles::Entry::make(Appear appear, int& error) {
+  const int folder = place.folder.get();
+  if (appear == Appear::when_published) {
+    auto file = FileSink::create_unnamed(folder, error);
+    unnamed = file.get();
+    if (file || error != EOPNOTSUPP) return file;
+  }
+  const bool final = appear == Appear::at_once && !place.exists;
+  name = final ? place.file() : replacement_name(place.file());
+  auto file = FileSink::create(folder, name, error);
+  made = file != nullptr;
+  return file;
+}
+
+// 0 or the errno; EEXIST: the name has been taken meanwhile.
+int NewTapeFiles::Entry::publish() {
+  const int folder = place.folder.get();
+  const fs::path final = place.file();
+  if (unnamed != nullptr) {
+    const fs::path first = place.exists ? replacement_name(final) : final;
+    if (const int error = unnamed->link(folder, first); error != 0) return error;
+    name = first;
+    made = true;
+  }
+  if (name == final) return 0;
+  if (!place.exists && ::linkat(folder, name.c_str(), folder, final.c_str(), 0) != 0) return errno;
+  const int moved = place.exists ? ::renameat(folder, name.c_str(), folder, final.c_str())
+                                 : ::unlinkat(folder, name.c_str(), 0);
+  if (moved != 0) return errno;
+  name = final;
+  return 0;
+}
 
 NewTapeFiles::NewTapeFiles() : entries_(std::make_unique<Entries>()) {}
 NewTapeFiles::NewTapeFiles(NewTapeFiles&&) noexcept = default;
@@ -173,17 +210,18 @@ void NewTapeFiles::discard() {
   }
 }
 
-Result<NewTapeFiles> NewTapeFiles::make(const TapePaths& paths, const TapeWriterOptions& options) {
-  if (options.on_existing != OnExisting::next) return make_at(paths, options.on_existing);
+Result<NewTapeFiles> NewTapeFiles::make(const TapePaths& paths, const TapeWriterOptions& options,
+                                        Appear appear) {
+  if (options.on_existing != OnExisting::next) return make_at(paths, options.on_existing, appear);
   for (unsigned number = options.first_number;; ++number) {
     const TapePaths candidate = numbered_tape(paths, number);
     if (is_taken(candidate)) continue;
-    auto files = make_at(candidate, OnExisting::refuse);
+    auto files = make_at(candidate, OnExisting::refuse, appear);
     if (files || !is_taken(candidate)) return files;  // else somebody was faster
   }
 }
 
-Result<NewTapeFiles> NewTapeFiles::make_at(const TapePaths& paths, OnExisting on_existing) {
+Result<NewTapeFiles> NewTapeFiles::make_at(const TapePaths& paths, OnExisting on_existing, Appear appear) {
   std::array<std::unique_ptr<TapeSink>, 3> sinks;  // outlive `files`: what is removed is still locked
   NewTapeFiles files;
   files.paths = paths;
@@ -195,26 +233,29 @@ Result<NewTapeFiles> NewTapeFiles::make_at(const TapePaths& paths, OnExisting on
   }
   for (std::size_t i = 0; i < sinks.size(); ++i) {
     Entry& entry = files.entries_->at(i);
-    entry.name = entry.place.exists ? replacement_name(entry.place.file()) : entry.place.file();
     int error = 0;
-    sinks.at(i) = FileSink::create(entry.place.folder.get(), entry.name, error);
+    sinks.at(i) = entry.make(appear, error);
     if (!sinks.at(i)) return cannot_make(entry.place, error);
-    entry.made = true;
   }
   files.sinks = {std::move(sinks[0]), std::move(sinks[1]), std::move(sinks[2])};
   return files;
 }
 
+// The events first: who finds the blocks finds them, too.
 Result<void> NewTapeFiles::publish() {
-  for (Entry& entry : *entries_) {
-    const int folder = entry.place.folder.get();
-    const fs::path final_name = entry.place.file();
-    if (entry.name != final_name && ::renameat(folder, entry.name.c_str(), folder, final_name.c_str()) != 0) {
-      return make_error(Errc::io,
-                        "cannot replace " + in_quotes(entry.place.path.string()) + ": " + errno_text(errno));
-    }
-    entry.made = false;  // it stays
+  for (std::size_t i = entries_->size(); i-- > 0;) {
+    Entry& entry = entries_->at(i);
+    const int error = entry.publish();
+    if (error == 0) continue;
+    // What stood there before is replaced for good.
+    for (Entry& other : *entries_)
+      other.made = other.made && !(other.place.exists && other.name == other.place.file());
+    discard();
+    if (error == EEXIST) return cannot_make(entry.place, error);
+    const std::string what = entry.place.exists ? "cannot replace " : "cannot make ";
+    return make_error(Errc::io, what + in_quotes(entry.place.path.string()) + ": " + errno_text(error));
   }
+  for (Entry& entry : *entries_) entry.made = false;  // they stay
   return {};
 }
 

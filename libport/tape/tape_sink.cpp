@@ -4,6 +4,7 @@
 #include <array>
 #include <cerrno>
 #include <fcntl.h>
+#include <string>
 #include <sys/stat.h>
 #include <sys/uio.h>
 #include <unistd.h>
@@ -36,6 +37,23 @@ std::unique_ptr<FileSink> FileSink::create(int folder, const std::filesystem::pa
     return nullptr;
   }
   return std::unique_ptr<FileSink>(new FileSink(std::move(fd), std::move(sync_fd)));
+}
+
+std::unique_ptr<FileSink> FileSink::create_unnamed(int folder, int& error) {
+  UniqueFd fd(::openat(folder, ".", O_WRONLY | O_APPEND | O_TMPFILE | O_CLOEXEC, kMode));
+  // What kernels and file systems without them say.
+  const bool unknown = !fd && (errno == EISDIR || errno == EINVAL || errno == ENOENT || errno == ENOSYS);
+  error = fd ? 0 : unknown ? EOPNOTSUPP : errno;
+  if (!fd) return nullptr;
+  UniqueFd sync_fd(::fcntl(fd.get(), F_DUPFD_CLOEXEC, 0));
+  error = sync_fd ? 0 : errno;
+  if (!sync_fd) return nullptr;
+  return std::unique_ptr<FileSink>(new FileSink(std::move(fd), std::move(sync_fd)));
+}
+
+int FileSink::link(int folder, const std::filesystem::path& name) const {
+  const std::string own = "/proc/self/fd/" + std::to_string(fd_.get());
+  return ::linkat(AT_FDCWD, own.c_str(), folder, name.c_str(), AT_SYMLINK_FOLLOW) == 0 ? 0 : errno;
 }
 
 // A short write is followed by a second one, which tells why.

@@ -40,6 +40,11 @@ class FileSink final : public TapeSink {
   // Makes a new file of mode 0640, never following a symlink, and locks it until it is closed. The errno
   // otherwise (EEXIST if anything is there, or somebody else has locked the new file first).
   static std::unique_ptr<FileSink> create(int folder, const std::filesystem::path& name, int& error);
+  // The same without a name: link() gives it one, and without that it goes away with its last descriptor. Not
+  // locked. EOPNOTSUPP where the file system has no such files.
+  static std::unique_ptr<FileSink> create_unnamed(int folder, int& error);
+  // 0 or the errno; EEXIST if anything is there.
+  [[nodiscard]] int link(int folder, const std::filesystem::path& name) const;
 
   Appended append(ByteView head, ByteView body) override;
   int truncate(std::uint64_t size) override;
