@@ -118,6 +118,7 @@ Result<bool> print_tape(TapeReader& tape, const CatOptions& options, CatPrinter&
                         const std::ostream& out) {
   BurstJoiner joiner(printer, !options.blocks);
   bool more = true;
+  bool ended = false;
   while (more && out.good()) {
     const auto record = tape.next();
     if (!record) {
@@ -133,10 +134,11 @@ Result<bool> print_tape(TapeReader& tape, const CatOptions& options, CatPrinter&
       joiner.flush();  // something is in between, though it is not shown
     }
     const Event* const event = (**record).event;
-    if (event != nullptr && std::holds_alternative<event::End>(*event)) more = false;
+    // What has its time comes behind it.
+    if (event != nullptr && std::holds_alternative<event::End>(*event)) ended = true;
   }
   joiner.flush();
-  return more && out.good();
+  return more && !ended && out.good();
 }
 
 int fail(const Error& error, std::ostream& out, std::ostream& err) {

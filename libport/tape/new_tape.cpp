@@ -202,7 +202,10 @@ Result<void> NewTape::copy(const Record& record, Micros later) {
 
 Result<TapePaths> NewTape::finish(std::optional<TapeTime> end) {
   if (end) {
-    const TapeTime at = std::max(*end, latest());
+    // Behind the last block: of equal times events are read first.
+    const std::int64_t last_block = std::max(impl_->read.last_us, impl_->write.last_us);
+    const std::int64_t earliest = std::max(impl_->events.last_us, std::min(last_block + 1, kMaxBlockTimeUs));
+    const TapeTime at = std::max(*end, tape_time_us(earliest));
     const event::End totals{impl_->read.payload.totals(), impl_->write.payload.totals()};
     if (const auto ended = impl_->line(at, encode(at, totals)); !ended) return ended.error();
   } else if (const auto taken = impl_->take_time(impl_->events, tape_time_us(impl_->events.last_us));
