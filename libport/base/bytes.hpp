@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -27,6 +28,10 @@ inline bool is_line_end(Byte byte) { return byte == '\n' || byte == '\r'; }
 
 // "0a1b": two lower-case digits a byte, no separator.
 std::string to_hex(ByteView bytes);
+
+// A digit's value, in either case, and pairs of digits with nothing between them; nothing: these are none.
+std::optional<unsigned> hex_digit(char c);
+std::optional<Bytes> bytes_of_hex(std::string_view digits);
 
 // Printable ASCII as it is, the rest as \n \r \t \\ \" or \xNN: one line, safe inside double quotes.
 std::string to_printable(ByteView bytes);

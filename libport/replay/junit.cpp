@@ -6,58 +6,14 @@
 #include <string>
 #include <string_view>
 
-#include "libport/base/printable.hpp"
-#include "libport/base/utf8.hpp"
+#include "libport/base/xml_text.hpp"
 #include "libport/replay/test_case.hpp"
 
 namespace porttape {
 namespace {
 
-bool is_no_xml(char32_t character) { return character == 0xFFFE || character == 0xFFFF; }
-
-void append_xml(std::string& out, std::string_view sequence, char32_t character) {
-  switch (character) {
-    case U'&':
-      out += "&amp;";
-      return;
-    case U'<':
-      out += "&lt;";
-      return;
-    case U'>':
-      out += "&gt;";
-      return;
-    case U'"':
-      out += "&quot;";
-      return;
-    default:
-      out += is_obeyed(character) ? printable_line(sequence) : std::string(sequence);
-  }
-}
-
-// Text of an element, with its lines, or the value of an attribute, which has one line.
-std::string xml(std::string_view text, bool lines) {
-  std::string out;
-  while (!text.empty()) {
-    const std::size_t length = utf8_length(text);
-    const std::string_view sequence = text.substr(0, length == 0 ? 1 : length);
-    text.remove_prefix(sequence.size());
-    if (lines && (sequence == "\n" || sequence == "\t")) {
-      out += sequence;
-    } else if (lines && sequence == "\r" && text.starts_with('\n')) {
-      continue;
-    } else if (length == 0) {
-      out += printable_line(sequence);
-    } else if (const char32_t character = utf8_character(sequence); is_no_xml(character)) {
-      out += character == 0xFFFE ? "\\u{fffe}" : "\\u{ffff}";
-    } else {
-      append_xml(out, sequence, character);
-    }
-  }
-  return out;
-}
-
 std::string attribute(std::string_view name, std::string_view value) {
-  return ' ' + std::string(name) + "=\"" + xml(value, false) + '"';
+  return ' ' + std::string(name) + "=\"" + xml_text(value, false) + '"';
 }
 
 std::string number(std::string_view name, std::size_t value) {
@@ -72,7 +28,7 @@ std::string seconds_of(double seconds) {
 
 std::string trouble(std::string_view element, const TestCase& test) {
   return "      <" + std::string(element) + attribute("message", test.message) +
-         attribute("type", test.kind) + '>' + xml(test.text, true) + "</" + std::string(element) + ">\n";
+         attribute("type", test.kind) + '>' + xml_text(test.text, true) + "</" + std::string(element) + ">\n";
 }
 
 std::string body_of(const TestCase& test) {
@@ -81,7 +37,7 @@ std::string body_of(const TestCase& test) {
   if (test.outcome == TestCase::Outcome::error) out = trouble("error", test);
   if (test.outcome == TestCase::Outcome::skipped)
     out = "      <skipped" + attribute("message", test.message) + "/>\n";
-  if (!test.output.empty()) out += "      <system-out>" + xml(test.output, true) + "</system-out>\n";
+  if (!test.output.empty()) out += "      <system-out>" + xml_text(test.output, true) + "</system-out>\n";
   return out;
 }
 

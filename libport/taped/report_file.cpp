@@ -11,12 +11,12 @@
 #include <filesystem>
 #include <fmt/format.h>
 #include <poll.h>
-#include <random>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "libport/base/printable.hpp"
 #include "libport/base/unique_fd.hpp"
+#include "libport/tape/new_file.hpp"
 #include "libport/taped/report_place.hpp"
 
 namespace porttape {
@@ -28,16 +28,6 @@ using Clock = std::chrono::steady_clock;
 constexpr std::chrono::milliseconds kReaderLimit(1000);
 
 // The system calls here give an errno, 0 when all went well.
-
-int write_all(int fd, std::string_view text) {
-  while (!text.empty()) {
-    const ssize_t n = ::write(fd, text.data(), text.size());
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return n < 0 ? errno : EIO;
-    text.remove_prefix(static_cast<std::size_t>(n));
-  }
-  return 0;
-}
 
 // To what a reader empties, or does not: PIPE_BUF bytes at a time are taken at once where poll() says so.
 int write_with_patience(int fd, std::string_view text) {
@@ -56,34 +46,11 @@ int write_with_patience(int fd, std::string_view text) {
   return 0;
 }
 
-// A name beside `file` that nobody can know beforehand.
-std::string new_name_beside(const std::string& file) {
-  std::random_device random;
-  return (fs::path(file).parent_path() / fmt::format(".report-{:08x}{:08x}.new", random(), random()))
-      .string();
-}
-
-// Opens a file that was not there; `name` is what it is called.
-UniqueFd create_beside(const std::string& file, std::string& name) {
-  constexpr int attempts = 100;
-  for (int n = 0; n < attempts; ++n) {
-    name = new_name_beside(file);
-    UniqueFd fd(::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644));
-    if (fd || errno != EEXIST) return fd;
-  }
-  return {};
-}
-
-int replace(const std::string& file, std::string_view text) {
-  std::string name;
-  UniqueFd fd = create_beside(file, name);
-  if (!fd) return errno;
-  int error = write_all(fd.get(), text);
-  if (error == 0 && ::fsync(fd.get()) != 0) error = errno;
-  if (::close(fd.release()) != 0 && error == 0) error = errno;
-  if (error == 0 && std::rename(name.c_str(), file.c_str()) != 0) error = errno;
-  if (error != 0) (void)::unlink(name.c_str());
-  return error;
+Result<void> replace_report(const std::string& file, std::string_view text) {
+  Result<NewFile> made = NewFile::create(file, true);
+  if (!made) return made.error();
+  if (Result<void> added = made->add(text); !added) return added;
+  return made->finish();
 }
 
 int write_in_place(const ReportPlace& place, std::string_view text) {
@@ -163,8 +130,12 @@ Result<void> write_report(const std::string& path, std::string_view text, std::s
     if (!place)
       return make_error(
           Errc::io, fmt::format("{} {} cannot be written: {}", what, in_quotes(path), place.error().message));
-    error = place->kind == ReportPlace::Kind::replaced ? replace(place->file, text)
-                                                       : write_in_place(*place, text);
+    if (place->kind == ReportPlace::Kind::replaced) {
+      const Result<void> replaced = replace_report(place->file, text);
+      if (replaced) return {};
+      return make_error(Errc::io, fmt::format("{} {}", what, replaced.error().message));
+    }
+    error = write_in_place(*place, text);
   }
   if (error == 0) return {};
   return cannot_write(what, path, error);
