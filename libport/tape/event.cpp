@@ -2,6 +2,7 @@
 
 #include "libport/tape/event.hpp"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <limits>
@@ -9,12 +10,12 @@
 #include <type_traits>
 #include <utility>
 
-#include <boost/json/parse.hpp>
 #include <boost/json/serialize.hpp>
 #include <boost/json/value.hpp>
 
 #include "libport/base/json_object.hpp"
 #include "libport/base/line_settings_text.hpp"
+#include "libport/tape/json_line.hpp"
 
 namespace porttape {
 namespace {
@@ -84,6 +85,19 @@ void put(JsonObject& line, const PortIdentity& port) {
   put_if(line, "driver", port.driver);
 }
 
+void put(JsonObject& line, const TapeOrigin& origin) {
+  put(line, "by", origin.by);
+  JsonList tapes;
+  for (const PreviousTape& tape : origin.tapes) {
+    JsonObject each;
+    put_if(each, "id", tape.id);
+    put(each, "name", tape.name);
+    tapes.add(each);
+  }
+  line.add("tapes", tapes);
+  if (origin.from) line.add("from_us", origin.from->count());
+}
+
 void put(JsonObject& line, std::string_view key, const std::optional<PayloadTotals>& totals) {
   if (!totals) return;
   JsonObject object;
@@ -143,16 +157,6 @@ void put(JsonObject& line, const event::End& end) {
 
 // Reading.
 
-// The value of a line; null where the line is no JSON object.
-json::value parse_line(std::string_view line) {
-  json::parse_options options;
-  options.allow_invalid_utf8 = true;
-  json::error_code failed;
-  json::value value = json::parse({line.data(), line.size()}, failed, {}, options);
-  if (failed || !value.is_object()) return nullptr;
-  return value;
-}
-
 std::string text_of(const json::object& object, std::string_view key) {
   const json::value* value = object.if_contains({key.data(), key.size()});
   const json::string* text = value == nullptr ? nullptr : value->if_string();
@@ -165,6 +169,13 @@ std::optional<std::int64_t> number_of(const json::object& object, std::string_vi
   const std::int64_t* number = value == nullptr ? nullptr : value->if_int64();
   if (number == nullptr || *number < 0) return std::nullopt;
   return *number;
+}
+
+// When a gap began, which may be before its tape did.
+std::optional<std::int64_t> gap_begin(const json::object& line) {
+  const json::value* value = line.if_contains("from_us");
+  const std::int64_t* number = value == nullptr ? nullptr : value->if_int64();
+  return number == nullptr ? std::nullopt : std::optional(*number);
 }
 
 const json::object* object_of(const json::object& object, std::string_view key) {
@@ -228,6 +239,19 @@ PortIdentity identity_of(const json::object& object) {
   return port;
 }
 
+TapeOrigin origin_of(const json::object& object) {
+  constexpr std::size_t most = 1000;
+  TapeOrigin origin{text_of(object, "by"), {}, {}};
+  const json::value* value = object.if_contains("tapes");
+  const json::array* tapes = value == nullptr ? nullptr : value->if_array();
+  for (std::size_t i = 0; tapes != nullptr && i < std::min(tapes->size(), most); ++i) {
+    if (const json::object* tape = (*tapes)[i].if_object())
+      origin.tapes.push_back({text_of(*tape, "id"), text_of(*tape, "name")});
+  }
+  if (const auto from = number_of(object, "from_us")) origin.from = Micros(*from);
+  return origin;
+}
+
 std::optional<std::uint64_t> digest_of(const std::string& hex) {
   std::uint64_t digest = 0;
   const auto [end, error] = std::from_chars(hex.data(), hex.data() + hex.size(), digest, 16);
@@ -275,7 +299,7 @@ void take(const json::object& line, event::Drain& drain) {
 void take(const json::object& line, event::Mark& mark) { mark.text = text_of(line, "text"); }
 void take(const json::object& line, event::Gap& gap) {
   gap.bytes = count_of(line, "bytes").value_or(0);
-  if (const auto from = number_of(line, "from_us")) gap.from = tape_time_us(*from);
+  if (const auto from = gap_begin(line)) gap.from = tape_time_us(std::max<std::int64_t>(0, *from));
   gap.why = text_of(line, "why");
 }
 void take(const json::object& line, event::Fault& event) {
@@ -364,6 +388,11 @@ std::string encode(const TapeHeader& header) {
     put(identity, *header.identity);
     line.add_raw("identity", identity.str());
   }
+  if (header.origin) {
+    JsonObject origin;
+    put(origin, *header.origin);
+    line.add_raw("origin", origin.str());
+  }
   put(line, "host", header.host);
   put(line, "tool", header.tool);
   return line.str() + '\n';
@@ -371,7 +400,7 @@ std::string encode(const TapeHeader& header) {
 
 Result<TapeEvent> decode_event(std::string_view line) {
   const auto damage = [](const char* reason) { return make_error(Errc::damaged_tape, reason); };
-  const json::value value = parse_line(line);
+  const json::value value = parse_json_line(line);
   const json::object* object = value.if_object();
   if (object == nullptr) return damage("not a JSON object");
   const auto at = number_of(*object, "t_us");
@@ -382,13 +411,52 @@ Result<TapeEvent> decode_event(std::string_view line) {
 }
 
 std::string encode_again(std::string_view line, TapeTime at) {
-  json::value value = parse_line(line);
-  if (value.is_object()) value.get_object()["t_us"] = to_us(at);
+  json::value value = parse_json_line(line);
+  if (json::object* object = value.if_object()) {
+    const bool is_gap = text_of(*object, "event") == event::Gap::kName;
+    const auto from = is_gap ? gap_begin(*object) : std::nullopt;
+    const auto was = number_of(*object, "t_us");
+    std::int64_t moved = 0;
+    if (from && was && !__builtin_add_overflow(*from, to_us(at) - *was, &moved)) (*object)["from_us"] = moved;
+    (*object)["t_us"] = to_us(at);
+  }
+  return json::serialize(value) + '\n';
+}
+
+std::string encode_carried(std::string_view line, TapeTime at) {
+  json::value value = parse_json_line(line);
+  if (json::object* object = value.if_object()) {
+    (*object)["t_us"] = to_us(at);
+    (*object)["carried"] = true;
+  }
+  return json::serialize(value) + '\n';
+}
+
+// Asked of each event of a tape: most lines have no such word.
+bool is_carried(std::string_view line) {
+  if (line.find("\"carried\"") == std::string_view::npos) return false;
+  const json::value value = parse_json_line(line);
+  return value.is_object() && is_true(value.get_object(), "carried");
+}
+
+std::string encode_again(std::string_view line, const TapeHeader& changed) {
+  const std::string made = encode(changed);
+  json::value value = parse_json_line(line);
+  const json::value other = parse_json_line(made);
+  if (!value.is_object() || !other.is_object()) return made;
+  json::object& object = value.get_object();
+  for (const char* const key : {"created", "id", "zero", "previous", "origin"}) {
+    if (const json::value* told = other.get_object().if_contains(key)) {
+      object[key] = *told;
+    } else {
+      object.erase(key);
+    }
+  }
   return json::serialize(value) + '\n';
 }
 
 Result<TapeHeader> decode_header(std::string_view line) {
-  const json::value value = parse_line(line);
+  const json::value value = parse_json_line(line);
   const json::object* object = value.if_object();
   if (object == nullptr || text_of(*object, "format") != kFormat) {
     return make_error(Errc::not_a_tape, "not an events file: its first line is no porttape-events header");
@@ -407,6 +475,7 @@ Result<TapeHeader> decode_header(std::string_view line) {
     header.previous = PreviousTape{text_of(*previous, "id"), text_of(*previous, "name")};
   }
   if (const json::object* identity = object_of(*object, "identity")) header.identity = identity_of(*identity);
+  if (const json::object* origin = object_of(*object, "origin")) header.origin = origin_of(*origin);
   return header;
 }
 

@@ -165,8 +165,14 @@ std::string_view name_of(const Event& event);
 std::string encode(TapeTime at, const Event& event);
 std::string encode(const TapeHeader& header);
 // A line (without its newline) that was decoded, at another time; with its newline. Keys that this version
-// does not know stay.
+// does not know stay. A gap's begin moves with it.
 std::string encode_again(std::string_view line, TapeTime at);
+// The same, of an event that tells what held before the tape's beginning.
+std::string encode_carried(std::string_view line, TapeTime at);
+bool is_carried(std::string_view line);
+// A header's line (without its newline) with `created`, `id`, `zero`, `previous` and `origin` of another;
+// with its newline. Keys that this version does not know stay. Where `line` is no header: the other one.
+std::string encode_again(std::string_view line, const TapeHeader& changed);
 
 // A line without its newline. Unknown kinds and keys are no error. The error's message says what is wrong
 // with the line, without its file and number: Errc::damaged_tape; for the header Errc::not_a_tape, as in "an

@@ -89,6 +89,7 @@ Result<void> EventFile::read_header() {
   auto header = decode_header(**line);
   if (!header) return make_error(header.error().code, name() + " is " + header.error().message);
   header_ = std::move(*header);
+  header_line_ = **line;
   return {};
 }
 

@@ -38,6 +38,8 @@ class EventFile {
   }  // after `failed`: Errc::damaged_tape or Errc::io
   // Nothing if the file ended before its first line did. A `zero` event that has come replaces its zero.
   [[nodiscard]] const std::optional<TapeHeader>& header() const { return header_; }
+  // Its line, without the newline; empty where there is none.
+  [[nodiscard]] const std::string& header_line() const { return header_line_; }
   // After `end`: an unfinished last line as a note for a person, nothing if there is none.
   [[nodiscard]] std::optional<std::string> torn_tail() const;
   [[nodiscard]] const std::string& name() const { return source_->name(); }
@@ -57,6 +59,7 @@ class EventFile {
   std::uint64_t offset_ = 0;  // in the file, of end_
   std::uint64_t line_number_ = 0;
   std::optional<TapeHeader> header_;
+  std::string header_line_;
   TapeEvent event_;
   std::string_view line_;
   bool ended_ = false;

@@ -187,6 +187,10 @@ Result<void> NewTape::event_line(TapeTime at, std::string_view line) {
   return impl_->line(at, encode_again(line, at));
 }
 
+Result<void> NewTape::carried_line(TapeTime at, std::string_view line) {
+  return impl_->line(at, encode_carried(line, at));
+}
+
 Result<void> NewTape::copy(const Record& record, Micros later) {
   const TapeTime at = record.at + later;
   if (record.kind != RecordKind::read && record.kind != RecordKind::write) {

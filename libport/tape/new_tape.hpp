@@ -48,6 +48,8 @@ class NewTape {
   Result<void> event(TapeTime at, const Event& event);
   // Of another tape, as its line there (without a newline) has it: unknown kinds and keys stay.
   Result<void> event_line(TapeTime at, std::string_view line);
+  // The same, of an event that says what held before this tape's beginning.
+  Result<void> carried_line(TapeTime at, std::string_view line);
 
   // What a reader gives, so much later (or earlier); `end` events are left out.
   Result<void> copy(const Record& record, Micros later = Micros(0));

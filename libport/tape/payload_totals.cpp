@@ -18,6 +18,10 @@ std::string digest_text(std::uint64_t xxh3) {
   return hex.data();
 }
 
+std::uint64_t digest_of(ByteView data, std::uint64_t seed) {
+  return XXH3_64bits_withSeed(data.data(), data.size(), seed);
+}
+
 struct PayloadCounter::Digest {
   XXH3_state_t state;
 };

@@ -21,6 +21,9 @@ struct PayloadTotals {
 // A digest as the tape has it: 16 hexadecimal digits.
 std::string digest_text(std::uint64_t xxh3);
 
+// XXH3 with 64 bits of some bytes; another one for each seed.
+std::uint64_t digest_of(ByteView data, std::uint64_t seed = 0);
+
 // Adds up the blocks of one file as they pass: begin_block(), then its data in any pieces. About 10 ns for a
 // small block.
 class PayloadCounter {

@@ -115,6 +115,8 @@ std::string wall_text(Instant at, Instant now) {
   return rfc3339(wall_now() - std::chrono::duration_cast<Micros>(now - at));
 }
 
+std::string wall_text(Micros since_1970) { return rfc3339(WallTime(since_1970)); }
+
 TapeZero tape_zero(Instant zero, Instant now) {
   const auto since_boot = std::chrono::duration_cast<Micros>(zero.time_since_epoch());
   return {wall_text(zero, now), since_boot.count(), boot_id()};
@@ -131,6 +133,12 @@ std::optional<Micros> since(const TapeZero& first, const TapeZero& zero) {
     apart = (*to - *from).count();
   }
   return apart <= kMostApart && apart >= -kMostApart ? std::optional(Micros(apart)) : std::nullopt;
+}
+
+TapeZero later(TapeZero zero, Micros by) {
+  if (const auto wall = wall_time(zero.wall)) zero.wall = rfc3339(*wall + by);
+  if (__builtin_add_overflow(zero.monotonic_us, by.count(), &zero.monotonic_us)) zero.monotonic_us = 0;
+  return zero;
 }
 
 TapeHeader completed(TapeHeader header) {

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "libport/base/port_identity.hpp"
 #include "libport/base/time.hpp"
@@ -20,12 +21,17 @@ struct TapeZero {
 
 // RFC 3339 with microseconds: `at`, a moment near `now`, on this machine's wall.
 std::string wall_text(Instant at, Instant now);
+// The same of a time since 1970.
+std::string wall_text(Micros since_1970);
 // How this machine's clocks call `zero`, a moment near `now`.
 TapeZero tape_zero(Instant zero, Instant now);
 
 // How much later than `first` it was: by the monotonic clock where both are of one boot, else by the wall's.
 // Nothing where that is not known.
 std::optional<Micros> since(const TapeZero& first, const TapeZero& zero);
+
+// The clocks so much later.
+TapeZero later(TapeZero zero, Micros by);
 
 enum class Transport : std::uint8_t { stream, datagram };
 // When a block got its time: when its bytes came, or when a program that does not listen all the time read
@@ -38,6 +44,15 @@ struct PreviousTape {
   std::string name;
 
   friend bool operator==(const PreviousTape&, const PreviousTape&) = default;
+};
+
+// What a tape was made of, by a verb.
+struct TapeOrigin {
+  std::string by;                   // the verb: "cut"
+  std::vector<PreviousTape> tapes;  // at least one; those without an events file have no id
+  std::optional<Micros> from;       // when it begins on the time of the first of them
+
+  friend bool operator==(const TapeOrigin&, const TapeOrigin&) = default;
 };
 
 // What the header line of the events file says. What is empty is not told; the writer fills in what it knows
@@ -54,6 +69,7 @@ struct TapeHeader {
   std::optional<Stamped> stamped{};
   std::optional<PreviousTape> previous{};
   std::optional<PortIdentity> identity{};  // of the device; unchecked; without its location
+  std::optional<TapeOrigin> origin{};
 
   friend bool operator==(const TapeHeader&, const TapeHeader&) = default;
 };

@@ -96,6 +96,10 @@ TapePaths numbered_tape(const TapePaths& first, unsigned number) {
   return with_part(first, "." + std::to_string(number));
 }
 
+TapePaths part_tape(const TapePaths& whole, std::uint64_t number) {
+  return with_part(whole, "." + std::to_string(number));
+}
+
 TapePaths connection_tape(const TapePaths& first, unsigned connection) {
   if (connection <= 1) return first;
   return with_part(first, ".c" + std::to_string(connection));

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -31,6 +32,9 @@ TapePaths new_tape(std::string_view argument);
 
 // `laser.log`, `laser.2.log`, `laser.3.log`, …: the names of a tape that another has to make room for.
 TapePaths numbered_tape(const TapePaths& first, unsigned number);
+
+// `laser.1.log`, `laser.2.log`, …: the parts that a tape is split into.
+TapePaths part_tape(const TapePaths& whole, std::uint64_t number);
 
 // `laser.log`, `laser.c2.log`, `laser.c3.log`, …: the tapes of several connections of one driver's port.
 TapePaths connection_tape(const TapePaths& first, unsigned connection);

@@ -237,6 +237,10 @@ std::optional<TapeHeader> TapeReader::header() const {
   return impl_->events.file().header();
 }
 
+std::string TapeReader::header_line() const {
+  return impl_->events.exists() ? impl_->events.file().header_line() : std::string();
+}
+
 std::optional<std::string> TapeReader::torn_tail() const {
   std::optional<std::string> notes;
   if (impl_->read.exists()) add_note(notes, impl_->read.file().torn_tail());

@@ -73,6 +73,9 @@ class TapeReader final : public RecordSource {
   // Select::merged only).
   [[nodiscard]] std::optional<TapeHeader> header() const;
 
+  // That line as it stands there, without its newline; empty where there is none.
+  [[nodiscard]] std::string header_line() const;
+
   // A torn tail seen so far, as a note for a person; known for sure once next() has given nothing.
   [[nodiscard]] std::optional<std::string> torn_tail() const;
 

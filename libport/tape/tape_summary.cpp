@@ -5,6 +5,7 @@
 
 #include "libport/tape/block_file.hpp"
 #include "libport/tape/event_file.hpp"
+#include "libport/tape/exchange_count.hpp"
 #include "libport/tape/layout.hpp"
 #include "libport/tape/merge_order.hpp"
 #include "libport/tape/quantiles.hpp"
@@ -25,30 +26,24 @@ constexpr std::size_t kMaxSignals = 64;
 class ExchangeMeter {
  public:
   void on_write(TapeTime at) {
-    if (state_ != State::asking) ++exchanges_;
-    state_ = State::asking;
+    exchanges_.on_write();
     asked_ = at;
   }
   void on_read(TapeTime at) {
-    if (state_ != State::asking) return;
-    state_ = State::idle;
-    latency_.add((at - asked_).count());
+    if (exchanges_.on_read()) latency_.add((at - asked_).count());
   }
-  void on_open_or_close() { state_ = State::idle; }
+  void on_open_or_close() { exchanges_.on_open_or_close(); }
 
   void report(TapeSummary& summary) const {
-    summary.exchanges = exchanges_;
+    summary.exchanges = exchanges_.count();
     summary.answered = latency_.count();
     if (latency_.count() == 0) return;
     summary.latency = LatencySummary{latency_.min(), latency_.at(0.5), latency_.at(0.99), latency_.max()};
   }
 
  private:
-  enum class State : std::uint8_t { idle, asking };
-
-  State state_ = State::idle;
+  ExchangeCount exchanges_;
   TapeTime asked_{};
-  std::uint64_t exchanges_ = 0;
   Quantiles latency_;
 };
 

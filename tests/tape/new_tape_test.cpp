@@ -16,6 +16,7 @@
 #include "libport/tape/tape_reader.hpp"
 #include "tests/support/random_tape.hpp"
 #include "tests/support/tape_bytes.hpp"
+#include "tests/support/tape_on_disk.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
@@ -185,24 +186,6 @@ TEST(NewTape, AFullDiskIsToldAndEndsIt) {
   EXPECT_FALSE(tape->event(tape_time_us(3), event::Open{}));
 }
 
-Result<void> put(NewTape& tape, const test::MemoryTape::Entry& entry) {
-  const TapeTime at = tape_time_us(entry.us);
-  switch (entry.kind) {
-    case RecordKind::read:
-      return tape.block(Direction::read, at, as_bytes(entry.data));
-    case RecordKind::write:
-      return tape.block(Direction::write, at, as_bytes(entry.data));
-    case RecordKind::open:
-      return tape.event(at, event::Open{});
-    case RecordKind::close:
-      return tape.event(at, event::Close{});
-    case RecordKind::hang_up:
-      return tape.event(at, event::DeviceLost{.why = "unplugged", .hung_up = true});
-    default:
-      return tape.event(at, entry.event);
-  }
-}
-
 TEST(NewTape, ACopyOfARandomTapeIsThatTape) {
   const TempDir dir;
   std::mt19937 random(20260101);
@@ -213,7 +196,7 @@ TEST(NewTape, ACopyOfARandomTapeIsThatTape) {
     const TapePaths first = literal_tape(dir / ("a" + std::to_string(round)));
     const TapePaths second = literal_tape(dir / ("b" + std::to_string(round)));
     NewTape tape = begin_tape(first);
-    for (const auto& entry : source.entries()) ASSERT_TRUE(put(tape, entry));
+    for (const auto& entry : source.entries()) ASSERT_TRUE(test::put(tape, entry));
     ASSERT_TRUE(tape.finish(std::nullopt));
     auto reader = TapeReader::open(first);
     ASSERT_TRUE(reader);

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "libport/base/bytes.hpp"
+#include "libport/base/result.hpp"
+#include "libport/base/unique_fd.hpp"
+
+namespace porttape {
+
+// A file that appears under its name by finish(), whole, or not at all; `-` is stdout, which gets what is
+// added as it comes. Owns its descriptor, and until then a file beside that name. After an error nothing more
+// is written, and every further call gives it again. Not thread-safe.
+class NewFile {
+ public:
+  // Errc::usage: something has that name already (and is not to be replaced, or is no regular file), or no
+  // file can be made there.
+  static Result<NewFile> create(const std::string& path, bool overwrite);
+  // Keeps all in memory, for take().
+  static NewFile in_memory();
+
+  NewFile(NewFile&& other) noexcept;
+  NewFile& operator=(NewFile&& other) noexcept;
+  ~NewFile();  // without finish(): nothing is left
+
+  // Errc::io.
+  Result<void> add(std::string_view text);
+  Result<void> add(ByteView bytes);
+  // Errc::io; Errc::usage: somebody else has made a file of that name meanwhile.
+  Result<void> finish();
+
+  [[nodiscard]] std::uint64_t size() const { return size_; }  // added so far
+  [[nodiscard]] const std::string& name() const { return path_; }
+  std::string take() { return std::move(buffer_); }
+
+ private:
+  enum class Kind { file, stdout_stream, memory };
+  NewFile(Kind kind, std::string path) : kind_(kind), path_(std::move(path)) {}
+  Result<void> flush();
+  Result<void> failed(int error);
+  void discard();
+
+  Kind kind_;
+  std::string path_;
+  std::string beside_;  // what it is called until then
+  UniqueFd fd_;
+  bool overwrite_ = false;
+  std::string buffer_;
+  std::uint64_t size_ = 0;
+  std::string trouble_;
+};
+
+}  // namespace porttape
