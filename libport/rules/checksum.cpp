@@ -44,23 +44,6 @@ std::optional<Byte> extra_of(ByteView frame) {
 
 }  // namespace
 
-std::optional<Bytes> bytes_of_hex(std::string_view digits) {
-  const auto value = [](char digit) {
-    if (digit >= '0' && digit <= '9') return digit - '0';
-    const int letter = std::tolower(static_cast<unsigned char>(digit));
-    return letter >= 'a' && letter <= 'f' ? letter - 'a' + 10 : -1;
-  };
-  if (digits.size() % 2 != 0) return std::nullopt;
-  Bytes bytes;
-  for (std::size_t i = 0; i < digits.size(); i += 2) {
-    const int high = value(digits[i]);
-    const int low = value(digits[i + 1]);
-    if (high < 0 || low < 0) return std::nullopt;
-    bytes.push_back(static_cast<Byte>(high << 4 | low));
-  }
-  return bytes;
-}
-
 std::size_t size_of(const ChecksumField& field, const ChecksumKind& kind) {
   return kind.size() * (field.hex ? 2 : 1);
 }

@@ -12,9 +12,6 @@
 
 namespace porttape {
 
-// Pairs of hexadecimal digits, in either case; nothing: these are none.
-std::optional<Bytes> bytes_of_hex(std::string_view digits);
-
 // How many bytes the field takes in a frame.
 std::size_t size_of(const ChecksumField& field, const ChecksumKind& kind);
 

@@ -9,6 +9,7 @@
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
+#include "libport/tape/record.hpp"
 
 namespace porttape {
 
@@ -144,14 +145,48 @@ struct ReplyTemplate {
   friend bool operator==(const ReplyTemplate&, const ReplyTemplate&) = default;
 };
 
+// What stands in a secret's place.
+enum class FillerKind : std::uint8_t {
+  like,  // digits for digits, letters for letters, what else is printable stays; other bytes: `bytes`
+  digits,
+  letters,
+  hex,
+  bytes,
+  constant  // RedactRule::with, again and again
+};
+
+// What of a tape is no one's business: `porttape redact` puts a filler of the same length in its place.
+struct RedactRule {
+  enum class Kind : std::uint8_t { place, pattern, text, range };
+  std::string name{};
+  std::optional<Direction> direction{};  // absent: both
+  Kind kind = Kind::place;
+  std::string frame{};  // place: only frames of that format; empty: of any
+  std::string when{};   // place: only where this expression is found in the frame
+  Place place{};
+  std::string pattern{};       // its first group, or all of it, wherever in the stream
+  std::size_t longest = 1024;  // pattern: bytes of a match
+  Bytes text{};                // text: these bytes
+  std::int64_t offset = 0;     // range: of the direction's stream
+  std::int64_t size = 0;
+  FillerKind filler = FillerKind::like;
+  Bytes with{};        // constant
+  bool events = true;  // pattern, text: in the texts of header and events, too
+  RuleLine line{};
+
+  friend bool operator==(const RedactRule&, const RedactRule&) = default;
+};
+
 struct RuleSet {
   std::string file{};                 // for messages
   std::vector<FrameFormat> frames{};  // the first that fits at a place has it
   std::vector<Rule> rules{};
   std::vector<ReplyTemplate> replies{};
+  std::vector<RedactRule> redactions{};
 
   friend bool operator==(const RuleSet& one, const RuleSet& other) {
-    return one.frames == other.frames && one.rules == other.rules && one.replies == other.replies;
+    return one.frames == other.frames && one.rules == other.rules && one.replies == other.replies &&
+           one.redactions == other.redactions;
   }
 };
 

@@ -23,6 +23,8 @@ constexpr std::size_t kMostLength = 65536;
 constexpr std::array<std::string_view, 2> kOrders = {"big", "little"};
 constexpr std::array<std::string_view, 4> kTypes = {"unsigned", "signed", "decimal", "hex"};
 constexpr std::array<std::string_view, 4> kFrameKinds = {"delimited", "length", "fixed", "idle"};
+constexpr std::array<std::string_view, 2> kDirections = {"r", "w"};
+constexpr std::array<std::string_view, 5> kFillers = {"like", "digits", "letters", "hex", "bytes"};
 
 class RulesReader {
  public:
@@ -40,9 +42,10 @@ class RulesReader {
     each(parsed.table(), "frame", [this](TomlTable& table) { read_frame(table); });
     each(parsed.table(), "rule", [this](TomlTable& table) { read_rule(table); });
     each(parsed.table(), "reply", [this](TomlTable& table) { read_reply(table); });
+    each(parsed.table(), "redact", [this](TomlTable& table) { read_redaction(table); });
     file.no_others();
-    if (!problems_.any() && rules_.rules.empty() && rules_.replies.empty())
-      file.wrong("has neither a [[rule]] nor a [[reply]]: nothing may vary");
+    if (!problems_.any() && rules_.rules.empty() && rules_.replies.empty() && rules_.redactions.empty())
+      file.wrong("has neither a [[rule]] nor a [[reply]] nor a [[redact]]: nothing may vary");
     if (problems_.any()) return problems_.error();
     return std::move(rules_);
   }
@@ -53,7 +56,7 @@ class RulesReader {
     if (format && *format != "porttape-rules")
       file.wrong("format", fmt::format("is {}; accepted: 'porttape-rules'", in_quotes(*format)));
     file.integer("version", 1, 1);
-    for (const char* const key : {"frame", "rule", "reply"}) file.asks(key);
+    for (const char* const key : {"frame", "rule", "reply", "redact"}) file.asks(key);
   }
 
   template <class Read>
@@ -375,6 +378,78 @@ class RulesReader {
     reply.to = read_named_place(table, "to");
     if (reply.name.empty()) table.wrong("has no key 'name'");
     rules_.replies.push_back(std::move(reply));
+  }
+
+  void read_redaction(TomlTable& table) {
+    RedactRule rule;
+    rule.name = table.text("name").value_or("");
+    if (rule.name.empty()) table.wrong("has no key 'name'");
+    const bool twice = std::any_of(rules_.redactions.begin(), rules_.redactions.end(),
+                                   [&](const RedactRule& other) { return other.name == rule.name; });
+    if (twice && !rule.name.empty())
+      table.wrong("name", "is that of an earlier [[redact]]; accepted: one of its own");
+    rule.line = line_of(table);
+    if (const auto direction = table.choice("dir", kDirections))
+      rule.direction = *direction == 0 ? Direction::read : Direction::write;
+    read_secret(table, rule);
+    read_filler(table, rule);
+    rules_.redactions.push_back(std::move(rule));
+  }
+
+  void read_secret(TomlTable& table, RedactRule& rule) {
+    using Kind = RedactRule::Kind;
+    const bool pattern = table.has("pattern");
+    const bool text = table.has("text") || table.has("text_hex");
+    const bool range = table.has("offset");
+    const bool place = table.has("at") || table.has("column") || table.has("capture");
+    if (pattern + text + range + place != 1) {
+      for (const char* const key : {"frame", "when", "at", "size", "to", "column", "separator", "capture",
+                                    "pattern", "longest", "text", "text_hex", "offset", "events"})
+        table.asks(key);
+      return table.wrong("needs one of text, pattern, offset, at, column, capture: what is to be replaced");
+    }
+    rule.kind = pattern ? Kind::pattern : text ? Kind::text : range ? Kind::range : Kind::place;
+    if (place) read_secret_place(table, rule);
+    if (range) read_secret_range(table, rule);
+    if (pattern) {
+      rule.pattern = read_expression(table, "pattern");
+      if (rule.pattern.empty()) table.wrong("pattern", "is empty; accepted: an expression of what is secret");
+      rule.longest = static_cast<std::size_t>(table.integer("longest", 1, kMostLength).value_or(1024));
+    }
+    if (text) {
+      rule.text = table.bytes("text").value_or(Bytes());
+      if (rule.text.empty() || rule.text.size() > kMostLength)
+        table.wrong("has a 'text' that is empty or of more than 65536 bytes");
+    }
+    if ((pattern || text) && table.has("events")) rule.events = table.flag("events");
+  }
+
+  void read_secret_place(TomlTable& table, RedactRule& rule) {
+    if (rules_.frames.empty())
+      table.wrong("is about a place in frames, and there is no [[frame]]; accepted: one, or text, pattern");
+    rule.frame = read_frame_name(table, "frame");
+    rule.when = read_expression(table, "when");
+    rule.place = read_place(table);
+  }
+
+  static void read_secret_range(TomlTable& table, RedactRule& rule) {
+    constexpr std::int64_t most = std::int64_t{1} << 62;
+    rule.offset = table.integer("offset", 0, most).value_or(0);
+    rule.size = table.integer("size", 1, most).value_or(1);
+    if (!table.has("size")) table.wrong("has an 'offset' and no 'size': how many bytes");
+    if (!rule.direction) table.wrong("has an 'offset' and no 'dir': of which stream; accepted: 'r', 'w'");
+  }
+
+  static void read_filler(TomlTable& table, RedactRule& rule) {
+    const bool constant = table.has("with") || table.has("with_hex");
+    if (constant && table.has("filler"))
+      table.wrong("filler", "is there besides 'with'; accepted: one of them");
+    rule.filler = static_cast<FillerKind>(table.choice("filler", kFillers).value_or(0));
+    if (!constant) return;
+    rule.filler = FillerKind::constant;
+    rule.with = table.bytes("with").value_or(Bytes());
+    if (rule.with.empty() || rule.with.size() > kMostLength)
+      table.wrong("has a 'with' without bytes, or too many");
   }
 
   Problems problems_;

@@ -194,6 +194,44 @@ void write(Writer& out, const ReplyTemplate& reply) {
   out.line("to = " + inline_place(reply.to));
 }
 
+void write_secret(Writer& out, const RedactRule& rule) {
+  using Kind = RedactRule::Kind;
+  if (rule.kind == Kind::place) {
+    out.text("frame", rule.frame);
+    out.text("when", rule.when);
+    return write_place(out, rule.place);
+  }
+  if (rule.kind == Kind::range) {
+    out.number("offset", rule.offset);
+    return out.number("size", rule.size);
+  }
+  out.text("pattern", rule.pattern);
+  if (rule.kind == Kind::pattern && rule.longest != RedactRule().longest) out.number("longest", rule.longest);
+  out.text("text_hex", to_hex(rule.text));
+  if (!rule.events) out.line("events = false");
+}
+
+void write(Writer& out, const RedactRule& rule) {
+  out.table("redact");
+  out.text("name", rule.name);
+  if (rule.direction) out.text("dir", *rule.direction == Direction::read ? "r" : "w");
+  write_secret(out, rule);
+  switch (rule.filler) {
+    case FillerKind::like:
+      break;
+    case FillerKind::digits:
+      return out.text("filler", "digits");
+    case FillerKind::letters:
+      return out.text("filler", "letters");
+    case FillerKind::hex:
+      return out.text("filler", "hex");
+    case FillerKind::bytes:
+      return out.text("filler", "bytes");
+    case FillerKind::constant:
+      return out.text("with_hex", to_hex(rule.with));
+  }
+}
+
 }  // namespace
 
 std::string to_toml(const RuleSet& rules) {
@@ -208,6 +246,7 @@ std::string to_toml(const RuleSet& rules) {
   }
   for (const Rule& rule : rules.rules) write(out, rule);
   for (const ReplyTemplate& reply : rules.replies) write(out, reply);
+  for (const RedactRule& rule : rules.redactions) write(out, rule);
   return out.take();
 }
 

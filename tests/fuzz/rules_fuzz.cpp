@@ -1,12 +1,14 @@
 // Any text as a rules file, and any bytes under it: no crash, errors that a user can act on; what was
 // understood can be written down and understood again; the same is accepted and the same answered however
-// tape, driver and answers are cut, and hold() goes by its arguments alone.
+// tape, driver and answers are cut, and hold() goes by its arguments alone; the same is redacted however it
+// is cut, and as long.
 
 #include <optional>
 #include <string>
 #include <string_view>
 
 #include "libport/replay/matcher.hpp"
+#include "libport/rules/redact_stream.hpp"
 #include "libport/rules/rule_expectation.hpp"
 #include "libport/rules/rules_check.hpp"
 #include "libport/rules/rules_reader.hpp"
@@ -123,6 +125,29 @@ void count(const RuleBook& book, const MemoryTape& tape) {
   (void)check.finish();
 }
 
+// What comes of a text cut so, or why nothing does.
+std::string redacted(const RedactBook& book, RedactStream::Of of, std::string_view text, std::size_t cut) {
+  RedactStream stream(book, of);
+  for (std::size_t at = 0; at < text.size(); at += cut) {
+    if (const Result<void> added = stream.add(as_bytes(text.substr(at, cut))); !added)
+      return added.error().message;
+  }
+  if (const Result<void> done = stream.finish(); !done) return done.error().message;
+  const RedactStream::Ready ready = stream.take();
+  require(ready.bytes.size() == text.size(), "what is redacted is as long");
+  for (const Redaction& each : ready.redactions)
+    require(each.length > 0 && each.offset + each.length <= text.size(), "what is replaced is of the stream");
+  return std::string(as_text(ready.bytes));
+}
+
+void redact(const RuleSet& rules, std::string_view text, std::size_t cut) {
+  const RedactBook book(rules, {1, 2});
+  for (const auto of : {RedactStream::Of::reads, RedactStream::Of::writes, RedactStream::Of::text}) {
+    require(redacted(book, of, text, cut) == redacted(book, of, text, text.size() + 1),
+            "the same is redacted however it is cut");
+  }
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -153,5 +178,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
               answered(expectation, recorded, came, answer, answer.size() + 1),
           "the same is answered however it is cut");
   count(expectation.book(), tape);
+  redact(*rules, came, cut);
   return 0;
 }
