@@ -1,0 +1,166 @@
+#include "libport/taped/tape_stats.hpp"
+
+#include <random>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "libport/rules/framing.hpp"
+#include "libport/tape/tape_reader.hpp"
+#include "libport/tape/tape_summary.hpp"
+#include "tests/support/memory_tape.hpp"
+#include "tests/support/random_tape.hpp"
+#include "tests/support/tape_on_disk.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+using std::chrono::milliseconds;
+using test::MemoryTape;
+using testing::ElementsAre;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+TapeStats stats_of_tape(const MemoryTape& tape, const TapeStatsOptions& options = {}) {
+  test::MemorySource source(tape);
+  const auto stats = count_stats(source, options);
+  EXPECT_TRUE(stats);
+  return stats ? *stats : TapeStats{};
+}
+
+std::vector<std::string> rows(const std::vector<CommandStats>& commands) {
+  std::vector<std::string> all;
+  for (const CommandStats& each : commands)
+    all.push_back(each.command + " " + std::to_string(each.count) + " " + std::to_string(each.bytes) + " " +
+                  std::to_string(each.unanswered) + " " + std::to_string(each.spans.max_us));
+  return all;
+}
+
+MemoryTape asked() {
+  return MemoryTape()
+      .open(0)
+      .write(1'000'000, "VOLT?\n")
+      .read(1'002'000, "5\n")
+      .write(2'000'000, "VO")
+      .write(2'000'100, "LT?\n")
+      .read(2'050'100, "6")
+      .read(2'060'000, "\n")
+      .write(9'000'000, "RESET\n")
+      .close(9'500'000)
+      .open(20'000'000)
+      .write(20'000'010, "VOLT?\n")
+      .read(20'001'010, "7\n");
+}
+
+TEST(TapeStatsTest, ExchangesAreToldApartByTheirWrites) {
+  std::vector<TapeExchange> exchanges;
+  TapeStatsOptions options;
+  options.on_exchange = [&](const TapeExchange& each) { exchanges.push_back(each); };
+  const TapeStats stats = stats_of_tape(asked(), options);
+  EXPECT_EQ(stats.exchanges, 4U);
+  EXPECT_EQ(stats.answered, 3U);
+  EXPECT_EQ(stats.answers.max_us, 50'000);
+  EXPECT_THAT(rows(stats.write.commands), ElementsAre("VOLT 3 18 0 50000", "RESET 1 6 1 0"));
+  EXPECT_THAT(stats.read.commands, IsEmpty());
+  ASSERT_THAT(exchanges, SizeIs(4));
+  EXPECT_EQ(exchanges[1].number, 2U);
+  EXPECT_EQ(exchanges[1].answer, Micros(50'000));
+  EXPECT_EQ(exchanges[1].written, 6U);
+  EXPECT_EQ(exchanges[1].read, 2U);
+  EXPECT_EQ(exchanges[1].until, tape_time_us(2'060'000));
+  EXPECT_EQ(exchanges[2].answer, std::nullopt);
+  ASSERT_THAT(stats.slowest, SizeIs(3));
+  EXPECT_EQ(stats.slowest[0].number, 2U);
+}
+
+TEST(TapeStatsTest, SilenceIsOfAnOpenLine) {
+  const TapeStats stats = stats_of_tape(asked());
+  ASSERT_EQ(stats.silences, 2U);  // not while it was closed
+  EXPECT_EQ(stats.longest_silences[0].from, tape_time_us(2'060'000));
+  EXPECT_EQ(stats.longest_silences[0].length, Micros(6'940'000));
+  EXPECT_EQ(stats.longest_silences[1].length, Micros(1'000'000));
+  EXPECT_EQ(stats.silent, Micros(7'940'000));
+  TapeStatsOptions options;
+  options.most = 1;
+  EXPECT_THAT(stats_of_tape(asked(), options).longest_silences, SizeIs(1));
+}
+
+TEST(TapeStatsTest, TheBusiestSecondOfADirection) {
+  const TapeStats stats = stats_of_tape(
+      MemoryTape().read(100, "a").read(5'900'000, "bcd").read(6'000'000, "ef").read(6'100'000, "gh"));
+  EXPECT_EQ(stats.read.busiest_bytes, 4U);
+  EXPECT_EQ(stats.read.busiest, tape_time_us(6'000'000));
+}
+
+TEST(TapeStatsTest, FramesOfBothSides) {
+  TapeStatsOptions options;
+  options.formats = protocol_formats("nmea");
+  const TapeStats stats = stats_of_tape(MemoryTape()
+                                            .read(0, "x$GPGGA,1*00\r\n$GPRMC,")
+                                            .read(10, "2*00\r\n")
+                                            .write(500'000, "$PMTK000*32\r\n")
+                                            .read(1'000'000, "$GPGGA,2*00\r\n"),
+                                        options);
+  EXPECT_EQ(stats.read.stray, 1U);
+  EXPECT_THAT(rows(stats.read.commands), ElementsAre("GPGGA 2 26 0 1000000", "GPRMC 1 13 0 0"));
+  EXPECT_THAT(rows(stats.write.commands), ElementsAre("PMTK000 1 13 0 500000"));
+}
+
+TEST(TapeStatsTest, FramesThatAPauseEnds) {
+  using namespace std::string_literals;
+  TapeStatsOptions options;
+  options.formats = protocol_formats("modbus-rtu");
+  const std::string three = "\x01\x03\x00\x00\x00\x01\x84\x0a"s;
+  const std::string six = "\x02\x06\x00\x00\x00\x01\x48\x39"s;
+  const TapeStats stats = stats_of_tape(MemoryTape()
+                                            .write(0, three)
+                                            .write(10'000, six.substr(0, 3))
+                                            .write(10'500, six.substr(3))
+                                            .read(20'000, six)
+                                            .write(40'000, three),
+                                        options);
+  EXPECT_THAT(rows(stats.write.commands),
+              ElementsAre("unit 1 function 3 2 16 1 0", "unit 2 function 6 1 8 0 9500"));
+  EXPECT_THAT(rows(stats.read.commands), ElementsAre("unit 2 function 6 1 8 0 0"));
+}
+
+TEST(TapeStatsTest, AnyNumberOfCommandsInBoundedMemory) {
+  MemoryTape tape;
+  for (int i = 0; i < 3000; ++i) {
+    std::string command = "C" + std::to_string(i);
+    tape.write(i * 10, command + "\n").read(i * 10 + 5, "ok\n");
+  }
+  const TapeStats stats = stats_of_tape(tape);
+  EXPECT_THAT(stats.write.commands, SizeIs(kMaxCommands + 1));
+  EXPECT_EQ(stats.write.commands.front().command, kOtherCommands);
+  EXPECT_EQ(stats.write.commands.front().count, 3000U - kMaxCommands);
+}
+
+MemoryTape random(unsigned seed) {
+  std::mt19937 engine(seed);
+  return test::random_tape([&](std::uint32_t n) { return static_cast<std::uint32_t>(engine() % n); },
+                           {.sessions = true, .hang_ups = true, .gaps = true});
+}
+
+TEST(TapeStatsTest, CountsAsInfoDoes) {
+  const test::TempDir dir;
+  for (unsigned seed = 0; seed < 30; ++seed) {
+    const TapePaths paths = test::write_tape(literal_tape(dir / ("r" + std::to_string(seed))), random(seed));
+    const auto summary = summarize(paths);
+    auto reader = TapeReader::open(paths);
+    ASSERT_TRUE(summary && reader);
+    const auto stats = count_stats(*reader, {});
+    ASSERT_TRUE(stats);
+    EXPECT_EQ(stats->exchanges, summary->exchanges);
+    EXPECT_EQ(stats->answered, summary->answered);
+    EXPECT_EQ(stats->read.bytes, summary->read.bytes);
+    EXPECT_EQ(stats->write.blocks, summary->write.blocks);
+    if (summary->latency) {
+      EXPECT_EQ(stats->answers.p99_us, summary->latency->p99_us);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace porttape
