@@ -7,10 +7,12 @@
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
+#include <poll.h>
 #include <sys/ioctl.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
+#include <sys/sysmacros.h>
 #include <system_error>
 #include <termios.h>
 #include <unistd.h>
@@ -27,14 +29,14 @@ using std::chrono::milliseconds;
 // Below FD_SETSIZE, for programs that select(), and above what others have.
 constexpr std::uint32_t kFilesFrom = 960;
 constexpr std::uint32_t kFilesKept = 64;  // for it, where the limit is lower
+constexpr rlim_t kFilesOfGuard = 32;      // which closes some before anybody answers
 constexpr Nanos kHoldersLook = milliseconds(1);
-constexpr Nanos kCarrierLook = milliseconds(10);
 
 std::uint32_t files_from_here() {
   rlimit limit{};
   if (::getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= kFilesFrom + kFilesKept) return kFilesFrom;
-  return static_cast<std::uint32_t>(limit.rlim_cur > 2 * kFilesKept ? limit.rlim_cur - kFilesKept
-                                                                    : limit.rlim_cur / 2);
+  const rlim_t from = limit.rlim_cur > 2 * kFilesKept ? limit.rlim_cur - kFilesKept : limit.rlim_cur / 2;
+  return static_cast<std::uint32_t>(std::max<rlim_t>(from, kFilesOfGuard));
 }
 
 // What a path of the program is for us.
@@ -44,20 +46,46 @@ std::string path_here(const Call& call, const std::string& path, int folder) {
                             : fmt::format("/proc/{}/fd/{}/{}", call.thread(), folder, path);
 }
 
-bool is_open(const Call& call, std::uint32_t fd) {
+// Nothing: that is not to be known.
+std::optional<bool> is_open(const Call& call, std::uint32_t fd) {
+  if (call.duplicate(static_cast<int>(fd))) return true;
+  if (errno == EBADF) return false;
   struct stat status {};
-  return ::lstat(fmt::format("/proc/{}/fd/{}", call.thread(), fd).c_str(), &status) == 0;
+  const std::string folder = fmt::format("/proc/{}/fd", call.thread());
+  if (::lstat(fmt::format("{}/{}", folder, fd).c_str(), &status) == 0) return true;
+  return errno == ENOENT && ::stat(folder.c_str(), &status) == 0 ? std::optional(false) : std::nullopt;
 }
 
-int first_free(const Call& call, std::uint32_t from) {
-  while (is_open(call, from)) ++from;
-  return static_cast<int>(from);
+// Where what is said is seen: the lowest free one, as programs count on for 0 to 2, else from `seen_from` on.
+// Nothing: there is none.
+std::optional<int> free_place(const Call& call, std::uint32_t from, std::uint32_t seen_from) {
+  rlimit limit{};
+  if (::prlimit(process_of(call.thread()), RLIMIT_NOFILE, nullptr, &limit) != 0)
+    limit.rlim_cur = RLIM_INFINITY;
+  for (std::uint32_t next = from; next < limit.rlim_cur; ++next) {
+    if (next > 2) next = std::max(next, seen_from);
+    const std::uint32_t fd = next;
+    if (fd >= limit.rlim_cur) break;
+    const std::optional<bool> open = is_open(call, fd);
+    if (!open) break;
+    if (!*open) return static_cast<int>(fd);
+  }
+  return std::nullopt;
 }
 
-// A tty without modem lines has one.
-bool has_carrier(int fd) {
-  int bits = 0;
-  return ::ioctl(fd, TIOCMGET, &bits) != 0 || (bits & TIOCM_CD) != 0;
+// To open another kind of device, only to see whether it is a tty, may do something.
+bool is_other_kind(std::uint64_t device) {
+  std::error_code error;
+  const auto kind = std::filesystem::read_symlink(
+      fmt::format("/sys/dev/char/{}:{}/subsystem", major(device), minor(device)), error);
+  return !error && kind.filename() != "tty";
+}
+
+bool lives(pid_t process) {
+  const UniqueFd file(static_cast<int>(::syscall(SYS_pidfd_open, process, 0)));
+  if (!file) return errno != ESRCH;
+  pollfd ended{.fd = file.get(), .events = POLLIN, .revents = 0};
+  return ::poll(&ended, 1, 0) == 0;
 }
 
 }  // namespace
@@ -179,49 +207,68 @@ CallPart::Decision TapCalls::decide_open(Supervisor& supervisor, const Call& cal
         "`porttape exec --device`");
     return outcome::Pass{};
   }
+  if (!device_ && is_other_kind(status.st_rdev)) return outcome::Pass{};
+  if (!free_place(call, 0, files_from_)) {
+    tell_unseen();
+    return outcome::Pass{};
+  }
   return open_tapped(supervisor, call, *wanted, status.st_rdev);
 }
 
+// A tty may wait for its carrier; a pty has none.
 CallPart::Decision TapCalls::open_tapped(Supervisor& supervisor, const Call& call,
                                          const OpenArguments& wanted, std::uint64_t device) {
-  const bool waits = (wanted.flags & O_NONBLOCK) == 0;
-  const int flags = wanted.flags & ~(O_CREAT | O_EXCL | O_TRUNC);
   files_.let_go();
-  UniqueFd file(::open(wanted.path.c_str(), flags | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-  if (!file) return outcome::Refuse{errno};
-  termios made{};
-  if (::tcgetattr(file.get(), &made) != 0) return outcome::Pass{};  // no tty
-  if (waits) ::fcntl(file.get(), F_SETFL, ::fcntl(file.get(), F_GETFL) & ~O_NONBLOCK);
-  device_ = device;
-  if (!waits || (made.c_cflag & CLOCAL) != 0 || has_carrier(file.get()))
-    return opened(call, wanted, std::move(file));
+  if ((wanted.flags & O_NONBLOCK) != 0 || is_pty(device)) {
+    const int flags = wanted.flags & ~(O_CREAT | O_EXCL | O_TRUNC);
+    UniqueFd file(::open(wanted.path.c_str(), flags | O_NOCTTY | O_CLOEXEC));
+    if (!file) return outcome::Refuse{errno};
+    return opened(call, wanted, device, std::move(file));
+  }
   const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
-  wait_for_carrier(kept, wanted, std::make_shared<UniqueFd>(std::move(file)));
+  const auto done = [this, weak = std::weak_ptr(kept), wanted, device](UniqueFd file, int error) {
+    holders_timer_.set_after(kHoldersLook);  // which lets go of it
+    const auto waiting = weak.lock();
+    if (!waiting || waiting->over()) return;
+    waiting->finish(file ? opened(waiting->call(), wanted, device, std::move(file))
+                         : Outcome(outcome::Refuse{error == EINTR ? KeptCall::kRestart : error}));
+  };
+  std::unique_ptr<WaitingOpen> open = WaitingOpen::start(*loop_, wanted.path, wanted.flags, done);
+  if (!open) {
+    kept->finish(outcome::Refuse{errno});
+    return Kept{};
+  }
+  kept->on_gone([this, of_it = open.get()] {
+    std::erase_if(opens_, [&](const auto& each) { return each.get() == of_it; });
+  });
+  opens_.push_back(std::move(open));
   return Kept{};
 }
 
-void TapCalls::wait_for_carrier(const std::weak_ptr<KeptCall>& kept, const OpenArguments& wanted,
-                                const std::shared_ptr<UniqueFd>& file) {
-  const auto waiting = kept.lock();
-  if (!waiting || waiting->over()) return;
-  if (has_carrier(file->get())) return waiting->finish(opened(waiting->call(), wanted, std::move(*file)));
-  waiting->call_at(Loop::now() + kCarrierLook,
-                   [this, kept, wanted, file] { wait_for_carrier(kept, wanted, file); });
+Outcome TapCalls::opened(const Call& call, const OpenArguments& wanted, std::uint64_t device, UniqueFd file) {
+  termios made{};
+  if (::tcgetattr(file.get(), &made) != 0 && errno == ENOTTY) return outcome::Pass{};
+  device_ = device;
+  if (line_->open()) look_for_holders();  // it may be this close and open again
+  if (line_->open() && line_->lost()) line_->closed();
+  if (!line_->open()) begin_line(file.get(), wanted.path);
+  watch_process(process_of(call.thread()));
+  return outcome::Install{std::move(file), free_place(call, 0, files_from_), (wanted.flags & O_CLOEXEC) != 0};
 }
 
-Outcome TapCalls::opened(const Call& call, const OpenArguments& wanted, UniqueFd file) {
-  if (line_->open()) look_for_holders();  // it may be this close and open again
-  if (!line_->open()) {
-    std::array<char, 4096> name{};
-    const std::string link = fmt::format("/proc/self/fd/{}", file.get());
-    const ssize_t size = ::readlink(link.c_str(), name.data(), name.size());
-    line_->opened(size > 0 ? std::string(name.data(), static_cast<std::size_t>(size)) : wanted.path,
-                  TapRequests::settings_of(file));
-    requests_.tell_first_lines(file);
-  }
-  watch_process(process_of(call.thread()));
-  const int at = first_free(call, files_from_);
-  return outcome::Install{std::move(file), at, (wanted.flags & O_CLOEXEC) != 0};
+void TapCalls::begin_line(int file, const std::string& path) {
+  std::array<char, 4096> name{};
+  const std::string link = fmt::format("/proc/self/fd/{}", file);
+  const ssize_t size = ::readlink(link.c_str(), name.data(), name.size());
+  line_->opened(size > 0 ? std::string(name.data(), static_cast<std::size_t>(size)) : path,
+                TapRequests::settings_of(file));
+  requests_.tell_first_lines(file);
+}
+
+void TapCalls::tell_unseen() {
+  tell_once(
+      "the command may have no descriptor where what it says to its device is seen (its limit of open files "
+      "is too low, or /proc is not to be had): record it by `porttape exec --device` instead");
 }
 
 // A copy is where reads and writes of it are seen, too.
@@ -242,8 +289,11 @@ CallPart::Decision TapCalls::decide_copy(const Call& call) {
     return outcome::Pass{};
   }
   UniqueFd copy = call.duplicate(fd);
-  if (!copy) return outcome::Pass{};
-  const int place = first_free(call, std::max(files_from_, is_fcntl ? at : 0));
+  const std::optional<int> place = free_place(call, is_fcntl ? at : 0, files_from_);
+  if (!copy || !place) {
+    tell_unseen();
+    return outcome::Pass{};
+  }
   return Outcome(outcome::Install{std::move(copy), place, is_fcntl && command == F_DUPFD_CLOEXEC});
 }
 
@@ -274,7 +324,7 @@ CallPart::Decision TapCalls::set_non_blocking(const Call& call, const TappedFile
 CallPart::Decision TapCalls::decide_device(Supervisor& supervisor, const Call& call) {
   const bool is_request = call.number() == SYS_ioctl;
   const auto not_ours = [&] { return is_request ? Decision(NotMine{}) : Decision(outcome::Pass{}); };
-  if (!line_->open()) return not_ours();
+  if (!device_) return not_ours();
   const auto fd = static_cast<int>(call.argument(0));
   int error = 0;
   const std::shared_ptr<TappedFile> file = files_.find(call, fd, *device_, error);
@@ -284,12 +334,16 @@ CallPart::Decision TapCalls::decide_device(Supervisor& supervisor, const Call& c
               "): what the command says to its device is not on the tape");
     return outcome::Pass{};
   }
+  if (!line_->open()) {  // it had it before, or was not to be found in /proc
+    begin_line(file->fd(), {});
+    watch_process(process_of(call.thread()));
+  }
   if (!is_request) return transfers_.decide(supervisor, call, file);
   if (static_cast<std::uint32_t>(call.argument(1)) == FIONBIO) return set_non_blocking(call, *file);
   return requests_.decide(supervisor, call, file);
 }
 
-// Whether it has the device open.
+// Whether it has the device open, as far as that is to be known.
 bool TapCalls::holds(pid_t process) const {
   std::error_code error;
   for (std::filesystem::directory_iterator each(fmt::format("/proc/{}/fd", process), error), end;
@@ -298,7 +352,7 @@ bool TapCalls::holds(pid_t process) const {
     if (::stat(each->path().c_str(), &status) == 0 && S_ISCHR(status.st_mode) && status.st_rdev == *device_)
       return true;
   }
-  return false;
+  return error && error != std::errc::no_such_file_or_directory && lives(process);
 }
 
 // At its end the device may be closed.
@@ -322,6 +376,7 @@ void TapCalls::watch_process(pid_t process) {
 
 void TapCalls::look_for_holders() {
   std::erase_if(holders_, [](const auto& each) { return each->over; });
+  std::erase_if(opens_, [](const auto& each) { return each->over(); });
   if (!line_->open()) return;
   for (const pid_t process : options_.processes()) {
     if (holds(process)) return watch_process(process);

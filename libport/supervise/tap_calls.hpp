@@ -20,6 +20,7 @@
 #include "libport/supervise/tap_transfers.hpp"
 #include "libport/supervise/tapped_files.hpp"
 #include "libport/supervise/tapped_line.hpp"
+#include "libport/supervise/waiting_open.hpp"
 
 namespace porttape {
 
@@ -65,9 +66,8 @@ class TapCalls final : public CallPart {
   Decision decide_open(Supervisor& supervisor, const Call& call);
   Decision open_tapped(Supervisor& supervisor, const Call& call, const OpenArguments& wanted,
                        std::uint64_t device);
-  void wait_for_carrier(const std::weak_ptr<KeptCall>& kept, const OpenArguments& wanted,
-                        const std::shared_ptr<UniqueFd>& file);
-  Outcome opened(const Call& call, const OpenArguments& wanted, UniqueFd file);
+  Outcome opened(const Call& call, const OpenArguments& wanted, std::uint64_t device, UniqueFd file);
+  void begin_line(int file, const std::string& path);
   Decision decide_copy(const Call& call);
   Decision decide_flags(const Call& call);
   Decision set_non_blocking(const Call& call, const TappedFile& file);
@@ -76,6 +76,7 @@ class TapCalls final : public CallPart {
   void watch_process(pid_t process);
   void look_for_holders();
   void tell_once(const std::string& what);
+  void tell_unseen();
 
   Loop* loop_;
   TappedLine* line_;
@@ -89,6 +90,7 @@ class TapCalls final : public CallPart {
   Timer holders_timer_;
   std::vector<std::string> told_;
   std::vector<std::unique_ptr<Holder>> holders_;
+  std::vector<std::unique_ptr<WaitingOpen>> opens_;
 };
 
 }  // namespace porttape

@@ -23,9 +23,9 @@ constexpr Nanos kBreak = milliseconds(250);  // of a TCSBRK, and a TCSBRKP of 0:
 constexpr Nanos kTenth = milliseconds(100);
 constexpr int kDriven = TIOCM_DTR | TIOCM_RTS;
 
-constexpr std::array<std::uint32_t, 19> kTapped{
-    TCSETS,  TCSETSW,  TCSETSF,  TCSETA, TCSETAW,  TCSETAF,  TCSETS2,  TCSETSW2, TCSETSF2,   TCSBRK,
-    TCSBRKP, TIOCSBRK, TIOCCBRK, TCFLSH, TIOCMGET, TIOCMSET, TIOCMBIS, TIOCMBIC, TIOCGICOUNT};
+constexpr std::array<std::uint32_t, 20> kTapped{
+    TCSETS,  TCSETSW,  TCSETSF,  TCSETA, TCSETAW,  TCSETAF,  TCSETS2,  TCSETSW2, TCSETSF2,    TCSBRK,
+    TCSBRKP, TIOCSBRK, TIOCCBRK, TCFLSH, TIOCMGET, TIOCMSET, TIOCMBIS, TIOCMBIC, TIOCGICOUNT, FIONBIO};
 
 LineSettings settings_at(int fd, tcflag_t flags) {
   LineSettings settings;
@@ -36,9 +36,11 @@ LineSettings settings_at(int fd, tcflag_t flags) {
 }
 
 // By the kernel's own reading of it, on a line that is nobody's.
-LineSettings settings_in(std::uint32_t request, const std::byte* made) {
+// That of the device itself, where there is none.
+LineSettings settings_in(std::uint32_t request, const std::byte* made, int device) {
   const UniqueFd line(::open("/dev/ptmx", O_RDWR | O_NOCTTY | O_CLOEXEC));
-  if (!line || ::ioctl(line.get(), request, made) != 0) return {};
+  if (!line || ::ioctl(line.get(), request, made) != 0)
+    return settings_at(device, flags_in(form_of(request), made));
   return settings_at(line.get(), flags_in(form_of(request), made));
 }
 
@@ -57,17 +59,26 @@ void when_sent(const std::weak_ptr<KeptCall>& kept, const std::shared_ptr<Tapped
   waiting->call_at(Loop::now() + kSentLook, [kept, file, then] { when_sent(kept, file, then); });
 }
 
+// A wait for what is to be sent is not done again after a signal, whatever its handler has.
+std::shared_ptr<KeptCall> keep_until_signal(Supervisor& supervisor, const Call& call) {
+  const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
+  kept->on_gone([weak = std::weak_ptr(kept)] {
+    if (const auto waiting = weak.lock()) waiting->finish(outcome::Refuse{EINTR});
+  });
+  return kept;
+}
+
 }  // namespace
 
 std::vector<std::uint32_t> TapRequests::requests() { return {kTapped.begin(), kTapped.end()}; }
 
-LineSettings TapRequests::settings_of(const UniqueFd& file) {
+LineSettings TapRequests::settings_of(int file) {
   termios made{};
-  return ::ioctl(file.get(), TCGETS, &made) == 0 ? settings_at(file.get(), made.c_cflag) : LineSettings();
+  return ::ioctl(file, TCGETS, &made) == 0 ? settings_at(file, made.c_cflag) : LineSettings();
 }
 
-void TapRequests::tell_first_lines(const UniqueFd& file) {
-  if (const std::optional<int> bits = lines_of(file.get())) tell_signals(*bits, true);
+void TapRequests::tell_first_lines(int file) {
+  if (const std::optional<int> bits = lines_of(file)) tell_signals(*bits, true);
 }
 
 CallPart::Decision TapRequests::decide(Supervisor& supervisor, const Call& call,
@@ -86,8 +97,9 @@ CallPart::Decision TapRequests::decide(Supervisor& supervisor, const Call& call,
     case TCFLSH:
       return flush(call, *file);
     case TIOCSBRK:
+      return begin_break_when_sent(supervisor, call, file);
     case TIOCCBRK:
-      return set_break(*file, request == TIOCSBRK);
+      return set_break(*file, false);
     case TCSBRK:
       if (call.argument(2) != 0) return drain(supervisor, call, file);
       return send_break(supervisor, call, file, kBreak);
@@ -108,7 +120,7 @@ Outcome TapRequests::make_settings(const Call& call, const TappedFile& file, std
   const std::uint32_t at_once = made_at_once(request);
   if (at_once == request && ::ioctl(file.fd(), request, made.data()) != 0) return outcome::Refuse{errno};
   if (flushes_input(request)) line_->flushed(FlushQueue::in);
-  line_->made(settings_in(at_once, made.data()));
+  line_->made(settings_in(at_once, made.data(), file.fd()));
   return at_once == request ? Outcome(outcome::Answer{0}) : Outcome(outcome::Pass{});
 }
 
@@ -123,6 +135,19 @@ Outcome TapRequests::set_break(const TappedFile& file, bool on) {
   if (::ioctl(file.fd(), on ? TIOCSBRK : TIOCCBRK, 0) != 0) return outcome::Refuse{errno};
   line_->driver_signalled({LineSignal::Name::brk, on});
   return outcome::Answer{0};
+}
+
+// The kernel's own waits for what was written.
+CallPart::Decision TapRequests::begin_break_when_sent(Supervisor& supervisor, const Call& call,
+                                                      const std::shared_ptr<TappedFile>& file) {
+  int left = 0;
+  if (::ioctl(file->fd(), TIOCOUTQ, &left) != 0 || left == 0) return set_break(*file, true);
+  const std::weak_ptr kept(keep_until_signal(supervisor, call));
+  when_sent(kept, file, [this, kept, file] {
+    const auto waiting = kept.lock();
+    if (waiting) waiting->finish(set_break(*file, true));
+  });
+  return CallPart::Kept{};
 }
 
 Outcome TapRequests::give_lines(const Call& call, const TappedFile& file) {
@@ -160,8 +185,11 @@ CallPart::Decision TapRequests::drain(Supervisor& supervisor, const Call& call,
                                       const std::shared_ptr<TappedFile>& file) {
   const std::function<void()> over = line_->drains();
   const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
-  kept->on_gone(over);
   const std::weak_ptr weak(kept);
+  kept->on_gone([weak, over] {
+    over();
+    if (const auto waiting = weak.lock()) waiting->finish(outcome::Refuse{EINTR});
+  });
   when_sent(weak, file, [weak, file, over] {
     over();
     if (const auto waiting = weak.lock()) waiting->finish(outcome::Pass{});
@@ -172,7 +200,7 @@ CallPart::Decision TapRequests::drain(Supervisor& supervisor, const Call& call,
 // As send_break() of the kernel's tty_io.c, which waits in the call.
 CallPart::Decision TapRequests::send_break(Supervisor& supervisor, const Call& call,
                                            const std::shared_ptr<TappedFile>& file, Nanos length) {
-  const std::weak_ptr kept(supervisor.keep(call));
+  const std::weak_ptr kept(keep_until_signal(supervisor, call));
   when_sent(kept, file, [this, kept, file, length] { begin_break(kept, file, length); });
   return CallPart::Kept{};
 }
@@ -181,14 +209,18 @@ void TapRequests::begin_break(const std::weak_ptr<KeptCall>& kept, const std::sh
                               Nanos length) {
   const auto waiting = kept.lock();
   if (!waiting) return;
-  Outcome begun = set_break(*file, true);
-  if (std::holds_alternative<outcome::Refuse>(begun)) return waiting->finish(std::move(begun));
-  const auto end = [this, kept, file](Outcome outcome) {
+  if (std::holds_alternative<outcome::Refuse>(set_break(*file, true))) {
+    return waiting->finish(outcome::Pass{});  // what that means differs from kernel to kernel
+  }
+  const auto end = [this, kept, file](int error) {
     set_break(*file, false);
-    if (const auto still = kept.lock()) still->finish(std::move(outcome));
+    const auto still = kept.lock();
+    if (!still) return;
+    if (error != 0) return still->finish(outcome::Refuse{error});
+    still->finish(outcome::Answer{0});
   };
-  waiting->on_gone([end] { end(outcome::Refuse{EINTR}); });
-  waiting->call_at(Loop::now() + length, [end] { end(outcome::Answer{0}); });
+  waiting->on_gone([end] { end(EINTR); });
+  waiting->call_at(Loop::now() + length, [end] { end(0); });
 }
 
 }  // namespace porttape

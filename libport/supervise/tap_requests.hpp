@@ -26,13 +26,15 @@ class TapRequests {
                             const std::shared_ptr<TappedFile>& file);
 
   // The device has just been opened: what its settings and lines are.
-  [[nodiscard]] static LineSettings settings_of(const UniqueFd& file);
-  void tell_first_lines(const UniqueFd& file);
+  [[nodiscard]] static LineSettings settings_of(int file);
+  void tell_first_lines(int file);
 
  private:
   Outcome make_settings(const Call& call, const TappedFile& file, std::uint32_t request);
   Outcome flush(const Call& call, const TappedFile& file);
   Outcome set_break(const TappedFile& file, bool on);
+  CallPart::Decision begin_break_when_sent(Supervisor& supervisor, const Call& call,
+                                           const std::shared_ptr<TappedFile>& file);
   Outcome drive_lines(const Call& call, const TappedFile& file, std::uint32_t request);
   Outcome give_lines(const Call& call, const TappedFile& file);
   CallPart::Decision drain(Supervisor& supervisor, const Call& call, const std::shared_ptr<TappedFile>& file);

@@ -26,33 +26,49 @@ using std::chrono::milliseconds;
 constexpr Nanos kShortOf = milliseconds(1);  // between looks at a read that lacks bytes
 constexpr Nanos kTenth = milliseconds(100);  // the unit of VTIME
 constexpr std::size_t kMostAtOnce = std::size_t{64} * 1024;
-constexpr std::size_t kMostParts = 1024;  // UIO_MAXIOV
+constexpr std::size_t kMostParts = 1024;        // UIO_MAXIOV
+constexpr std::size_t kMostOfAll = 0x7ffff000;  // in one call: MAX_RW_COUNT of the kernel
+constexpr std::size_t kPiece = 2048;            // that the kernel takes of a program's bytes at once
 
-// Where the program's bytes are.
-std::optional<std::vector<iovec>> parts_of(const Call& call, bool several) {
+// Where the program's bytes are, or the kernel's error.
+struct Where {
+  std::vector<iovec> parts = {};
+  int error = 0;
+};
+
+bool is_negative(std::uint64_t size) { return static_cast<std::int64_t>(size) < 0; }
+
+Where where_of(const Call& call, bool several) {
+  const std::uint64_t size = call.argument(2);
   if (!several) {
+    if (is_negative(size)) return {.error = EFAULT};
     // NOLINTNEXTLINE(performance-no-int-to-ptr): an address in another process
-    return std::vector{iovec{reinterpret_cast<void*>(call.argument(1)), call.argument(2)}};
+    return {.parts = {iovec{reinterpret_cast<void*>(call.argument(1)), size}}};
   }
-  const std::uint64_t count = call.argument(2);
-  if (count > kMostParts) return std::nullopt;
-  std::vector<iovec> parts(count);
-  if (!call.read(call.argument(1), std::as_writable_bytes(std::span(parts)))) return std::nullopt;
-  return parts;
+  if (size > kMostParts) return {.error = EINVAL};
+  Where where{.parts = std::vector<iovec>(size)};
+  if (!call.read(call.argument(1), std::as_writable_bytes(std::span(where.parts)))) return {.error = EFAULT};
+  if (std::ranges::any_of(where.parts, [](const iovec& part) { return is_negative(part.iov_len); }))
+    return {.error = EINVAL};
+  return where;
 }
 
 std::size_t size_of(const std::vector<iovec>& parts) {
   std::size_t size = 0;
-  for (const iovec& part : parts) size += std::min(part.iov_len, kMostAtOnce);
+  for (const iovec& part : parts) size += std::min(part.iov_len, kMostOfAll - size);
   return size;
 }
 
+// Of those behind the first `skipped` bytes.
 template <class Each>
-bool for_each_part(const std::vector<iovec>& parts, Bytes& bytes, const Each& each) {
+bool for_each_part(const std::vector<iovec>& parts, std::size_t skipped, Bytes& bytes, const Each& each) {
   std::size_t at = 0;
   for (const iovec& part : parts) {
-    const std::size_t size = std::min(part.iov_len, bytes.size() - at);
-    if (size > 0 && !each(reinterpret_cast<std::uint64_t>(part.iov_base), std::span(bytes).subspan(at, size)))
+    const std::size_t past = std::min(part.iov_len, skipped);
+    skipped -= past;
+    const std::size_t size = std::min(part.iov_len - past, bytes.size() - at);
+    if (size > 0 &&
+        !each(reinterpret_cast<std::uint64_t>(part.iov_base) + past, std::span(bytes).subspan(at, size)))
       return false;
     at += size;
   }
@@ -77,9 +93,12 @@ struct TapTransfers::Transfer {
   bool writes;
   std::vector<iovec> parts;
   std::shared_ptr<TappedFile> file;
-  Bytes bytes = {};      // to write
-  std::size_t done = 0;  // of them
-  std::size_t size = 0;  // that may be read
+  Bytes bytes = {};         // to write: some of them,
+  std::size_t begin = 0;    // from here
+  std::size_t done = 0;     // are written
+  std::size_t size = 0;     // to be written, or that may be read
+  bool breaks_off = false;  // a signal has come: what is there is all that is read
+
   // Of a tty that gives bytes, not lines; nothing where it is another, or not known.
   struct Needs {
     std::size_t least = 0;  // VMIN
@@ -87,6 +106,21 @@ struct TapTransfers::Transfer {
   };
   std::optional<Needs> needs = {};
   bool looked = false;  // at what it needs: at its begin, as the kernel does
+
+  // The next to write. False: they are not to be had.
+  bool load() {
+    if (done > 0 && !call.waits()) return false;
+    for (const std::size_t most : {kMostAtOnce, kPiece}) {
+      begin = done;
+      bytes.resize(std::min(most, size - done));
+      const bool all = for_each_part(parts, begin, bytes, [&](std::uint64_t address, auto part) {
+        return call.read(address, std::as_writable_bytes(part));
+      });
+      if (all) return true;
+    }
+    bytes.clear();
+    return false;
+  }
   Instant began = Loop::now();
   std::optional<Instant> last_byte = {};
   std::size_t seen = 0;
@@ -105,29 +139,34 @@ CallPart::Decision TapTransfers::decide(Supervisor& supervisor, const Call& call
                                         std::shared_ptr<TappedFile> file) {
   const bool several = call.number() == SYS_readv || call.number() == SYS_writev;
   const bool writes = call.number() == SYS_write || call.number() == SYS_writev;
-  std::optional<std::vector<iovec>> parts = parts_of(call, several);
-  if (!parts) return outcome::Refuse{EFAULT};
-  const auto transfer = std::make_shared<Transfer>(call, writes, std::move(*parts), std::move(file));
+  Where where = where_of(call, several);
+  if (where.error != 0) return outcome::Refuse{where.error};
+  const auto transfer = std::make_shared<Transfer>(call, writes, std::move(where.parts), std::move(file));
   transfer->size = size_of(transfer->parts);
-  if (writes) {
-    transfer->bytes.resize(transfer->size);
-    const bool all = for_each_part(transfer->parts, transfer->bytes, [&](std::uint64_t address, auto bytes) {
-      return call.read(address, std::as_writable_bytes(bytes));
-    });
-    if (!all) return outcome::Refuse{EFAULT};
-  }
   if (std::optional<Outcome> done = writes ? write_now(*transfer) : read_now(*transfer))
     return std::move(*done);
   const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
   transfer->kept = kept;
   kept->on_gone([this, transfer] {
-    const auto waiting = transfer->kept.lock();
-    if (waiting && transfer->done > 0)
-      waiting->finish(outcome::Answer{static_cast<std::int64_t>(transfer->done)});
+    break_off(*transfer);
     end(*transfer);
   });
   wait(kept, transfer);
   return CallPart::Kept{};
+}
+
+// By a signal: what has been done of it is its result.
+void TapTransfers::break_off(Transfer& transfer) {
+  const auto waiting = transfer.kept.lock();
+  if (!waiting || waiting->over()) return;
+  if (transfer.writes) {
+    if (transfer.done > 0) waiting->finish(outcome::Answer{static_cast<std::int64_t>(transfer.done)});
+    return;
+  }
+  transfer.breaks_off = true;
+  std::optional<Outcome> done = read_now(transfer);
+  const auto* const some = done ? std::get_if<outcome::Answer>(&*done) : nullptr;
+  if (some != nullptr && some->value > 0) waiting->finish(std::move(*done));
 }
 
 // Nothing: it is to be tried again.
@@ -135,14 +174,20 @@ std::optional<Outcome> TapTransfers::write_now(Transfer& transfer) {
   files_->use(transfer.file);
   const bool waits = transfer.file->waits();
   while (true) {
-    const ByteView left = ByteView(transfer.bytes).subspan(transfer.done);
+    if (transfer.done == transfer.begin + transfer.bytes.size() && transfer.done < transfer.size &&
+        !transfer.load()) {
+      if (transfer.done > 0) return outcome::Answer{static_cast<std::int64_t>(transfer.done)};
+      return outcome::Refuse{EFAULT};
+    }
+    const ByteView left = ByteView(transfer.bytes).subspan(transfer.done - transfer.begin);
     const ssize_t size = ::write(transfer.file->fd(), left.data(), left.size());
     if (size < 0 && errno == EINTR) continue;
     if (size >= 0) {
-      line_->wrote(left.first(static_cast<std::size_t>(size)));
+      if (size > 0) line_->wrote(left.first(static_cast<std::size_t>(size)));
       transfer.done += static_cast<std::size_t>(size);
-      const bool all = transfer.done == transfer.bytes.size();
-      if (all || !waits) return outcome::Answer{static_cast<std::int64_t>(transfer.done)};
+      const bool all = transfer.done == transfer.size;
+      const bool full = static_cast<std::size_t>(size) < left.size();
+      if (all || (full && !waits)) return outcome::Answer{static_cast<std::int64_t>(transfer.done)};
       if (size > 0) continue;
       return std::nullopt;
     }
@@ -161,7 +206,7 @@ std::optional<std::size_t> TapTransfers::readable_now(Transfer& transfer) {
   termios made{};
   if (!std::exchange(transfer.looked, true) && ::tcgetattr(fd, &made) == 0 && (made.c_lflag & ICANON) == 0)
     transfer.needs = {.least = made.c_cc[VMIN], .patience = kTenth * made.c_cc[VTIME]};
-  if (!transfer.needs) return transfer.size;
+  if (!transfer.needs || transfer.size == 0) return transfer.size;
   const auto [least, patience] = *transfer.needs;
   // What a read does without waiting, too, but for EAGAIN.
   if (patience == Nanos(0) && least <= 1) return transfer.size;
@@ -183,7 +228,8 @@ std::optional<Outcome> TapTransfers::read_now(Transfer& transfer) {
   files_->use(transfer.file);
   const int fd = transfer.file->fd();
   const bool waits = transfer.file->waits();
-  const std::optional<std::size_t> most = waits ? readable_now(transfer) : transfer.size;
+  const std::optional<std::size_t> most =
+      waits && !transfer.breaks_off ? readable_now(transfer) : transfer.size;
   if (!most) return std::nullopt;
   if (*most == 0) return outcome::Answer{0};
   Bytes bytes(std::min(*most, kMostAtOnce));
@@ -203,7 +249,7 @@ std::optional<Outcome> TapTransfers::read_now(Transfer& transfer) {
   bytes.resize(static_cast<std::size_t>(size));
   if (size > 0) line_->got(bytes);
   if (size == 0 && hung_up(fd)) line_->lost("the line hung up");
-  const bool all = for_each_part(transfer.parts, bytes, [&](std::uint64_t address, auto part) {
+  const bool all = for_each_part(transfer.parts, 0, bytes, [&](std::uint64_t address, auto part) {
     return transfer.call.write(address, std::as_bytes(part));
   });
   if (!all) return outcome::Refuse{EFAULT};

@@ -30,6 +30,7 @@ class TapTransfers {
   void on_ready();
   bool watch(const std::shared_ptr<Transfer>& transfer);
   void end(Transfer& transfer);
+  void break_off(Transfer& transfer);
   void wait(const std::shared_ptr<KeptCall>& kept, const std::shared_ptr<Transfer>& transfer);
   void go_on(const std::shared_ptr<Transfer>& transfer);
   std::optional<Outcome> read_now(Transfer& transfer);

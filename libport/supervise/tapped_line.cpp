@@ -69,9 +69,13 @@ class TappedLine::Device final : public Port {
   void open() override {
     up_ = true;
     listener().on_up();
+    for (const auto& say : std::exchange(early_, {})) {
+      if (up_) say(listener());
+    }
   }
   void close() override {
     up_ = false;
+    early_.clear();
     end_drains();
   }
   void write(ByteView) override {}  // it has it
@@ -101,11 +105,16 @@ class TappedLine::Device final : public Port {
 
   [[nodiscard]] bool up() const { return up_; }
   [[nodiscard]] PortListener& told() const { return listener(); }
+  // At once, or when it is asked to open: the driver has it by then.
+  void tell(const std::function<void(PortListener&)>& say) {
+    if (up_) return say(listener());
+    if (line_ != nullptr && line_->open_ && !line_->lost_) early_.push_back(say);
+  }
   void end_drains() {
     for (const std::function<void()>& done : std::exchange(drains_, {})) done();
   }
   void lose(const std::string& why) {
-    if (!std::exchange(up_, false)) return;
+    up_ = false;
     end_drains();
     listener().on_down({.reason = LineDown::Reason::lost, .error = make_error(Errc::device_lost, why)});
   }
@@ -113,6 +122,7 @@ class TappedLine::Device final : public Port {
  private:
   TappedLine* line_;
   std::vector<std::function<void()>> drains_;
+  std::vector<std::function<void(PortListener&)>> early_;
   bool up_ = false;
 };
 
@@ -139,6 +149,7 @@ void TappedLine::opened(const std::string& device, const LineSettings& settings)
   name_ = device;
   settings_ = settings;
   open_ = true;
+  lost_ = false;
   if (driver_ != nullptr) driver_->come_up();
 }
 
@@ -152,7 +163,9 @@ void TappedLine::wrote(ByteView data) {
 }
 
 void TappedLine::got(ByteView data) {
-  if (device_ != nullptr && device_->up()) device_->told().on_data(data);
+  if (device_ == nullptr) return;
+  if (device_->up()) return device_->told().on_data(data);
+  device_->tell([bytes = Bytes(data.begin(), data.end())](PortListener& told) { told.on_data(bytes); });
 }
 
 void TappedLine::made(const LineSettings& settings) {
@@ -170,7 +183,7 @@ void TappedLine::driver_signalled(const LineSignal& signal) {
 }
 
 void TappedLine::device_signalled(const LineSignal& signal) {
-  if (device_ != nullptr && device_->up()) device_->told().on_signal(signal);
+  if (device_ != nullptr) device_->tell([signal](PortListener& told) { told.on_signal(signal); });
 }
 
 std::function<void()> TappedLine::drains() {
@@ -182,7 +195,11 @@ std::function<void()> TappedLine::drains() {
 }
 
 void TappedLine::lost(const std::string& why) {
-  if (device_ != nullptr) device_->lose(device_name() + ": " + why);
+  if (!open_ || lost_ || device_ == nullptr) return;
+  const std::string text = device_name() + ": " + why;
+  if (!device_->up()) device_->tell([device = device_, text](PortListener&) { device->lose(text); });
+  lost_ = true;
+  if (device_->up()) device_->lose(text);
 }
 
 }  // namespace porttape

@@ -46,6 +46,7 @@ class TappedLine {
   std::function<void()> drains();
   // The device has gone while it was open.
   void lost(const std::string& why);
+  [[nodiscard]] bool lost() const { return lost_; }
 
  private:
   class Driver;
@@ -57,6 +58,7 @@ class TappedLine {
   std::string name_;  // that it was opened by
   LineSettings settings_;
   bool open_ = false;
+  bool lost_ = false;  // since it was opened
 };
 
 }  // namespace porttape

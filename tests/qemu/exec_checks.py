@@ -1,8 +1,7 @@
 """`porttape exec` on real ttys: what a supervised driver does to its line reaches the device, and is on the tape in its place.
 
 The far side is what passes on USB (`wire`): what the device was told of DTR, RTS, breaks, parity and data bits. Of the FTDI adapter
-qemu plays the hardware. `supervised()` is where the verb's line is made: `--tap`, with the device's own name for `{port}`, is a case
-of the same steps.
+qemu plays the hardware. `supervised()` is where the verb's line is made.
 """
 
 import contextlib

@@ -1,6 +1,6 @@
 """What the guest of `run` does: its checks, one after the other. Runs as its first process, and turns it off at the end.
 
-A check is a function named check_NAME, here or in exec_checks.py; it returns what it saw, or raises. Each has a folder of its own
+A check is a function named check_NAME, here, in exec_checks.py or in tap_checks.py; it returns what it saw, or raises. Each has a folder of its own
 in /run.
 """
 
@@ -22,6 +22,7 @@ from rig import (BUSYBOX, BY_ID, BY_ID_DEVICE, HERE, PATIENCE, PORTTAPE, PYTHON,
                  bridge, command, contains_in_order, events, far, line_of, modem_of, need, need_sound,
                  opened, plug, say, unplug, until, wire)
 import exec_checks  # noqa: E402
+import tap_checks  # noqa: E402
 
 # ---- the checks
 
@@ -394,7 +395,7 @@ def check_pyserial_bridge(folder):
 NEEDS = {"rates": ["record"], "tape_settings": ["record"], "replay": ["record"], "replay_acm": ["record"],
          "unplug_replayed": ["unplug"], "pyserial_bridge": ["pyserial_direct"]}
 
-CHECKS = {name[len("check_"):]: check for name, check in [*globals().items(), *vars(exec_checks).items()]
+CHECKS = {name[len("check_"):]: check for name, check in [*globals().items(), *vars(exec_checks).items(), *vars(tap_checks).items()]
           if name.startswith("check_")}
 
 

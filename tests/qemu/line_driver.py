@@ -133,6 +133,23 @@ def do_hangup(port, mark):
     return "hung up" if port.read(120) == b"" else "bytes"
 
 
+def do_unplugged(port, mark):
+    """Waits in a read until there is no device, and tries what else there is."""
+    def attempt(call):
+        try:
+            return call()
+        except OSError as error:
+            return f"error {error.errno}"
+        except termios.error as error:
+            return f"error {error.args[0]}"
+
+    mark.touch()
+    tries = [lambda: os.read(port.fd, 64), lambda: os.read(port.fd, 64), lambda: os.write(port.fd, b"x"),
+             lambda: termios.tcgetattr(port.fd), lambda: termios.tcdrain(port.fd),
+             lambda: fcntl.ioctl(port.fd, termios.TIOCMBIC, struct.pack("i", termios.TIOCM_RTS))]
+    return "; ".join(str(attempt(call)) for call in tries)
+
+
 def do_cost(port):
     """How long a call that is trapped takes, and one that is not."""
     def median(call):
@@ -153,7 +170,7 @@ def do_step(port, step, mark):
     if words[0] == "say":
         port.exchange(words[1].encode(), 120)
         return "answered"
-    if words[0] in ("carrier", "hangup", "loop"):
+    if words[0] in ("carrier", "hangup", "loop", "unplugged"):
         return globals()[f"do_{words[0]}"](port, mark)
     if words[0] == "frame":
         return do_frame(port, words[1])

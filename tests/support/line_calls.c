@@ -224,6 +224,7 @@ static void* drop_rts_later(void* fd) {
 static void check_wait(void) {
   int fd = open_port(0);
   change(fd, TIOCMBIS, TIOCM_RTS | TIOCM_DTR);
+  expect(fd, rts_side | dtr_side, "before the wait");
   pthread_t other;
   pthread_create(&other, NULL, drop_rts_later, &fd);
   double began = now();
@@ -242,12 +243,18 @@ static void check_wait(void) {
 
   // With SA_RESTART the wait goes on, until the change.
   change(fd, TIOCMBIS, TIOCM_RTS);
+  expect(fd, rts_side | dtr_side, "before the wait with SA_RESTART");
   catch_alarms(SA_RESTART);
   alarms = 0;
   alarm_every(50000, 1);
   pthread_create(&other, NULL, drop_rts_later, &fd);
+  began = now();
   if (ioctl(fd, TIOCMIWAIT, TIOCM_CTS)) fail_errno("TIOCMIWAIT with SA_RESTART");
-  if (alarms != 1 || lines_of(fd) & TIOCM_CTS) fail("ended by the signal, in spite of SA_RESTART");
+  int signals = (int)alarms;
+  int lines = lines_of(fd);
+  if (signals != 1 || lines & TIOCM_CTS)
+    fail("TIOCMIWAIT with SA_RESTART ended after %.3f s, %d signals, CTS %s", now() - began, signals,
+         lines & TIOCM_CTS ? "on" : "off");
   pthread_join(other, NULL);
 }
 

@@ -1,0 +1,451 @@
+// A real program with a tty of its own: what it finds is what it finds without a supervisor, and what it says
+// is told.
+
+#include "libport/supervise/tap_calls.hpp"
+
+#include <array>
+#include <cstdlib>
+#include <fcntl.h>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <string>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <termios.h>
+#include <unistd.h>
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "libport/base/line_settings_text.hpp"
+#include "libport/loop/fd_watch.hpp"
+#include "libport/loop/timer.hpp"
+#include "libport/supervise/supervised_command.hpp"
+#include "libport/supervise/waiting_open.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+using std::chrono::milliseconds;
+using testing::Contains;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Not;
+
+// What a session would be told.
+class TappedEvents {
+ public:
+  explicit TappedEvents(TappedLine& line)
+      : driver_port_(line.driver_port()),
+        device_port_(line.device_port()),
+        driver_(*this, "w "),
+        device_(*this, "r ") {
+    driver_port_->listen(driver_);
+    device_port_->listen(device_);
+    driver_port_->open();
+  }
+
+  void say(std::string what) {
+    all.push_back(std::move(what));
+    if (on_event) on_event(all.back());
+  }
+
+  std::vector<std::string> all;
+  std::string written;
+  std::string read;
+  std::function<void(const std::string&)> on_event;
+  bool opens_late = false;
+  void open_device() { device_port_->open(); }
+
+ private:
+  class Side final : public PortListener {
+   public:
+    Side(TappedEvents& events, std::string prefix) : events_(&events), prefix_(std::move(prefix)) {}
+    void on_up() override {
+      if (!is_driver()) return;
+      events_->say("open");
+      if (!events_->opens_late) events_->open_device();
+    }
+    void on_data(ByteView data) override {
+      const std::string text(data.begin(), data.end());
+      (is_driver() ? events_->written : events_->read) += text;
+      if (text.size() < 20) events_->say(prefix_ + text);
+    }
+    void on_drained() override {}
+    void on_down(const LineDown& down) override {
+      if (is_driver()) events_->device_port_->close();
+      events_->say(down.reason == LineDown::Reason::lost ? "lost" : "close");
+    }
+    void on_finished(int) override {}
+    void on_complete(int) override {}
+    void on_flush(FlushQueue queue) override {
+      events_->say(queue == FlushQueue::in    ? "flush in"
+                   : queue == FlushQueue::out ? "flush out"
+                                              : "flush both");
+    }
+    void on_signal(const LineSignal& signal) override {
+      events_->say(std::string(name_of(signal.name)) + (signal.on ? " on" : " off"));
+    }
+    void on_drain(std::function<void()> done) override {
+      events_->say("drain");
+      done();
+    }
+
+   private:
+    [[nodiscard]] bool is_driver() const { return prefix_ == "w "; }
+    TappedEvents* events_;
+    std::string prefix_;
+  };
+
+  std::unique_ptr<Port> driver_port_;
+  std::unique_ptr<Port> device_port_;
+  Side driver_;
+  Side device_;
+};
+
+// The program's device, a pty. What comes after "give " is sent back, in two arrivals where there is a '|';
+// "=" as it is.
+class EchoDevice {
+ public:
+  explicit EchoDevice(Loop& loop)
+      : master_(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC)),
+        rest_timer_(loop, [this] { send(std::exchange(rest_, {})); }) {
+    ::grantpt(master_.get());
+    ::unlockpt(master_.get());
+    path = ::ptsname(master_.get());
+    kept_.reset(::open(path.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC));
+    termios made{};
+    ::tcgetattr(kept_.get(), &made);
+    ::cfmakeraw(&made);
+    ::tcsetattr(kept_.get(), TCSANOW, &made);
+    watch_ = std::make_unique<FdWatch>(loop, master_.get(), [this] { answer(); });
+    watch_->watch_readable(true);
+  }
+
+  // What the program has written last.
+  void catch_up() {
+    while (answer()) {
+    }
+  }
+
+  void hang_up() {
+    watch_->stop();
+    watch_.reset();
+    master_.reset();
+  }
+
+  std::string path;
+  std::string wire;
+
+ private:
+  bool answer() {
+    std::array<char, 65536> some{};
+    const ssize_t size = ::read(master_.get(), some.data(), some.size());
+    if (size <= 0) return false;
+    const std::string text(some.data(), static_cast<std::size_t>(size));
+    wire += text;
+    if (text.starts_with("=")) send(text);
+    if (!text.starts_with("give ")) return true;
+    const std::size_t bar = std::min(text.find('|'), text.size());
+    send(text.substr(5, bar - 5));
+    rest_ = text.substr(std::min(bar + 1, text.size()));
+    if (!rest_.empty()) rest_timer_.set_after(milliseconds(30));
+    return true;
+  }
+  void send(const std::string& text) { (void)!::write(master_.get(), text.data(), text.size()); }
+
+  UniqueFd master_;
+  UniqueFd kept_;
+  std::unique_ptr<FdWatch> watch_;
+  std::string rest_;
+  Timer rest_timer_;
+};
+
+// No descriptor is to be had while it lives.
+class NoDescriptors {
+ public:
+  NoDescriptors() {
+    ::getrlimit(RLIMIT_NOFILE, &before_);
+    const int lowest = ::dup(0);
+    ::close(lowest);
+    rlimit none = before_;
+    none.rlim_cur = static_cast<rlim_t>(lowest);
+    ::setrlimit(RLIMIT_NOFILE, &none);
+  }
+  ~NoDescriptors() { ::setrlimit(RLIMIT_NOFILE, &before_); }
+  NoDescriptors(const NoDescriptors&) = delete;
+  NoDescriptors& operator=(const NoDescriptors&) = delete;
+
+ private:
+  rlimit before_{};
+};
+
+class TapCallsTest : public testing::Test {
+ public:
+  using Steps = std::vector<std::string>;
+
+  Steps run(const Steps& steps, bool tapped) {
+    std::vector<std::string> command{TAP_PROGRAM, device->path, dir / "result"};
+    command.insert(command.end(), steps.begin(), steps.end());
+    std::vector<std::unique_ptr<CallPart>> parts;
+    std::vector<CallTrap> traps{{.number = SYS_getsid}};
+    std::optional<pid_t> process;
+    if (tapped) {
+      std::optional<NoDescriptors> none;
+      if (without_epoll) none.emplace();
+      parts.push_back(std::make_unique<TapCalls>(
+          loop, line,
+          TapCalls::Options{.processes = [&] { return processes_of(process); },
+                            .tell = [this](const std::string& what) { told.push_back(what); }}));
+      traps = parts.front()->traps();
+    }
+    SupervisedCommand::Trouble trouble;
+    std::optional<int> status;
+    const auto running = SupervisedCommand::start(
+        loop, {.command = command, .environment = {"PATH=/usr/bin:/bin"}, .traps = traps},
+        [&](int wait_status) { status = wait_status; }, trouble);
+    if (!running) {
+      ADD_FAILURE() << trouble.message;
+      return {};
+    }
+    process = running->command();
+    const Supervisor supervisor(loop, running->take_listener(), std::move(parts),
+                                std::make_unique<RealClock>(loop));
+    while (!status || (tapped && line.open())) loop.run_one();
+    device->catch_up();
+    EXPECT_TRUE(WIFEXITED(*status) && WEXITSTATUS(*status) == 0) << *status;
+    return lines_of(dir / "result");
+  }
+
+  // The program and its children.
+  static std::vector<pid_t> processes_of(const std::optional<pid_t>& process) {
+    if (!process) return {};
+    std::vector<pid_t> all{*process};
+    std::ifstream children("/proc/" + std::to_string(*process) + "/task/" + std::to_string(*process) +
+                           "/children");
+    for (pid_t child = 0; children >> child;) all.push_back(child);
+    return all;
+  }
+
+  // What comes of the steps, which is the same with and without the tap.
+  Steps same(const Steps& steps) {
+    events.all.clear();
+    events.written.clear();
+    events.read.clear();
+    device = std::make_unique<EchoDevice>(loop);
+    const Steps bare = run(steps, false);
+    const std::string bare_wire = device->wire;
+    device = std::make_unique<EchoDevice>(loop);
+    const Steps tapped = run(steps, true);
+    EXPECT_EQ(tapped, bare);
+    EXPECT_EQ(device->wire, bare_wire);
+    EXPECT_EQ(events.written, device->wire);
+    return tapped;
+  }
+  Steps tap(const Steps& steps) {
+    device = std::make_unique<EchoDevice>(loop);
+    return run(steps, true);
+  }
+
+  static Steps lines_of(const std::string& path) {
+    Steps all;
+    std::ifstream file(path);
+    for (std::string text; std::getline(file, text);) all.push_back(text);
+    return all;
+  }
+
+  Loop loop;
+  test::TempDir dir;
+  TappedLine line;
+  TappedEvents events{line};
+  std::unique_ptr<EchoDevice> device;
+  Steps told;
+  bool without_epoll = false;
+};
+
+TEST_F(TapCallsTest, AReadTakesWhatIsThereAndNoMore) {
+  EXPECT_THAT(same({"open", "raw:1:0", "write:give abcdef", "read:4", "read:0", "read:9"}),
+              ElementsAre("open 0", "write 11", "read 4 abcd", "read 0", "read 2 ef"));
+  EXPECT_EQ(events.read, "abcdef");
+  EXPECT_THAT(events.all, ElementsAre("open", "w give abcdef", "r abcd", "r ef", "close"));
+}
+
+TEST_F(TapCallsTest, AReadWaitsForVminBytes) {
+  EXPECT_THAT(same({"open", "raw:5:0", "write:give ab|cde", "read:9"}),
+              ElementsAre("open 0", "write 11", "read 5 abcde"));
+  EXPECT_THAT(same({"open", "raw:5:0", "write:give ab|cde", "read:3", "raw:1:0", "all:2"}),
+              ElementsAre("open 0", "write 11", "read 3 abc", "all 2 de"));
+}
+
+TEST_F(TapCallsTest, AReadOfBytesWithPausesEndsByVtime) {
+  EXPECT_THAT(same({"open", "raw:9:1", "write:give abc", "read:9"}),
+              ElementsAre("open 0", "write 8", "read 3 abc"));
+}
+
+TEST_F(TapCallsTest, AReadWithoutVminEndsByVtime) {
+  EXPECT_THAT(same({"open", "raw:0:1", "read:9", "read:0", "raw:0:99", "write:give abc", "all:3"}),
+              ElementsAre("open 0", "read 0", "read 0", "write 8", "all 3 abc"));
+}
+
+TEST_F(TapCallsTest, AReadWithoutBothNeverWaits) {
+  EXPECT_THAT(same({"open", "raw:0:0", "read:9"}), ElementsAre("open 0", "read 0"));
+}
+
+TEST_F(TapCallsTest, ALineIsReadWhole) {
+  EXPECT_THAT(same({"open", "lines", "write:give one\ntwo\n", "read:99", "read:1", "read:99"}),
+              ElementsAre("open 0", "write 13", "read 4 one", "", "read 1 t", "read 3 wo", ""));
+}
+
+TEST_F(TapCallsTest, VectorsAreOneTransfer) {
+  EXPECT_THAT(same({"open", "raw:5:0", "write:give 1234567", "vectors"}),
+              ElementsAre("open 0", "write 12", "readv 7 1234567", "writev 5", "many EINVAL",
+                          "negative EINVAL", "none 0"));
+}
+
+TEST_F(TapCallsTest, AWriteOfManyBytesEndsWithTheLast) {
+  EXPECT_THAT(same({"open", "raw:1:0", "big:200000", "bigv:150000"}),
+              ElementsAre("open 0", "big 200000", "bigv 150000"));
+  EXPECT_EQ(events.written.size(), 350000U);
+}
+
+TEST_F(TapCallsTest, ABadAddressIsTheProgramsError) {
+  EXPECT_THAT(same({"open", "raw:1:0", "bad"}),
+              ElementsAre("open 0", "bad write EFAULT", "bad vector EFAULT", "half 2048", "last 3"));
+  EXPECT_THAT(same({"open", "raw:1:0", "write:give a", "badread"}),
+              ElementsAre("open 0", "write 6", "badread EFAULT"));
+}
+
+TEST_F(TapCallsTest, WhatWouldWaitIsRefusedWhereTheProgramWantsIt) {
+  EXPECT_THAT(same({"open", "raw:1:0", "nonblock", "read:9", "fionbio:0", "write:give ab", "all:2",
+                    "fionbio:1", "read:1"}),
+              ElementsAre("open 0", "nonblock 1", "read EAGAIN", "fionbio 0", "write 7", "all 2 ab",
+                          "fionbio 1", "read EAGAIN"));
+}
+
+TEST_F(TapCallsTest, NobodySeesTheFlagsThatAReadOfOursHas) {
+  EXPECT_THAT(same({"open", "raw:1:0", "flags"}), ElementsAre("open 0", "flags 0"));
+}
+
+TEST_F(TapCallsTest, ASignalEndsARead) {
+  EXPECT_THAT(same({"open", "raw:1:0", "alarm:20", "read:9"}), ElementsAre("open 0", "read EINTR"));
+}
+
+TEST_F(TapCallsTest, ASignalThatRestartsEndsNoRead) {
+  EXPECT_THAT(same({"open", "raw:5:0", "alarm:10r", "write:give |abcde", "read:9"}),
+              ElementsAre("open 0", "write 11", "read 5 abcde"));
+}
+
+TEST_F(TapCallsTest, ASignalEndsAReadWithTheBytesThatItHas) {
+  EXPECT_THAT(same({"open", "raw:5:0", "write:give ab", "arrived:2", "alarm:50", "read:9"}),
+              ElementsAre("open 0", "write 7", "read 2 ab"));
+  EXPECT_EQ(events.read, "ab");
+}
+
+TEST_F(TapCallsTest, CopiesAreTheDeviceAndTheLastOnesCloseIsTold) {
+  EXPECT_THAT(
+      same({"open", "raw:1:0", "copy:dup", "write:a", "copy:dupfd", "write:b", "copy:dup2", "write:c",
+            "close"}),
+      ElementsAre("open 0", "dup 0", "write 1", "dupfd 0", "write 1", "dup2 0 at 0", "write 1", "close 0"));
+  EXPECT_THAT(events.all, ElementsAre("open", "w a", "w b", "w c", "close"));
+}
+
+TEST_F(TapCallsTest, ACopyIsTheLowestThatIsFree) {
+  EXPECT_THAT(same({"open", "raw:1:0", "copy:dup0", "write:a"}),
+              ElementsAre("open 0", "dup0 0 at 0", "write 1"));
+  EXPECT_THAT(same({"open0", "raw:1:0", "write:b"}), ElementsAre("open0 0", "write 1"));
+}
+
+TEST_F(TapCallsTest, AChildThatHasItAloneIsWaitedFor) {
+  EXPECT_THAT(same({"open", "raw:1:0", "fork"}), ElementsAre("open 0", "child 0"));
+  EXPECT_THAT(events.all, ElementsAre("open", "w child", "close"));
+}
+
+TEST_F(TapCallsTest, FlushesDrainsAndBreaksHaveTheirPlace) {
+  EXPECT_THAT(tap({"open", "raw:1:0", "write:a", "flush:0", "write:b", "flush:1", "flush:2", "drain",
+                   "write:c", "tcsbrk", "write:d", "sbrk"}),
+              ElementsAre("open 0", "write 1", "flush 0", "write 1", "flush 0", "flush 0", "drain 0",
+                          "write 1", "tcsbrk 0", "write 1", "sbrk 0", "cbrk 0"));
+  EXPECT_THAT(events.all,
+              ElementsAre("open", "w a", "flush in", "w b", "flush out", "flush both", "drain", "w c",
+                          "break on", "break off", "w d", "break on", "break off", "close"));
+}
+
+TEST_F(TapCallsTest, ALineThatHangsUpIsLostOnce) {
+  events.on_event = [this](const std::string& what) {
+    if (what == "w go") loop.post([this] { device->hang_up(); });
+  };
+  EXPECT_THAT(tap({"open", "raw:1:0", "write:go", "read:9", "write:x"}).back(), "write EIO");
+  EXPECT_EQ(std::ranges::count(events.all, "lost"), 1);
+}
+
+TEST_F(TapCallsTest, WhatIsReadBeforeTheSessionIsReadyIsKept) {
+  events.opens_late = true;
+  events.on_event = [this](const std::string& what) {
+    if (what == "w over") events.open_device();
+  };
+  (void)tap({"open", "raw:1:0", "write:give ab", "all:2", "write:over"});
+  EXPECT_EQ(events.read, "ab");
+}
+
+TEST_F(TapCallsTest, WithoutEpollAReadIsLookedAt) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "the sanitizers need descriptors themselves";
+#endif
+  without_epoll = true;
+  EXPECT_THAT(same({"open", "raw:5:0", "write:give |abcde", "read:9"}),
+              ElementsAre("open 0", "write 11", "read 5 abcde"));
+}
+
+TEST_F(TapCallsTest, AProgramThatMayHaveFewFilesIsToldOf) {
+  EXPECT_THAT(tap({"few", "open", "raw:1:0", "write:a"}), ElementsAre("open 0", "write 1"));
+  EXPECT_THAT(told, Contains(HasSubstr("limit of open files")));
+  EXPECT_THAT(events.all, Not(Contains("open")));
+}
+
+TEST(WaitingOpenTest, ItWaitsAsTheKernelDoes) {
+  Loop loop;
+  const test::TempDir dir;
+  ASSERT_EQ(::mkfifo((dir / "fifo").c_str(), 0600), 0);
+  std::optional<int> result;
+  UniqueFd got;
+  const auto done = [&](UniqueFd file, int error) {
+    got = std::move(file);
+    result = error;
+  };
+  const auto open = WaitingOpen::start(loop, dir / "fifo", O_RDONLY, done);
+  ASSERT_NE(open, nullptr);
+  const UniqueFd other(::open((dir / "fifo").c_str(), O_RDWR | O_CLOEXEC));
+  while (!result) loop.run_one();
+  EXPECT_TRUE(got);
+  EXPECT_TRUE(open->over());
+}
+
+TEST(WaitingOpenTest, WhatTheKernelRefusesIsTold) {
+  Loop loop;
+  std::optional<int> result;
+  const auto open =
+      WaitingOpen::start(loop, "/no/such/tty", O_RDWR, [&](const UniqueFd&, int error) { result = error; });
+  ASSERT_NE(open, nullptr);
+  while (!result) loop.run_one();
+  EXPECT_EQ(*result, ENOENT);
+}
+
+TEST(WaitingOpenTest, DestroyedItIsBrokenOff) {
+  Loop loop;
+  const test::TempDir dir;
+  ASSERT_EQ(::mkfifo((dir / "fifo").c_str(), 0600), 0);
+  auto open = WaitingOpen::start(loop, dir / "fifo", O_RDONLY, [](UniqueFd, int) { FAIL(); });
+  ASSERT_NE(open, nullptr);
+  open.reset();
+  EXPECT_EQ(::open((dir / "fifo").c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC), -1);  // nobody waits to read
+  EXPECT_EQ(errno, ENXIO);
+}
+
+}  // namespace
+}  // namespace porttape

@@ -1,0 +1,290 @@
+// tap_program TTY RESULT STEP…: does the steps to a tty of its own, one after another, and writes a line of
+// what came of each. What is written there is answered by the test.
+#include <cerrno>
+#include <csignal>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <fcntl.h>
+#include <sched.h>
+#include <string>
+#include <sys/ioctl.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <sys/time.h>
+#include <sys/uio.h>
+#include <sys/wait.h>
+#include <termios.h>
+#include <thread>
+#include <unistd.h>
+#include <vector>
+
+namespace {
+
+int line = -1;
+FILE* out = nullptr;
+const char* path = nullptr;
+volatile std::uintptr_t no_address = 8;  // which the compiler does not know to be bad
+
+void on_alarm(int) {}
+
+const char* error_name() {
+  switch (errno) {
+    case EAGAIN:
+      return "EAGAIN";
+    case EINTR:
+      return "EINTR";
+    case EFAULT:
+      return "EFAULT";
+    case EINVAL:
+      return "EINVAL";
+    case EIO:
+      return "EIO";
+    case EBADF:
+      return "EBADF";
+    default:
+      return "other";
+  }
+}
+
+void say(const std::string& what, ssize_t result, const std::string& more = {}) {
+  if (result < 0) {
+    std::fprintf(out, "%s %s\n", what.c_str(), error_name());
+  } else {
+    std::fprintf(out, "%s %zd%s%s\n", what.c_str(), result, more.empty() ? "" : " ", more.c_str());
+  }
+  std::fflush(out);
+}
+
+void open_line(int flags) { line = ::open(path, O_RDWR | O_NOCTTY | flags); }
+
+void set_reads(int vmin, int vtime, bool lines) {
+  termios made{};
+  ::tcgetattr(line, &made);
+  ::cfmakeraw(&made);
+  if (lines) made.c_lflag |= ICANON;
+  made.c_cc[VMIN] = static_cast<cc_t>(vmin);
+  made.c_cc[VTIME] = static_cast<cc_t>(vtime);
+  ::tcsetattr(line, TCSANOW, &made);
+}
+
+void read_some(std::size_t size) {
+  std::string bytes(size, '\0');
+  const ssize_t got = ::read(line, bytes.data(), size);
+  bytes.resize(static_cast<std::size_t>(got > 0 ? got : 0));
+  say("read", got, bytes);
+}
+
+// As many, by any reads.
+void read_all(std::size_t size) {
+  std::string bytes;
+  while (bytes.size() < size) {
+    char some[256];
+    const ssize_t got = ::read(line, some, std::min(sizeof(some), size - bytes.size()));
+    if (got > 0) {
+      bytes.append(some, static_cast<std::size_t>(got));
+    } else if (got == 0 || errno != EINTR) {
+      return say("all", got, bytes);
+    }
+  }
+  say("all", static_cast<ssize_t>(size), bytes);
+}
+
+void set_alarm(int ms, bool restarts) {
+  struct sigaction action {};
+  action.sa_handler = on_alarm;
+  action.sa_flags = restarts ? SA_RESTART : 0;
+  ::sigaction(SIGALRM, &action, nullptr);
+  const itimerval timer = {{0, ms * 1000}, {0, ms * 1000}};  // again and again: the first may be early
+  ::setitimer(ITIMER_REAL, &timer, nullptr);
+}
+
+// A poll tells only of as many as VMIN says.
+void await_bytes(int count) {
+  for (int ready = 0; ::ioctl(line, FIONREAD, &ready) == 0 && ready < count;) ::sched_yield();
+}
+
+std::vector<char> pattern(std::size_t size) {
+  std::vector<char> bytes(size);
+  for (std::size_t at = 0; at < size; ++at) bytes[at] = static_cast<char>('a' + at % 23 + at / 4096 % 3);
+  return bytes;
+}
+
+// Two pages, of which the second is not there.
+char* half_page() {
+  const long page = ::sysconf(_SC_PAGESIZE);
+  char* const pages = static_cast<char*>(::mmap(nullptr, static_cast<std::size_t>(2 * page),
+                                                PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
+  ::munmap(pages + page, static_cast<std::size_t>(page));
+  std::memset(pages, 'p', static_cast<std::size_t>(page));
+  return pages + page;
+}
+
+void do_vectors() {
+  char text[6] = "hello";
+  const iovec parts[3] = {{text, 2}, {nullptr, 0}, {text + 2, 3}};
+  char first[2] = {};
+  char second[8] = {};
+  const iovec into[2] = {{first, 2}, {second, 8}};
+  const ssize_t got = ::readv(line, into, 2);
+  say("readv", got,
+      std::string(first, 2) + std::string(second, static_cast<std::size_t>(got > 2 ? got - 2 : 0)));
+  say("writev", ::writev(line, parts, 3));
+  const std::vector<iovec> many(1025, iovec{text, 1});
+  say("many", ::writev(line, many.data(), 1025));
+  const iovec negative{text, static_cast<std::size_t>(-1)};
+  say("negative", ::writev(line, &negative, 1));
+  say("none", ::writev(line, parts, 0));
+}
+
+void do_bad() {
+  auto* const nowhere = reinterpret_cast<char*>(no_address);
+  say("bad write", ::write(line, nowhere, 4));
+  say("bad vector", ::writev(line, reinterpret_cast<iovec*>(nowhere), 1));
+  char* const end = half_page();
+  say("half", ::write(line, end - 2048, 4096));
+  say("last", ::write(line, end - 3, 3));
+}
+
+// Another thread looks at the line's flags all the while.
+void do_flags() {
+  bool over = false;
+  int seen = 0;
+  std::thread looks([&] {
+    while (!__atomic_load_n(&over, __ATOMIC_ACQUIRE)) {
+      if ((::fcntl(line, F_GETFL) & O_NONBLOCK) != 0) ++seen;
+    }
+  });
+  for (int i = 0; i < 2000; ++i) {
+    char back = 0;
+    if (::write(line, "=", 1) != 1 || ::read(line, &back, 1) != 1) break;
+  }
+  __atomic_store_n(&over, true, __ATOMIC_RELEASE);
+  looks.join();
+  say("flags", seen);
+}
+
+void do_copy(const std::string& how) {
+  const int before = line;
+  if (how == "dup") line = ::dup(before);
+  if (how == "dup2") line = ::dup2(before, 0);
+  if (how == "dup0") {  // the lowest that is free, as shells do
+    ::close(0);
+    line = ::dup(before);
+  }
+  if (how == "dupfd") line = ::fcntl(before, F_DUPFD_CLOEXEC, 10);
+  ::close(before);
+  const bool lowest = how == "dup0" || how == "dup2";
+  say(how, line < 0 ? -1 : 0, lowest ? line == 0 ? "at 0" : "elsewhere" : "");
+}
+
+// The child has it alone in the end.
+void do_fork() {
+  const pid_t child = ::fork();
+  if (child != 0) {
+    ::close(line);
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    say("child", WEXITSTATUS(status));
+    return;
+  }
+  ::usleep(1);
+  if (::write(line, "child", 5) != 5) ::_exit(1);
+  ::_exit(0);
+}
+
+bool do_line_step(const std::string& name, const std::string& value) {
+  if (name == "open") {
+    open_line(0);
+    say("open", line < 0 ? -1 : 0);
+  } else if (name == "open0") {
+    ::close(0);
+    open_line(0);
+    say("open0", line);
+  } else if (name == "few") {
+    const rlimit limit{64, 64};
+    ::setrlimit(RLIMIT_NOFILE, &limit);
+  } else if (name == "raw") {
+    const std::size_t colon = value.find(':');
+    set_reads(std::atoi(value.c_str()), std::atoi(value.c_str() + colon + 1), false);
+  } else if (name == "lines") {
+    set_reads(1, 0, true);
+  } else if (name == "nonblock") {
+    ::fcntl(line, F_SETFL, O_NONBLOCK);
+    say("nonblock", ::fcntl(line, F_GETFL) & O_NONBLOCK ? 1 : 0);
+  } else if (name == "fionbio") {
+    int on = std::atoi(value.c_str());
+    const int made = ::ioctl(line, FIONBIO, &on);
+    say("fionbio", made < 0 ? made : (::fcntl(line, F_GETFL) & O_NONBLOCK) != 0);
+  } else if (name == "close") {
+    say("close", ::close(line));
+  } else if (name == "copy") {
+    do_copy(value);
+  } else if (name == "fork") {
+    do_fork();
+  } else {
+    return false;
+  }
+  return true;
+}
+
+bool do_step(const std::string& name, const std::string& value) {
+  if (do_line_step(name, value)) return true;
+  if (name == "write") {
+    say("write", ::write(line, value.data(), value.size()));
+  } else if (name == "read") {
+    read_some(std::strtoul(value.c_str(), nullptr, 10));
+  } else if (name == "all") {
+    read_all(std::strtoul(value.c_str(), nullptr, 10));
+  } else if (name == "big") {
+    const std::vector<char> bytes = pattern(std::strtoul(value.c_str(), nullptr, 10));
+    say("big", ::write(line, bytes.data(), bytes.size()));
+  } else if (name == "bigv") {
+    std::vector<char> bytes = pattern(std::strtoul(value.c_str(), nullptr, 10));
+    const iovec parts[2] = {{bytes.data(), bytes.size() - 7}, {bytes.data() + bytes.size() - 7, 7}};
+    say("bigv", ::writev(line, parts, 2));
+  } else if (name == "vectors") {
+    do_vectors();
+  } else if (name == "bad") {
+    do_bad();
+  } else if (name == "badread") {
+    say("badread", ::read(line, reinterpret_cast<char*>(no_address), 4));
+  } else if (name == "arrived") {
+    await_bytes(std::atoi(value.c_str()));
+  } else if (name == "alarm") {
+    set_alarm(std::atoi(value.c_str()), value.ends_with("r"));
+  } else if (name == "quiet") {
+    const itimerval none{};
+    ::setitimer(ITIMER_REAL, &none, nullptr);
+  } else if (name == "flags") {
+    do_flags();
+  } else if (name == "flush") {
+    say("flush", ::tcflush(line, std::atoi(value.c_str())));
+  } else if (name == "drain") {
+    say("drain", ::tcdrain(line));
+  } else if (name == "tcsbrk") {
+    say("tcsbrk", ::ioctl(line, TCSBRKP, 1));
+  } else if (name == "sbrk") {
+    say("sbrk", ::ioctl(line, TIOCSBRK));
+    say("cbrk", ::ioctl(line, TIOCCBRK));
+  } else {
+    return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+int main(int count, char** words) {
+  path = words[1];
+  out = std::fopen(words[2], "w");
+  if (out == nullptr) return 9;
+  for (int i = 3; i < count; ++i) {
+    const std::string step = words[i];
+    const std::size_t colon = std::min(step.find(':'), step.size());
+    errno = 0;
+    if (!do_step(step.substr(0, colon), step.substr(std::min(colon + 1, step.size())))) return 8;
+  }
+  return std::fclose(out) == 0 ? 0 : 7;
+}
