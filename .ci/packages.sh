@@ -4,14 +4,14 @@
 
 # Programs and libraries, with whatever generator and compiler cmake finds.
 plain_build=(g++ make cmake libboost1.81-dev libboost-program-options1.81-dev libspdlog-dev libxxhash-dev
-  libre2-dev libtomlplusplus-dev)
+  libre2-dev libtomlplusplus-dev libarchive-dev zlib1g-dev)
 # The presets: Ninja, ccache, the sanitizers' clang, the unit tests.
 presets=(ninja-build ccache clang libclang-rt-14-dev libgtest-dev libgmock-dev libbenchmark-dev)
 # What the end-to-end tests run: lint, simulated devices, real drivers.
 all_tests=(
   pkg-config python3 python3-serial python3-pytest python3-pytest-xdist catch2 libxml2-utils patch procps socat shellcheck
   mbpoll libmodbus-dev lrzsz ckermit flashrom bc redis-tools libhamlib-utils whois systemd mosquitto mosquitto-clients
-  strace musl-tools libserialport0 udev
+  strace musl-tools libserialport0 udev zstd tshark sigrok-cli chromium chromium-driver python3-selenium
 )
 
 need_packages() {

@@ -1,8 +1,10 @@
 # The rooms of the library and of the programs, and what each may include besides itself; libport/README.md has their
 # sentences. The build takes its folders from here, tests/layout holds the includes against it.
-set(rooms base tape replay rules infer loop port faults tty net taped catalog session testing supervise blocking flexiport)
+set(rooms base tape formats pack replay rules infer loop port faults tty net taped catalog session testing supervise blocking flexiport)
 set(below_base)
 set(below_tape base)
+set(below_formats base tape replay rules)
+set(below_pack base tape)
 set(below_replay base tape)
 set(below_rules base tape replay)
 set(below_infer base tape replay rules)
@@ -19,5 +21,5 @@ set(below_testing base loop port replay taped catalog session)
 set(below_blocking base loop port taped catalog)
 set(below_flexiport base tape port taped catalog blocking)
 
-set(below_tools base tape replay rules infer loop port faults taped catalog session supervise)
+set(below_tools base tape formats pack replay rules infer loop port faults taped catalog session supervise)
 set(below_daemon ${below_tools} net tools)

@@ -1,0 +1,103 @@
+#include "libport/formats/strace_terminal.hpp"
+
+#include <array>
+#include <utility>
+
+#include "libport/base/whole_number.hpp"
+
+namespace porttape {
+namespace {
+
+constexpr std::array<std::pair<std::string_view, LineSignal::Name>, 2> kDriven{
+    std::pair{std::string_view("TIOCM_DTR"), LineSignal::Name::dtr},
+    std::pair{std::string_view("TIOCM_RTS"), LineSignal::Name::rts}};
+
+// The value of "key=" in "{key=A|B, …}".
+std::optional<std::string_view> member_of(std::string_view argument, std::string_view key) {
+  const std::size_t at = argument.find(key);
+  if (at == std::string_view::npos) return std::nullopt;
+  argument.remove_prefix(at + key.size());
+  return argument.substr(0, argument.find_first_of(",}"));
+}
+
+// One of "A|B|C" is that word.
+bool has_flag(std::string_view flags, std::string_view wanted) {
+  for (;;) {
+    const std::size_t bar = flags.find('|');
+    if (flags.substr(0, bar) == wanted) return true;
+    if (bar == std::string_view::npos) return false;
+    flags.remove_prefix(bar + 1);
+  }
+}
+
+std::optional<unsigned> baud_of(std::string_view argument, std::string_view cflag) {
+  if (has_flag(cflag, "BOTHER")) {
+    const auto speed = member_of(argument, "c_ospeed=");
+    return speed ? whole_number<unsigned>(*speed) : std::nullopt;
+  }
+  for (std::string_view left = cflag;;) {
+    const std::size_t bar = left.find('|');
+    const std::string_view flag = left.substr(0, bar);
+    if (flag.starts_with('B')) {
+      if (const auto baud = whole_number<unsigned>(flag.substr(1))) return baud;
+    }
+    if (bar == std::string_view::npos) return std::nullopt;
+    left.remove_prefix(bar + 1);
+  }
+}
+
+std::optional<SeenSettings> settings_of(std::string_view argument) {
+  const auto cflag = member_of(argument, "c_cflag=");
+  if (!cflag) return std::nullopt;
+  SeenSettings seen;
+  seen.baud = baud_of(argument, *cflag);
+  for (const auto& [name, bits] : {std::pair{"CS5", 5U}, {"CS6", 6U}, {"CS7", 7U}, {"CS8", 8U}}) {
+    if (has_flag(*cflag, name)) seen.data_bits = bits;
+  }
+  const bool odd = has_flag(*cflag, "PARODD");
+  const bool sticks = has_flag(*cflag, "CMSPAR");
+  seen.parity = !has_flag(*cflag, "PARENB") ? Parity::none
+                : sticks                    ? (odd ? Parity::mark : Parity::space)
+                                            : (odd ? Parity::odd : Parity::even);
+  seen.stop_bits = has_flag(*cflag, "CSTOPB") ? 2 : 1;
+  seen.hw_flow = has_flag(*cflag, "CRTSCTS");
+  if (const auto iflag = member_of(argument, "c_iflag="))
+    seen.sw_flow = has_flag(*iflag, "IXON") && has_flag(*iflag, "IXOFF");
+  return seen;
+}
+
+std::optional<event::Flush::Queue> queue_of(std::string_view argument) {
+  if (argument == "TCIFLUSH") return event::Flush::Queue::in;
+  if (argument == "TCOFLUSH") return event::Flush::Queue::out;
+  if (argument == "TCIOFLUSH") return event::Flush::Queue::both;
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::vector<Event> StraceTerminal::events_of(std::string_view request, std::string_view argument) {
+  std::vector<Event> events;
+  // Some numbers have two names: "SNDCTL_TMR_START or TCSETS".
+  if (const std::size_t or_at = request.rfind(" or "); or_at != std::string_view::npos)
+    request.remove_prefix(or_at + 4);
+  if (request.starts_with("TCSETS")) {
+    const auto seen = settings_of(argument);
+    if (request.starts_with("TCSETSF")) events.emplace_back(event::Flush{event::Flush::Queue::in});
+    if (seen && seen != settings_)
+      events.emplace_back(event::Settings{Side::driver, *seen, SettingsOrder::exact});
+    if (seen) settings_ = seen;
+  } else if (request == "TCFLSH") {
+    if (const auto queue = queue_of(argument)) events.emplace_back(event::Flush{queue});
+  } else if (request == "TIOCSBRK" || request == "TIOCCBRK") {
+    events.emplace_back(event::Break{request == "TIOCSBRK", Side::driver});
+  } else if (request == "TIOCMSET" || request == "TIOCMBIS" || request == "TIOCMBIC") {
+    for (const auto& [word, name] : kDriven) {
+      const bool named = argument.find(word) != std::string_view::npos;
+      if (named || request == "TIOCMSET")
+        events.emplace_back(event::Modem{name, named && request != "TIOCMBIC", Side::driver});
+    }
+  }
+  return events;
+}
+
+}  // namespace porttape

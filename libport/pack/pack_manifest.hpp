@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "libport/base/result.hpp"
+
+namespace porttape {
+
+inline constexpr std::string_view kManifestName = "manifest.json";
+inline constexpr std::string_view kRedactionName = "redaction.json";
+
+struct PackedFile {
+  std::string name{};
+  std::uint64_t size = 0;
+  std::uint64_t xxh3 = 0;  // with 64 bits, of all its bytes
+  friend bool operator==(const PackedFile&, const PackedFile&) = default;
+};
+
+struct PackedTape {
+  std::string name{};     // laser.log
+  std::string id{};       // empty: it has no events file
+  std::string verdict{};  // to_string() of its judgement when it was packed
+  std::vector<std::string> files{};
+  friend bool operator==(const PackedTape&, const PackedTape&) = default;
+};
+
+// What a pack's first file says of it; PACK.md has the keys.
+struct PackManifest {
+  std::string created{};  // RFC 3339
+  std::string tool{};     // "porttape VERSION"
+  std::vector<PackedTape> tapes{};
+  std::vector<PackedFile> files{};
+  std::string driver_version{};  // as the user gives it
+  std::string driver_command{};
+  bool redaction = false;                                     // kRedactionName is among the files
+  std::vector<std::pair<std::string, std::string>> system{};  // what the user has agreed to
+
+  [[nodiscard]] const PackedFile* file(std::string_view name) const;
+  [[nodiscard]] std::uint64_t bytes() const;  // of all files
+  friend bool operator==(const PackManifest&, const PackManifest&) = default;
+};
+
+// A name that is one file's, wherever it is unpacked: no folder, no control character, well-formed UTF-8.
+bool is_plain_name(std::string_view name);
+
+std::string to_json(const PackManifest& manifest);
+// Errc::io, whose message says what is wrong. What is given is checked: names are plain and unique, tapes are
+// of the files.
+Result<PackManifest> read_manifest(std::string_view json);
+
+}  // namespace porttape

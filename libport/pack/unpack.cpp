@@ -1,0 +1,139 @@
+#include "libport/pack/unpack.hpp"
+
+#include <cerrno>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <utility>
+#include <vector>
+
+#include "libport/base/json_text.hpp"
+#include "libport/base/printable.hpp"
+#include "libport/base/unique_fd.hpp"
+#include "libport/tape/judgement.hpp"
+
+namespace porttape {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A folder that goes away with all that was put into it, unless it was given its name.
+class FolderSink final : public PackSink {
+ public:
+  static Result<FolderSink> create(const fs::path& folder) {
+    struct stat seen {};
+    const auto cannot = [&](const std::string& why) {
+      return make_error(Errc::usage, "cannot make the folder " + in_quotes(folder.string()) + ": " + why);
+    };
+    if (::lstat(folder.c_str(), &seen) == 0) return cannot("it is there already; give another -o DIR");
+    if (errno != ENOENT) return cannot(errno_text(errno));
+    const fs::path parent = folder.has_parent_path() ? folder.parent_path() : fs::path(".");
+    std::string name = (parent / ("." + folder.filename().string() + ".XXXXXX")).string();
+    if (::mkdtemp(name.data()) == nullptr)
+      return cannot(in_quotes(parent.string()) + ": " + errno_text(errno));
+    FolderSink sink(folder, name);
+    sink.fd_.reset(::open(name.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW));
+    if (!sink.fd_) return cannot(errno_text(errno));
+    return sink;
+  }
+
+  FolderSink(FolderSink&& other) noexcept
+      : final_(std::move(other.final_)),
+        hidden_(std::exchange(other.hidden_, {})),
+        fd_(std::move(other.fd_)),
+        names_(std::move(other.names_)) {}
+  FolderSink& operator=(FolderSink&&) = delete;
+  ~FolderSink() override {
+    if (hidden_.empty()) return;
+    for (const std::string& name : names_) (void)::unlinkat(fd_.get(), name.c_str(), 0);
+    (void)::rmdir(hidden_.c_str());
+  }
+
+  Result<void> begin_file(const std::string& name, std::uint64_t) override {
+    constexpr mode_t mode = 0640;
+    file_.reset(
+        ::openat(fd_.get(), name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode));
+    if (!file_) return failed(name, errno);
+    names_.push_back(name);
+    return {};
+  }
+  Result<void> write(ByteView bytes) override {
+    while (!bytes.empty()) {
+      const ssize_t done = ::write(file_.get(), bytes.data(), bytes.size());
+      if (done < 0 && errno == EINTR) continue;
+      if (done < 0) return failed(names_.back(), errno);
+      bytes = bytes.subspan(static_cast<std::size_t>(done));
+    }
+    return {};
+  }
+  Result<void> end_file() override {
+    if (::fsync(file_.get()) != 0) return failed(names_.back(), errno);
+    if (::close(file_.release()) != 0) return failed(names_.back(), errno);
+    return {};
+  }
+
+  [[nodiscard]] fs::path path() const { return hidden_; }
+  Result<void> publish() {
+    constexpr mode_t mode = 0750;
+    if (::fchmod(fd_.get(), mode) != 0 || ::fsync(fd_.get()) != 0 ||
+        ::renameat2(AT_FDCWD, hidden_.c_str(), AT_FDCWD, final_.c_str(), RENAME_NOREPLACE) != 0)
+      return make_error(Errc::io,
+                        "cannot make the folder " + in_quotes(final_.string()) + ": " + errno_text(errno));
+    hidden_.clear();
+    return {};
+  }
+
+ private:
+  FolderSink(fs::path final, std::string hidden) : final_(std::move(final)), hidden_(std::move(hidden)) {}
+
+  [[nodiscard]] Error failed(const std::string& name, int error) const {
+    return make_error(Errc::io,
+                      "cannot write " + in_quotes((final_ / name).string()) + ": " + errno_text(error));
+  }
+
+  fs::path final_;
+  std::string hidden_;  // its name until then
+  UniqueFd fd_;
+  UniqueFd file_;
+  std::vector<std::string> names_;
+};
+
+Result<void> check_tapes(const PackManifest& manifest, const fs::path& folder) {
+  for (const PackedTape& tape : manifest.tapes) {
+    const Result<TapeSummary> summary = summarize(literal_tape((folder / tape.name).string()));
+    const auto wrong = [&](const std::string& why) {
+      return make_error(Errc::io, "its tape " + in_quotes(tape.name) + " is not what was packed: " + why);
+    };
+    if (!summary) return wrong("it cannot be read");
+    const std::string id = summary->events.header ? summary->events.header->id : std::string();
+    if (to_utf8(id) != tape.id)
+      return wrong("its id was " + in_quotes(tape.id) + ", and is " + in_quotes(id));
+    const Judgement judgement = judge(*summary);
+    if (to_string(judgement.verdict) == tape.verdict) continue;
+    return wrong("it was " + in_quotes(tape.verdict) + ", and is " + in_quotes(to_string(judgement.verdict)));
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<PackManifest> unpack(const fs::path& pack, const fs::path& folder, const PackLimits& limits) {
+  fs::path to = folder;
+  if (!to.has_filename()) to = to.parent_path();
+  Result<std::unique_ptr<FileSource>> source = FileSource::open(pack);
+  if (!source) return source.error();
+  Result<FolderSink> sink = FolderSink::create(to);
+  if (!sink) return sink.error();
+  const auto failed = [&](const Error& error) {
+    return make_error(error.code, "pack " + in_quotes(pack.string()) + ": " + error.message);
+  };
+  Result<PackManifest> manifest = read_pack(**source, *sink, limits);
+  if (!manifest) return failed(manifest.error());
+  if (Result<void> right = check_tapes(*manifest, sink->path()); !right) return failed(right.error());
+  if (Result<void> published = sink->publish(); !published) return published.error();
+  return manifest;
+}
+
+}  // namespace porttape
