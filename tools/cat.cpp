@@ -1,24 +1,24 @@
-#include <charconv>
-#include <cmath>
 #include <limits>
 #include <memory>
 #include <optional>
 #include <variant>
 
 #include "libport/base/printable.hpp"
+#include "libport/rules/byte_pattern.hpp"
 #include "libport/tape/tape_lock.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "tools/cat_lines.hpp"
 #include "tools/command_line.hpp"
 #include "tools/follow.hpp"
 #include "tools/output.hpp"
+#include "tools/text.hpp"
 #include "tools/verbs.hpp"
 
 namespace porttape {
 namespace {
 
 constexpr VerbHelp kCatHelp{
-    "cat", "TAPE [--full] [--follow] [--json] [--from S] [--to S] [--dir r|w] [--blocks]",
+    "cat", "TAPE [--full] [--follow] [--json] [--from S] [--to S] [--dir r|w] [--find EXPR] [--blocks]",
     "Prints a tape in order, a line a burst: time in seconds, direction (r: the driver reads,\n"
     "w: it writes), length, the bytes as text and in hex. A burst is blocks of one direction\n"
     "less than 500 us apart with nothing in between. Long ones are cut to the terminal's width\n"
@@ -28,6 +28,7 @@ constexpr VerbHelp kCatHelp{
     "  porttape cat laser.log\n"
     "  porttape cat laser.log --follow\n"
     "  porttape cat laser.log --full --from 1.5 --to 2 | less\n"
+    "  porttape cat gps.log --dir r --find 'GPGGA|GPRMC' --time wall --as text\n"
     "  porttape cat laser.log --json --dir r | jq -r .hex | xxd -r -p\n"};
 
 constexpr Micros kBurstGap{500};
@@ -38,25 +39,17 @@ struct CatOptions {
   TapeTime from{};
   TapeTime to = TapeTime::max();
   std::optional<Direction> direction;
+  std::optional<BytePattern> wanted;
   bool blocks = false;
   bool follow = false;
 };
 
-// Seconds with up to 6 decimals that count.
-std::optional<TapeTime> parse_seconds(std::string_view text) {
-  double seconds = 0;
-  const auto [end, error] =
-      std::from_chars(text.data(), text.data() + text.size(), seconds, std::chars_format::fixed);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  if (!(seconds >= 0) || seconds > 1e10) return std::nullopt;
-  return tape_time_us(std::llround(seconds * 1e6));
-}
-
-// Joins blocks to bursts and hands them to the printer. A block over kMaxBurst goes through as its pieces
-// come.
+// Joins blocks to bursts and hands them to the printer, those in which `wanted` is found. A block over
+// kMaxBurst goes through as its pieces come; where something is wanted each piece is a line.
 class BurstJoiner {
  public:
-  BurstJoiner(CatPrinter& printer, bool join) : printer_(printer), join_(join) {}
+  BurstJoiner(CatPrinter& printer, bool join, const std::optional<BytePattern>& wanted)
+      : printer_(printer), join_(join), wanted_(wanted) {}
 
   void on_block(const Record& record) {
     const Direction direction = record.kind == RecordKind::read ? Direction::read : Direction::write;
@@ -75,21 +68,30 @@ class BurstJoiner {
 
   void on_event(const Record& record) {
     flush();
-    printer_.event(record);
+    if (is_wanted(as_bytes(record.event_line))) printer_.event(record);
   }
 
   void flush() {
     if (!line_) return;
-    printer_.begin(*line_);
-    printer_.data(data_);
-    printer_.end();
+    if (is_wanted(data_)) {
+      printer_.begin(*line_);
+      printer_.data(data_);
+      printer_.end();
+    }
     line_.reset();
     data_.clear();
   }
 
  private:
+  [[nodiscard]] bool is_wanted(ByteView bytes) const { return !wanted_ || wanted_->in(bytes); }
+
   void pass_through(const Record& record, Direction direction) {
     flush();
+    if (wanted_) {
+      line_ = CatLine{direction, record.at, record.at, record.stream_offset, record.data.size(), 1};
+      data_.assign(record.data.begin(), record.data.end());
+      return flush();
+    }
     if (record.piece_offset == 0) {
       printer_.begin({direction, record.at, record.at, record.stream_offset, record.block_length, 1});
     }
@@ -99,6 +101,7 @@ class BurstJoiner {
 
   CatPrinter& printer_;
   bool join_;
+  const std::optional<BytePattern>& wanted_;
   std::optional<CatLine> line_;
   Bytes data_;
 };
@@ -116,7 +119,7 @@ bool is_wanted(const Record& record, const CatOptions& options) {
 // Prints what is there. True: more may come, and is wanted.
 Result<bool> print_tape(TapeReader& tape, const CatOptions& options, CatPrinter& printer,
                         const std::ostream& out) {
-  BurstJoiner joiner(printer, !options.blocks);
+  BurstJoiner joiner(printer, !options.blocks, options.wanted);
   bool more = true;
   bool ended = false;
   while (more && out.good()) {
@@ -185,6 +188,30 @@ Result<void> follow_tape(TapeReader& tape, const TapePaths& paths, const CatOpti
   }
 }
 
+// What --as and --time say of the layout.
+std::optional<std::string> take_layout(const CommandLine& line, TextCatPrinter::Layout& layout) {
+  using Form = TextCatPrinter::Form;
+  using Times = TextCatPrinter::Times;
+  const std::string form = line.text("as").value_or("both");
+  const std::string times = line.text("time").value_or("tape");
+  if (form != "both" && form != "text" && form != "hex")
+    return "--as is '" + form + "'; it must be both, text or hex";
+  if (times != "tape" && times != "delta" && times != "wall")
+    return "--time is '" + times + "'; it must be tape, delta or wall";
+  layout.form = form == "both" ? Form::both : form == "text" ? Form::text : Form::hex;
+  layout.times = times == "tape" ? Times::tape : times == "delta" ? Times::delta : Times::wall;
+  if (layout.times != Times::wall || line.has("json")) return std::nullopt;
+  const auto paths = find_tape(line.tapes().front());
+  const auto tape =
+      paths ? TapeReader::open(*paths, {.events_may_fail = true}) : Result<TapeReader>(paths.error());
+  if (!tape) return std::nullopt;  // told when it is printed
+  const auto header = tape->header();
+  if (!header || !header->zero)
+    return "--time wall: the tape does not tell when it was recorded; take tape or delta";
+  layout.zero = *header->zero;
+  return std::nullopt;
+}
+
 int cat_tape(const std::string& argument, const CatOptions& options, CatPrinter& printer, std::ostream& out,
              std::ostream& err) {
   const auto paths = find_tape(argument);
@@ -223,6 +250,11 @@ std::optional<std::string> take_options(const CommandLine& line, CatOptions& opt
     if (*direction != "r" && *direction != "w") return "--dir is '" + *direction + "'; it must be r or w";
     options.direction = *direction == "r" ? Direction::read : Direction::write;
   }
+  if (const auto expression = line.text("find")) {
+    Result<BytePattern> wanted = BytePattern::compile(*expression);
+    if (!wanted) return "--find: " + wanted.error().message;
+    options.wanted = std::move(*wanted);
+  }
   options.blocks = line.has("blocks");
   options.follow = line.has("follow");
   if (line.tapes().size() > 1) return "more than one tape given";
@@ -237,6 +269,12 @@ int run_cat(Arguments args, std::ostream& out, std::ostream& err) {
       .value("from", "S", "from this second on")
       .value("to", "S", "up to this second, which is not included")
       .value("dir", "r|w", "one direction only, and no events")
+      .value("find", "EXPR",
+             "only lines in whose bytes, and events in whose text, this regular expression is found")
+      .value("as", "both|text|hex", "how bytes are shown [default both]")
+      .value("time", "tape|delta|wall",
+             "since the tape's begin, since the line before, or of the day "
+             "[default tape]")
       .flag("blocks", "a line for every block, bursts are not joined")
       .flag("full", "all bytes, in as many rows as they take")
       .flag("follow,f", "goes on with what is being written, up to the tape's end")
@@ -244,8 +282,11 @@ int run_cat(Arguments args, std::ostream& out, std::ostream& err) {
   if (const auto done = line.parse(args, out, err)) return *done;
   CatOptions options;
   if (const auto wrong = take_options(line, options)) return line.usage_error(err, *wrong);
-  const TextCatPrinter::Layout layout{
-      .color = line.colors(out), .full = line.has("full"), .width = columns_of(out)};
+  TextCatPrinter::Layout layout;
+  layout.color = line.colors(out);
+  layout.full = line.has("full");
+  layout.width = columns_of(out);
+  if (const auto wrong = take_layout(line, layout)) return line.usage_error(err, *wrong);
   std::unique_ptr<CatPrinter> printer = std::make_unique<TextCatPrinter>(out, layout);
   if (line.has("json")) printer = std::make_unique<JsonCatPrinter>(out);
   return cat_tape(line.tapes().front(), options, *printer, out, err);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "libport/base/json_text.hpp"
 #include "libport/base/printable.hpp"
@@ -18,16 +19,6 @@ constexpr std::string_view kMore = "...";
 constexpr std::size_t kFrame = 4;
 constexpr std::size_t kCut = 6;
 constexpr std::size_t kUsualWidth = 80;
-constexpr std::size_t kTime = 15;  // its columns, which have no colour
-
-std::string time_text(TapeTime at) {
-  std::string text = seconds_number(to_us(at));
-  return std::string(text.size() < 13 ? 13 - text.size() : 0, ' ') + text + "  ";
-}
-
-// Columns of a byte in both forms.
-std::size_t columns_of(Byte byte) { return to_printable(ByteView(&byte, 1)).size() + 2; }
-
 // Bytes of the first characters of a text that fit into so many columns.
 std::size_t fitting(std::string_view text, std::size_t columns) {
   std::size_t size = 0;
@@ -36,20 +27,50 @@ std::size_t fitting(std::string_view text, std::size_t columns) {
   return size;
 }
 
-// What a line of the events file says besides time and kind: `"text":"here"`; the whole line where it is not
-// of the usual form. Of settings and signals, which people read more often: in words.
-std::string details(const Record& record) {
-  if (const auto* settings = std::get_if<event::Settings>(record.event)) return settings_text(*settings);
-  if (const auto signal = signal_of(*record.event)) return signal_text(*signal);
+}  // namespace
+
+std::string event_details(const Event& event, TapeTime at, std::string_view line) {
+  if (const auto* settings = std::get_if<event::Settings>(&event)) return settings_text(*settings);
+  if (const auto signal = signal_of(event)) return signal_text(*signal);
   const std::string usual =
-      "{\"t_us\":" + std::to_string(to_us(record.at)) + ",\"event\":" + json_quote(name_of(*record.event));
-  std::string_view line = record.event_line;
+      "{\"t_us\":" + std::to_string(to_us(at)) + ",\"event\":" + json_quote(name_of(event));
   if (!line.starts_with(usual) || !line.ends_with('}')) return std::string(line);
   line = line.substr(usual.size(), line.size() - usual.size() - 1);
   return std::string(line.starts_with(',') ? line.substr(1) : line);
 }
 
-}  // namespace
+std::string TextCatPrinter::time_text(TapeTime at) {
+  constexpr std::size_t usual = 13;
+  const Micros since = at - std::exchange(before_, at);
+  std::string text;
+  switch (layout_.times) {
+    case Times::tape:
+      text = seconds_number(to_us(at));
+      break;
+    case Times::delta:
+      text = "+" + seconds_number(since.count());
+      break;
+    case Times::wall:
+      text = later(layout_.zero, at - TapeTime{}).wall;
+      break;
+  }
+  text.insert(0, text.size() < usual ? usual - text.size() : 0, ' ');
+  time_columns_ = text.size() + 2;
+  return text + "  ";
+}
+
+std::size_t TextCatPrinter::columns_of(Byte byte) const {
+  const std::size_t hex = layout_.form == Form::text ? 0 : 2;
+  return hex + (layout_.form == Form::hex ? 0 : to_printable(ByteView(&byte, 1)).size());
+}
+
+std::string TextCatPrinter::row_text(std::string_view more) const {
+  std::string text;
+  if (layout_.form != Form::hex) text = '"' + to_printable(row_) + '"' + std::string(more);
+  if (layout_.form == Form::both) text += "  ";
+  if (layout_.form != Form::text) text += to_hex(row_) + std::string(more);
+  return text;
+}
 
 std::size_t TextCatPrinter::room() const {
   const std::size_t width = layout_.width.value_or(kUsualWidth);
@@ -88,9 +109,8 @@ void TextCatPrinter::add(Byte byte) {
 
 void TextCatPrinter::print_row(std::string_view more) {
   const Color color = line_.direction == Direction::read ? Color::read : Color::write;
-  out_ << std::string_view(head_).substr(0, kTime) << color_begin(color, layout_.color)
-       << std::string_view(head_).substr(kTime) << '"' << to_printable(row_) << '"' << more << "  "
-       << to_hex(row_) << more << color_end(layout_.color) << '\n';
+  out_ << std::string_view(head_).substr(0, time_columns_) << color_begin(color, layout_.color)
+       << std::string_view(head_).substr(time_columns_) << row_text(more) << color_end(layout_.color) << '\n';
   head_.assign(head_.size(), ' ');
   row_.clear();
   columns_ = 0;
@@ -107,7 +127,7 @@ void TextCatPrinter::end() {
 }
 
 void TextCatPrinter::event(const Record& record) {
-  const std::string more = printable_line(details(record));
+  const std::string more = printable_line(event_details(*record.event, record.at, record.event_line));
   std::string text = "-  " + printable_line(name_of(*record.event)) + (more.empty() ? "" : "  ") + more;
   head_ = time_text(record.at);
   const std::size_t columns = layout_.full || layout_.width ? room() + kFrame : text.size();

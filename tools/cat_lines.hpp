@@ -9,6 +9,7 @@
 
 #include "libport/base/bytes.hpp"
 #include "libport/tape/record.hpp"
+#include "libport/tape/tape_header.hpp"
 
 namespace porttape {
 
@@ -32,15 +33,29 @@ class CatPrinter {
   virtual void event(const Record& record) = 0;
 };
 
+// What an event says besides time and kind: `"text":"here"`; the whole line where it is not of the usual
+// form. Of settings and signals, which people read more often: in words. Not safe to show as it is.
+std::string event_details(const Event& event, TapeTime at, std::string_view line);
+
 // For people: time, direction, length, text and hex. Of long data the first bytes only, as many as fit, or
 // all of it in as many rows as it takes.
 class TextCatPrinter final : public CatPrinter {
  public:
   static constexpr std::size_t kShown = 32;  // bytes of a line whose width is not limited
 
+  enum class Form : std::uint8_t { both, text, hex };  // of the bytes
+  enum class Times : std::uint8_t {
+    tape,
+    delta,  // since the line before
+    wall
+  };
+
   struct Layout {
     bool color = false;
     bool full = false;
+    Form form = Form::both;
+    Times times = Times::tape;
+    TapeZero zero{};  // for Times::wall
     std::optional<std::size_t> width =
         {};  // columns; none: as much as kShown takes, in full as a terminal has
   };
@@ -52,6 +67,9 @@ class TextCatPrinter final : public CatPrinter {
   void event(const Record& record) override;
 
  private:
+  std::string time_text(TapeTime at);
+  [[nodiscard]] std::size_t columns_of(Byte byte) const;
+  [[nodiscard]] std::string row_text(std::string_view more) const;
   [[nodiscard]] std::size_t room() const;
   void add(Byte byte);
   void print_row(std::string_view more);
@@ -59,10 +77,12 @@ class TextCatPrinter final : public CatPrinter {
   std::ostream& out_;
   Layout layout_;
   CatLine line_;
-  std::string head_;         // of the next row
-  Bytes row_;                // its bytes
-  std::size_t columns_ = 0;  // that they take
-  bool full_row_ = false;    // no more go into it
+  std::string head_;              // of the next row
+  Bytes row_;                     // its bytes
+  std::size_t columns_ = 0;       // that they take
+  bool full_row_ = false;         // no more go into it
+  std::size_t time_columns_ = 0;  // at the head's begin, which have no colour
+  TapeTime before_{};             // of the line before
 };
 
 // JSON Lines, data whole (OUTPUT.md).

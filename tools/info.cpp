@@ -81,6 +81,17 @@ std::string to_json(const std::optional<PreviousTape>& previous) {
   return json.str();
 }
 
+std::string to_json(const std::optional<TapeOrigin>& origin) {
+  if (!origin) return "null";
+  JsonList tapes;
+  for (const PreviousTape& tape : origin->tapes) {
+    JsonObject each;
+    tapes.add(each.add_or_null("id", text_or_none(tape.id)).add("name", tape.name));
+  }
+  const auto from = origin->from ? std::optional(origin->from->count()) : std::nullopt;
+  return JsonObject().add("by", origin->by).add("tapes", tapes).add_or_null("from_us", from).str();
+}
+
 std::string to_json(const std::optional<PortIdentity>& port) {
   if (!port) return "null";
   const auto id = [](const std::optional<std::uint16_t>& number) {
@@ -190,6 +201,7 @@ std::string to_json(const EventsSummary& events) {
       .add_or_null("stamped", header.stamped ? std::optional(word_of(*header.stamped)) : std::nullopt)
       .add_raw("previous", to_json(header.previous))
       .add_raw("identity", to_json(header.identity))
+      .add_raw("origin", to_json(header.origin))
       .add("gaps", to_json(events.gaps))
       .add("marks", to_json(events.marks))
       .add("settings", lines_of(events.settings))
@@ -252,6 +264,17 @@ void print_file(const FileSummary& file, std::string_view name, Micros duration,
 // A header comes from a file that anyone may have written: nothing of it may reach a terminal raw.
 std::string safe(std::string_view text) { return printable_line(text); }
 
+void print_origin(const TapeOrigin& origin, std::ostream& out) {
+  constexpr std::size_t shown = 5;
+  label(out, "origin") << safe(origin.by) << " of";
+  for (std::size_t i = 0; i < std::min(origin.tapes.size(), shown); ++i)
+    out << (i == 0 ? " " : ", ") << safe(origin.tapes[i].name);
+  if (origin.tapes.size() > shown) out << " and " << origin.tapes.size() - shown << " more";
+  if (origin.from && origin.from->count() > 0)
+    out << ", from " << seconds_number(origin.from->count()) << " s on";
+  out << '\n';
+}
+
 void print_header(const TapeHeader& header, std::ostream& out) {
   label(out, "recorded") << safe(header.created) << " by " << safe(header.tool) << " on " << safe(header.host)
                          << '\n';
@@ -274,6 +297,7 @@ void print_header(const TapeHeader& header, std::ostream& out) {
   if (header.previous) {
     label(out, "previous") << safe(header.previous->name) << ' ' << safe(header.previous->id) << '\n';
   }
+  if (header.origin) print_origin(*header.origin, out);
 }
 
 constexpr std::size_t kSettingsShown = 20;

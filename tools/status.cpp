@@ -34,7 +34,7 @@ constexpr VerbHelp kStatusHelp{
     "  porttape status\n"
     "  porttape status --json | jq -r '.channels[].tapes[].name'\n"};
 
-constexpr std::size_t kWidth = 80;
+constexpr std::size_t kStatusWidth = 80;
 constexpr std::size_t kIndent = 13;
 
 std::optional<std::time_t> time_of(const std::string& utc) {
@@ -62,7 +62,7 @@ std::string moment_text(const std::string& utc) {
   return fmt::format("{} ({} ago)", local_text(*time), ago);
 }
 
-// A label and a text, in lines of kWidth as far as its words allow that.
+// A label and a text, in lines of kStatusWidth as far as its words allow that.
 void print_field(std::ostream& out, std::string_view label, std::string_view text) {
   std::string line = fmt::format("    {:<{}}", label, kIndent - 4);
   const std::string shown = printable_line(text);
@@ -71,7 +71,7 @@ void print_field(std::ostream& out, std::string_view label, std::string_view tex
   while (!left.empty()) {
     const std::string_view word = left.substr(0, left.find(' '));
     left.remove_prefix(std::min(word.size() + 1, left.size()));
-    if (!first && line.size() + 1 + word.size() > kWidth) {
+    if (!first && line.size() + 1 + word.size() > kStatusWidth) {
       out << line << '\n';
       line.assign(kIndent, ' ');
       first = true;

@@ -1,6 +1,8 @@
 #include "tools/text.hpp"
 
 #include <array>
+#include <charconv>
+#include <cmath>
 #include <cstdio>
 #include <fmt/format.h>
 
@@ -25,6 +27,15 @@ std::string seconds_number(std::int64_t us) {
   std::string fraction = std::to_string(us % 1'000'000);
   fraction.insert(0, 6 - fraction.size(), '0');
   return std::to_string(us / 1'000'000) + '.' + fraction;
+}
+
+std::optional<TapeTime> parse_seconds(std::string_view text) {
+  double seconds = 0;
+  const auto [end, error] =
+      std::from_chars(text.data(), text.data() + text.size(), seconds, std::chars_format::fixed);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  if (!(seconds >= 0) || seconds > 1e10) return std::nullopt;
+  return tape_time_us(std::llround(seconds * 1e6));
 }
 
 std::string span_text(std::int64_t us) {

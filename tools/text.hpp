@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -11,6 +12,9 @@ namespace porttape {
 
 // "12.000345": microseconds as seconds, exact.
 std::string seconds_number(std::int64_t us);
+
+// Seconds from 0 on, of which 6 decimals count, as a user types them.
+std::optional<TapeTime> parse_seconds(std::string_view text);
 
 // "850 us", "98.8 ms", "12.3 s".
 std::string span_text(std::int64_t us);

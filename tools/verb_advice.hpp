@@ -8,9 +8,10 @@
 namespace porttape {
 
 // The verbs of both programs, so that each can name the other's. The programs hold their tables against them.
-inline constexpr std::array<std::string_view, 14> kToolVerbs = {"info",   "cat",   "record", "test", "drive",
-                                                                "bless",  "exec",  "probe",  "soak", "shrink",
-                                                                "verify", "rules", "status", "ctl"};
+inline constexpr std::array<std::string_view, 26> kToolVerbs = {
+    "info",   "cat",    "record",  "test", "drive",  "bless", "exec",    "probe", "soak",
+    "shrink", "verify", "recover", "cut",  "split",  "merge", "convert", "plot",  "view",
+    "diff",   "stats",  "redact",  "pack", "unpack", "rules", "status",  "ctl"};
 inline constexpr std::array<std::string_view, 4> kDaemonVerbs = {"record", "replay", "bridge", "run"};
 
 // What a user probably wanted to type: a device as a port, and the lines for a device and for a tape.

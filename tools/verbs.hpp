@@ -13,18 +13,30 @@ using Arguments = std::span<const std::string>;
 
 int run_bless(Arguments args, std::ostream& out, std::ostream& err);
 int run_cat(Arguments args, std::ostream& out, std::ostream& err);
+int run_convert(Arguments args, std::ostream& out, std::ostream& err);
+int run_cut(Arguments args, std::ostream& out, std::ostream& err);
 int run_ctl(Arguments args, std::ostream& out, std::ostream& err);
+int run_stats(Arguments args, std::ostream& out, std::ostream& err);
+int run_diff(Arguments args, std::ostream& out, std::ostream& err);
 int run_drive(Arguments args, std::ostream& out, std::ostream& err);
 int run_exec(Arguments args, std::ostream& out, std::ostream& err);
+int run_merge(Arguments args, std::ostream& out, std::ostream& err);
+int run_plot(Arguments args, std::ostream& out, std::ostream& err);
+int run_pack(Arguments args, std::ostream& out, std::ostream& err);
 int run_probe(Arguments args, std::ostream& out, std::ostream& err);
 int run_info(Arguments args, std::ostream& out, std::ostream& err);
 int run_record(Arguments args, std::ostream& out, std::ostream& err);
+int run_recover(Arguments args, std::ostream& out, std::ostream& err);
+int run_redact(Arguments args, std::ostream& out, std::ostream& err);
 int run_rules(Arguments args, std::ostream& out, std::ostream& err);
 int run_shrink(Arguments args, std::ostream& out, std::ostream& err);
 int run_soak(Arguments args, std::ostream& out, std::ostream& err);
+int run_split(Arguments args, std::ostream& out, std::ostream& err);
 int run_status(Arguments args, std::ostream& out, std::ostream& err);
 int run_test(Arguments args, std::ostream& out, std::ostream& err);
+int run_unpack(Arguments args, std::ostream& out, std::ostream& err);
 int run_verify(Arguments args, std::ostream& out, std::ostream& err);
+int run_view(Arguments args, std::ostream& out, std::ostream& err);
 
 struct Verb {
   std::string_view name;

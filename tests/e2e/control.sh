@@ -136,6 +136,7 @@ start "$PORTTAPED" bridge --device "serial:$work/line.near" --driver "pty:$work/
 until_true 10 test -S "control/$started.sock" || die "no control socket: $(cat log)"
 kill -KILL "$started"
 status_of "$started"
+rm -f "$work/port" # it may lead to another's pty by now
 [[ -S control/$started.sock ]] || die "who removed it?"
 fails 1 "no porttaped" status
 [[ ! -e control/$started.sock ]] || die "a stale socket stays"

@@ -100,6 +100,19 @@ has_open() {
   return 1
 }
 
+# ask LINK WORD…: a driver that opens its port once, asks each word, and checks the answers.
+ask() { "$PYTHON" -c 'import sys
+sys.path.insert(0, sys.argv[1])
+from line import Line
+line = Line(sys.argv[2])
+for word in sys.argv[3:]:
+    line.write(word.encode() + b"\n")
+    if line.read_until(b"\n", 10) != b"got " + word.encode() + b"\n": sys.exit("no answer to " + word)' "$devices" "$@"; }
+export -f ask
+export PYTHON devices
+# closes LOG COUNT: so many drivers of the daemon have gone.
+closes() { (($(grep -cE 'the driver has closed it|: hung up' "$1") >= $2)); }
+
 # line_pair NAME: two joined ttys $work/NAME.near and $work/NAME.far. What passes is kept by this second tap:
 # NAME.w.tap (near to far: what a driver writes) and NAME.r.tap. $started is the socat that owns them.
 line_pair() {
@@ -153,6 +166,12 @@ quiet() {
   stop "${busy[@]}"
   busy=()
 }
+
+# most KiB COMMAND…: it needs no more memory.
+most() { "$PYTHON" -c 'import resource, subprocess, sys
+subprocess.run(sys.argv[2:], check=True, stdout=subprocess.DEVNULL)
+most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+if most > int(sys.argv[1]): sys.exit(f"{most} KiB: {sys.argv[2:]}")' "$@" || die "too much memory"; }
 
 # talk LINK WORDS: writes them on a line to a device that echoes, and reads them back; `log` is shown where they do not come.
 talk() {

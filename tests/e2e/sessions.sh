@@ -6,17 +6,6 @@ source "$(dirname "$0")/lib.sh"
 need socat
 cd "$work"
 
-# ask LINK WORD…: a driver that opens its port once, asks each word, and checks the answers.
-ask() { "$PYTHON" -c 'import sys
-sys.path.insert(0, sys.argv[1])
-from line import Line
-line = Line(sys.argv[2])
-for word in sys.argv[3:]:
-    line.write(word.encode() + b"\n")
-    if line.read_until(b"\n", 10) != b"got " + word.encode() + b"\n": sys.exit("no answer to " + word)' "$devices" "$@"; }
-# closes LOG COUNT: so many drivers of the daemon have gone.
-closes() { (($(grep -cE 'the driver has closed it|: hung up' "$1") >= $2)); }
-
 line_pair line
 # shellcheck disable=SC2016 # the shell of SYSTEM expands it
 start socat "FILE:$work/line.far,raw,echo=0" 'SYSTEM:while read word; do echo "got $word"; done'
@@ -37,8 +26,6 @@ print([(s["read_bytes"], s["write_bytes"]) for s in json.load(open("info.json"))
   die "info tells $(cat info.json)"
 "$PORTTAPE" verify two | grep -q ': sound: ' || die "verify: $("$PORTTAPE" verify two)"
 
-export -f ask
-export PYTHON devices
 # test_of STATUS OPTIONS -- SHELL
 test_of() {
   local expected=$1 shell=${*: -1}

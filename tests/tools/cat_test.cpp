@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <csignal>
 #include <fcntl.h>
 #include <sstream>
@@ -8,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/base/unique_fd.hpp"
+#include "libport/tape/new_tape.hpp"
 #include "libport/tape/tape_writer.hpp"
 #include "tests/tools/run.hpp"
 #include "tools/follow.hpp"
@@ -20,6 +22,7 @@ using test::make_tape;
 using test::run;
 using test::TempDir;
 using testing::HasSubstr;
+using testing::StartsWith;
 
 TEST(Cat, ShowsBothDirectionsAndEventsInOrder) {
   const TempDir dir;
@@ -95,6 +98,48 @@ TEST(Cat, ShowsAPart) {
   EXPECT_EQ(run({"cat", tape, "--from", "1.000001", "--to", "3"}).out,
             "     2.000000  r      1  \"b\"  62\n");
   EXPECT_EQ(run({"cat", tape, "--from=3"}).out, "     3.000000  r      1  \"c\"  63\n");
+}
+
+TEST(Cat, ShowsWhatIsLookedFor) {
+  const test::TempDir dir;
+  const std::string tape =
+      make_tape(dir, "t", {{2'000, "OK\r\n"}, {4'000, "ERROR 7\r\n"}}, {{1'000, "AT\r"}, {3'000, "AT+X\r"}},
+                "{\"t_us\":2500,\"event\":\"mark\",\"text\":\"an ERROR is near\"}\n");
+  EXPECT_EQ(run({"cat", tape, "--find", "ERROR|\\+"}).out,
+            "     0.002500  -  mark  \"text\":\"an ERROR is near\"\n"
+            "     0.003000  w      5  \"AT+X\\r\"  41542b580d\n"
+            "     0.004000  r      9  \"ERROR 7\\r\\n\"  4552524f5220370d0a\n");
+  EXPECT_EQ(run({"cat", tape, "--find", "\\x41T\\r", "--dir", "w", "--as", "hex"}).out,
+            "     0.001000  w      3  41540d\n");
+}
+
+TEST(Cat, OfLargeBlocksThePiecesInWhichItIsFound) {
+  const test::TempDir dir;
+  std::string large(300'000, 'a');
+  large[250'000] = 'X';
+  const std::string tape = make_tape(dir, "t", {{2'000, large}}, {});
+  const auto ran = run({"cat", tape, "--find", "X", "--json"});
+  EXPECT_EQ(std::count(ran.out.begin(), ran.out.end(), '\n'), 1);
+  EXPECT_THAT(ran.out, HasSubstr("58"));
+}
+
+TEST(Cat, TimesSinceTheLineBeforeAndOfTheDay) {
+  const test::TempDir dir;
+  const std::string tape = make_tape(dir, "t", {{2'000, "OK"}}, {{1'500, "AT"}});
+  EXPECT_EQ(run({"cat", tape, "--time", "delta", "--as", "text"}).out,
+            "    +0.001500  w      2  \"AT\"\n"
+            "    +0.000500  r      2  \"OK\"\n");
+  const auto none = run({"cat", tape, "--time", "wall"});
+  EXPECT_EQ(none.status, 2);
+  EXPECT_THAT(none.err, HasSubstr("does not tell when it was recorded"));
+  TapeHeader header;
+  header.zero = TapeZero{"2026-11-24T01:02:03.000000Z", 0, ""};
+  auto made = NewTape::create(literal_tape(dir / "w.log"), header, {.sync = false});
+  ASSERT_TRUE(made);
+  ASSERT_TRUE(made->block(Direction::write, tape_time_us(1'500'000), test::bytes_of("AT")));
+  ASSERT_TRUE(made->finish(made->latest()));
+  EXPECT_THAT(run({"cat", dir / "w.log", "--time", "wall"}).out,
+              StartsWith("2026-11-24T01:02:04.500000Z  w      2  \"AT\"  4154\n"));
 }
 
 TEST(Cat, LongBlocksAreShortInTextAndWholeInJson) {

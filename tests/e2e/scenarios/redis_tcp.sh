@@ -1,5 +1,5 @@
 #!/bin/bash
-# driver: redis-cli, which sets and gets a value of 1 MB;  device: a private redis-server that keeps nothing.
+# driver: redis-cli, which sets and gets a value of 1 MB (twice SIZE bytes);  device: a private redis-server that keeps nothing.
 # shellcheck source=scenario.sh
 source "$(dirname "$0")/../scenario.sh"
 need redis-cli
@@ -12,11 +12,12 @@ address=(--bind 127.0.0.1 --port "$device") server=(-h 127.0.0.1 -p "$driver")
 if [[ $driver == /* ]]; then address=(--port 0 --unixsocket "$device") server=(-s "$driver"); fi
 device "$work/redis-server" "${address[@]}" --dir "$work" --save '' --appendonly no --logfile "$work/server.log"
 cli() { timeout 60 redis-cli "${server[@]}" "$@"; }
-"$PYTHON" -c 'import random; print(random.Random(1).randbytes(500000).hex(), end="")' >"$work/value"
+size=${SIZE:-500000}
+"$PYTHON" -c 'import random, sys; print(random.Random(1).randbytes(int(sys.argv[1])).hex(), end="")' "$size" >"$work/value"
 [[ $(cli -x set key <"$work/value") == OK ]] || die "set gave no OK"
-cli --raw get key | head -c 1000000 >"$work/back"
-cmp "$work/value" "$work/back" || die "the value came back different"
-[[ $(cli strlen key) == 1000000 ]] || die "strlen is wrong"
+cli --raw get key >"$work/back"
+cmp -n "$((2 * size))" "$work/value" "$work/back" || die "the value came back different"
+[[ $(cli strlen key) == "$((2 * size))" ]] || die "strlen is wrong"
 for n in 1 2 3 4 5; do [[ $(cli incr counter) == "$n" ]] || die "incr gave something other than $n"; done
 [[ $(printf 'PING\r\n' | cli) == PONG ]] || die "no PONG"
-say "ok: 1 MB set and got, counters, a pipe"
+say "ok: $((2 * size)) bytes set and got, counters, a pipe"

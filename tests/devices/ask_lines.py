@@ -1,0 +1,13 @@
+#!/usr/bin/python3
+"""ask_lines.py PORT: a driver that asks a device of lines five times, and sees to its answers."""
+import sys
+
+import serial
+
+with serial.Serial(sys.argv[1], 19200, timeout=10) as port:
+    for number in range(5):
+        question = b"question %d\n" % number
+        port.write(question)
+        answer = port.readline()
+        if answer != b"got " + question:
+            sys.exit("asked %r, answered %r" % (question, answer))

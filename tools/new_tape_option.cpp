@@ -1,0 +1,62 @@
+#include "tools/new_tape_option.hpp"
+
+#include <filesystem>
+#include <fmt/format.h>
+#include <system_error>
+
+#include "libport/base/printable.hpp"
+
+namespace porttape {
+
+namespace fs = std::filesystem;
+
+void add_new_tape_options(CommandLine& line) {
+  line.value("output,o", "NAME", "the new tape").flag("overwrite", "it replaces one of that name");
+}
+
+Result<NewTapeName> read_new_tape(const CommandLine& line) {
+  const auto name = line.text("output");
+  if (!name)
+    return make_error(Errc::usage, "option 'output' is missing: -o NAME, the tape that is to be made");
+  if (name->empty()) return make_error(Errc::usage, "option 'output': the name is empty");
+  NewTapeName tape{new_tape(*name), {}};
+  if (line.has("overwrite")) tape.writer.on_existing = OnExisting::overwrite;
+  return tape;
+}
+
+Result<void> check_new_tape(const TapePaths& paths, const TapeWriterOptions& options) {
+  std::error_code ignored;
+  for (const fs::path& path : {paths.read, paths.write, paths.events}) {
+    const bool taken = fs::is_regular_file(fs::symlink_status(path, ignored));
+    if (taken && options.on_existing == OnExisting::refuse)
+      return make_error(Errc::usage, fmt::format("there is a tape {} already; give another -o NAME, or "
+                                                 "--overwrite to replace it",
+                                                 in_quotes(paths.name())));
+  }
+  return TapeWriter::check(paths, options);
+}
+
+std::uint64_t size_of_tape(const TapePaths& tape) {
+  std::uint64_t bytes = 0;
+  for (const fs::path& path : {tape.read, tape.write, tape.events}) {
+    std::error_code error;
+    const std::uintmax_t size = fs::file_size(path, error);
+    if (!error) bytes += size;
+  }
+  return bytes;
+}
+
+Result<TapePaths> the_tape(const CommandLine& line) {
+  if (line.tapes().size() > 1) return make_error(Errc::usage, "more than one tape given");
+  return find_tape(line.tapes().front());
+}
+
+int fail_verb(std::string_view verb, const Error& error, std::ostream& out, std::ostream& err) {
+  out.flush();
+  const bool damaged = error.code == Errc::damaged_tape && verb != "recover";
+  err << fmt::format("porttape {}: {}{}\n", verb, printable_line(error.message),
+                     damaged ? "; porttape recover TAPE -o NAME keeps what is sound of it" : "");
+  return exit_status_of(error.code);
+}
+
+}  // namespace porttape

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "libport/base/result.hpp"
+#include "libport/tape/tape_name.hpp"
+#include "libport/tape/tape_writer.hpp"
+#include "tools/command_line.hpp"
+
+namespace porttape {
+
+// The options -o NAME and --overwrite of a verb that makes a tape.
+void add_new_tape_options(CommandLine& line);
+
+struct NewTapeName {
+  TapePaths paths;
+  TapeWriterOptions writer;
+};
+// What they say; Errc::usage where there is no name, or it is taken or no tape can be made there.
+Result<NewTapeName> read_new_tape(const CommandLine& line);
+// The same, of a tape that goes by another name than was typed.
+Result<void> check_new_tape(const TapePaths& paths, const TapeWriterOptions& options);
+
+// The bytes of a tape's files, as far as they are known.
+std::uint64_t size_of_tape(const TapePaths& tape);
+
+// The only tape that was given. Errc::usage.
+Result<TapePaths> the_tape(const CommandLine& line);
+
+// An error of a verb, told; its exit status. A damaged tape: `porttape recover` is named.
+int fail_verb(std::string_view verb, const Error& error, std::ostream& out, std::ostream& err);
+
+}  // namespace porttape

@@ -1,0 +1,40 @@
+# Makes OUTPUT, a C++ source with the page of `porttape view`: page.html, page.css, and the scripts SCRIPTS (names with
+# commas between them) of the folder FOLDER, as bytes; string literals of that size are not for every compiler.
+cmake_minimum_required(VERSION 3.25)
+
+set(source "#include \"tools/view_page.hpp\"\n\nnamespace porttape {\nnamespace {\n\n")
+set(constants "")
+
+# embed(NAME CONTENT HASHED)
+function(embed name content hashed)
+  string(HEX "${content}" hex)
+  string(REGEX REPLACE "(................................)" "\\1\n" hex "${hex}")
+  string(REGEX REPLACE "([0-9a-f][0-9a-f])" "0x\\1," bytes "${hex}")
+  string(APPEND source "constexpr unsigned char k${name}Bytes[] = {\n${bytes}0};\n\n")
+  string(APPEND constants "const std::string_view k${name}{reinterpret_cast<const char*>(k${name}Bytes), sizeof k${name}Bytes - 1};\n")
+  if(hashed)
+    string(SHA256 hash "${content}")
+    string(APPEND constants "const std::string_view k${name}Hash{\"${hash}\"};\n")
+  endif()
+  set(source "${source}" PARENT_SCOPE)
+  set(constants "${constants}" PARENT_SCOPE)
+endfunction()
+
+# read_text(FILE VARIABLE): with what CMake would take for the ends of lists.
+function(read_text file variable)
+  file(READ ${FOLDER}/${file} content)
+  set(${variable} "${content}" PARENT_SCOPE)
+endfunction()
+
+read_text(page.html html)
+read_text(page.css style)
+string(REPLACE "," ";" scripts "${SCRIPTS}")
+set(script "'use strict';\n")
+foreach(file IN LISTS scripts)
+  read_text(${file} content)
+  string(APPEND script "${content}")
+endforeach()
+embed(ViewHtml "${html}" FALSE)
+embed(ViewStyle "${style}" TRUE)
+embed(ViewScript "${script}" TRUE)
+file(WRITE ${OUTPUT} "${source}}  // namespace\n\n${constants}\n}  // namespace porttape\n")
