@@ -20,6 +20,10 @@ def installed(package):
     return status.stdout == "installed"
 
 
+def version_of(package):
+    return subprocess.run(["dpkg-query", "-W", "-f", "${Version}", package], capture_output=True, text=True).stdout
+
+
 def missing(case):
     return ([package for package in case.packages if not installed(package)]
             + [file.package for file in case.unpacked if not file.path()])

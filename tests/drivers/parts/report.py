@@ -23,6 +23,17 @@ class Table:
             return 1
         return 77 if self._skipped or not self._rows else 0
 
+    def markdown(self, cases, version_of):
+        """A table of what works with porttape, of the cases that were run."""
+        lines = ["| driver | package | " + " | ".join(WAYS) + " | what it does |", "|---" * (len(WAYS) + 3) + "|"]
+        for case in cases:
+            ways = self._rows.get(case.name)
+            if ways:
+                packages = ", ".join(f"{package} {version_of(package)}" for package in case.packages[:1])
+                cells = " | ".join(cell(ways.get(way, [])) for way in WAYS)
+                lines.append(f"| `{case.name}` | {packages} | {cells} | {case.shows} |")
+        return "\n".join(lines) + "\n"
+
     def print_summary(self, seconds):
         print(f"\n{'driver':<12}" + "".join(f" {way:<10}" for way in WAYS))
         for name, ways in self._rows.items():
