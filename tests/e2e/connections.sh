@@ -24,8 +24,9 @@ for order in sys.stdin:
     elif verb == "SEND" and lines[name]:
         try: lines[name].sendall(text.encode())
         except ConnectionError: pass  # what is expected next tells
-    elif verb == "CLOSE": lines.pop(name).close()
+    elif verb == "CLOSE" and lines[name]: lines.pop(name).close()
     elif verb == "EXPECT":
+        if not lines[name]: sys.exit(f"{name}: reset as it was made, expected {text}")
         got = b""
         while len(got) < len(text):
             more = lines[name].recv(len(text) - len(got))
@@ -174,21 +175,22 @@ say "each: a group never mixes with an older one"
 
 recorder --tape turned --connections each
 coproc client "$driver"
-printf 'CONNECT a\nSEND a 1\nEXPECT a 1\nCONNECT b\nSEND b 2\nEXPECT b 2\n' >&"${COPROC[1]}"
+client=$COPROC_PID to_client=${COPROC[1]} # both variables go when it ends
+printf 'CONNECT a\nSEND a 1\nEXPECT a 1\nCONNECT b\nSEND b 2\nEXPECT b 2\n' >&"$to_client"
 has_payload() { [[ $(payload "$1" 2>/dev/null) == "$2" ]]; }
 until_true 20 has_payload turned.c2.logw 2 || die "no second tape: $(cat log)"
 kill -USR1 "$daemon"
-wait_for turned.2.c2.loge log
-printf 'SEND a 3\nEXPECT a 3\nCONNECT c\nSEND c 4\nEXPECT c 4\n' >&"${COPROC[1]}"
-eval "exec ${COPROC[1]}>&-"
-wait "$COPROC_PID" || die "the client failed: $(cat log)"
+for tape in turned.2 turned.2.c2; do wait_for $tape.loge log; done
+printf 'SEND a 3\nEXPECT a 3\nCONNECT c\nSEND c 4\nEXPECT c 4\n' >&"$to_client"
+exec {to_client}>&-
+wait "$client" || die "the client failed: $(cat log)"
 done_with 0
 [[ $(payload turned.2.logw) == 3 && $(payload turned.2.c3.logw) == 4 ]] || die "the next tapes: $(ls)"
 say "each: a rotation begins the next tapes of all"
 
 start "$PORTTAPED" bridge --device "tcp:127.0.0.1:$device" --driver "unix-listen:$work/socket" --connections each 2>log
 daemon=$started
-wait_for "$work/socket" log
+wait_listening "$work/socket" log
 client "$work/socket" <<<"$orders"
 done_with 0
 say "each, a bridge on a Unix socket"

@@ -58,7 +58,7 @@ say "a second SIGTERM: ended after $took ms"
 
 # A tape that must not fail, on a device that sends without end.
 start socat "UNIX-LISTEN:$work/device.socket,fork" 'SYSTEM:cat /dev/zero' 2>device.log
-wait_for "$work/device.socket"
+wait_listening "$work/device.socket"
 start bash -c 'ulimit -f 64; exec "$@"' bash "$PORTTAPED" record --device "unix:$work/device.socket" \
   --driver "pty:$work/port" --tape limited --fail-closed 2>log
 daemon=$started

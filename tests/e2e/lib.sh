@@ -136,9 +136,14 @@ for s in sockets: s.close()
 print(*numbers)' "$@")
   for ((n = 0; n < $#; n++)); do printf -v "${@:n+1:1}" %s "${numbers[n]}"; done
 }
-# Without connecting to it: TCP, or UDP.
-listens_on() { grep -qE "$(printf ':%04X 00000000:0000 (0A|07)' "$1")" /proc/net/tcp /proc/net/udp; }
-wait_listening() { until_true 20 listens_on "$1" || die "nobody listens on port $1${2:+: $(cat "$2")}"; }
+# Without connecting to it: a port of TCP or UDP, or the path of a Unix socket (which is there before it listens).
+listens_on() {
+  case $1 in
+    /*) grep -qE " 00010000 [^/]* $1\$" /proc/net/unix ;;
+    *) grep -qE "$(printf ':%04X 00000000:0000 (0A|07)' "$1")" /proc/net/tcp /proc/net/udp ;;
+  esac
+}
+wait_listening() { until_true 20 listens_on "$1" || die "nobody listens on $1${2:+: $(cat "$2")}"; }
 
 payload() { "$PYTHON" "$devices/tapefile.py" payload "$1"; }
 
