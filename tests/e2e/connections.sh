@@ -40,6 +40,16 @@ for order in sys.stdin:
 END
 client() { timeout 60 "$PYTHON" client.py "$@" || die "the client failed: $(cat log)"; }
 
+# begin_client: a client that takes its orders from $to_client, until end_client.
+begin_client() {
+  coproc client "$driver"
+  client=$COPROC_PID to_client=${COPROC[1]} # both variables go when it ends
+}
+end_client() {
+  exec {to_client}>&-
+  wait "$client" || die "the client failed: $(cat log)"
+}
+
 # The device answers each byte with itself, on each of its connections.
 start socat "TCP-LISTEN:$device,bind=127.0.0.1,fork,reuseaddr" EXEC:cat
 wait_listening "$device"
@@ -174,16 +184,14 @@ done_with 0
 say "each: a group never mixes with an older one"
 
 recorder --tape turned --connections each
-coproc client "$driver"
-client=$COPROC_PID to_client=${COPROC[1]} # both variables go when it ends
+begin_client
 printf 'CONNECT a\nSEND a 1\nEXPECT a 1\nCONNECT b\nSEND b 2\nEXPECT b 2\n' >&"$to_client"
 has_payload() { [[ $(payload "$1" 2>/dev/null) == "$2" ]]; }
 until_true 20 has_payload turned.c2.logw 2 || die "no second tape: $(cat log)"
 kill -USR1 "$daemon"
 for tape in turned.2 turned.2.c2; do wait_for $tape.loge log; done
 printf 'SEND a 3\nEXPECT a 3\nCONNECT c\nSEND c 4\nEXPECT c 4\n' >&"$to_client"
-exec {to_client}>&-
-wait "$client" || die "the client failed: $(cat log)"
+end_client
 done_with 0
 [[ $(payload turned.2.logw) == 3 && $(payload turned.2.c3.logw) == 4 ]] || die "the next tapes: $(ls)"
 say "each: a rotation begins the next tapes of all"
@@ -231,17 +239,20 @@ start bash -c 'ulimit -n 60; exec "$@"' bash "$PORTTAPED" bridge --device "tcp:1
   --driver "tcp-listen:127.0.0.1:$driver" --connections each 2>log
 daemon=$started
 wait_listening "$driver" log
+begin_client
 {
   printf 'CONNECT a\nSEND a 1\nEXPECT a 1\n'
   for ((n = 0; n < 60; n++)); do printf 'CONNECT f%d\n' "$n"; done
+} >&"$to_client"
+until_true 20 grep -qi 'too many open files' log || die "the limit is not told: $(cat log)"
+{
   printf 'SEND a 2\nEXPECT a 2\n'
   for ((n = 0; n < 60; n++)); do printf 'CLOSE f%d\n' "$n"; done
   printf 'SEND a 3\nEXPECT a 3\n'
-} >flood
-client "$driver" <flood
+} >&"$to_client"
+end_client
 # Those that waited are accepted and closed one by one: until then there are no descriptors for another.
 another() { printf 'CONNECT b\nSEND b 4\nEXPECT b 4\n' | timeout 60 "$PYTHON" client.py "$driver" 2>/dev/null; }
 until_true 20 another || die "nobody is served once there are descriptors again: $(cat log)"
 done_with 0
-grep -qi 'too many open files' log || die "the limit is not told: $(cat log)"
 say "each: more connections than descriptors"
