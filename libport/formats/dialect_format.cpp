@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <fmt/format.h>
+#include <map>
 #include <utility>
-#include <vector>
 
 #include "libport/base/printable.hpp"
 #include "libport/formats/dialect.hpp"
@@ -30,10 +30,10 @@ class DialectImport final : public LineImport {
       case Dialect::Found::What::bytes:
         return take_bytes(std::move(found));
       case Dialect::Found::What::damaged:
-        tape().problem(fmt::format("line {}: its bytes are damaged; left out", line().number));
+        tape().problem_of_line(line().number, "bytes are damaged; left out");
         break;
       case Dialect::Found::What::unknown:
-        if (!plain.empty() && others_++ == 0) first_other_ = line().number;
+        if (!plain.empty()) tape().problem_of_line(line().number, "something else; left out");
         break;
       case Dialect::Found::What::nothing:
         break;
@@ -48,9 +48,6 @@ class DialectImport final : public LineImport {
       tape().guessed(tape().options().bytes_at
                          ? "times are by the line's speed, since the log has none"
                          : "all came at once, since the log has no times; --bytes-at BAUD spreads it");
-    if (others_ > 0)
-      tape().problem(
-          fmt::format("{} lines are something else and left out, first line {}", others_, first_other_));
     end_at(tape().latest());
     return {};
   }
@@ -78,7 +75,7 @@ class DialectImport final : public LineImport {
   std::optional<TapeTime> time_of(std::string_view text) {
     const auto parsed = parse_log_time(text, dialect_.unit());
     if (!parsed) {
-      tape().problem(fmt::format("line {}: {} is no time", line().number, in_quotes(text)));
+      tape().problem_of_line(line().number, "no time");
       return std::nullopt;
     }
     const bool first = !clock_.first();
@@ -96,20 +93,17 @@ class DialectImport final : public LineImport {
   std::optional<TapeTime> at_;
   Bytes rows_;  // of a block that is not whole yet
   bool rows_open_ = false;
-  std::uint64_t others_ = 0;
-  std::uint64_t first_other_ = 0;
 };
 
 // Expressions take long to compile: once.
-const Result<Dialect>& parsed(ShippedDialect which) {
-  static const std::vector<Result<Dialect>> all = [] {
-    std::vector<Result<Dialect>> dialects;
-    for (std::size_t i = 0; i < kShippedDialects; ++i)
-      dialects.push_back(
-          Dialect::parse(std::string(shipped_dialect(static_cast<ShippedDialect>(i))), "dialect"));
+const Result<Dialect>& shipped(std::string_view name) {
+  static const std::map<std::string_view, Result<Dialect>> all = [] {
+    std::map<std::string_view, Result<Dialect>> dialects;
+    for (const ShippedDialect& each : shipped_dialects())
+      dialects.emplace(each.name, Dialect::parse(std::string(each.toml), std::string(each.name)));
     return dialects;
   }();
-  return all.at(static_cast<std::size_t>(which));
+  return all.at(name);
 }
 
 }  // namespace
@@ -131,16 +125,16 @@ Result<std::optional<TapeTime>> import_dialect(Evidence& from, ImportTape& to,
   return DialectImport(*dialect, from, to).run(progress);
 }
 
-Result<std::optional<TapeTime>> import_shipped(ShippedDialect which, Evidence& from, ImportTape& to,
+Result<std::optional<TapeTime>> import_shipped(std::string_view name, Evidence& from, ImportTape& to,
                                                const ConvertProgress& progress) {
-  const Result<Dialect>& dialect = parsed(which);
+  const Result<Dialect>& dialect = shipped(name);
   if (!dialect) return dialect.error();
   return DialectImport(*dialect, from, to).run(progress);
 }
 
-int detect_shipped(ShippedDialect which, std::string_view head) {
+int detect_shipped(std::string_view name, std::string_view head) {
   constexpr int kLookedAt = 400;
-  const Result<Dialect>& dialect = parsed(which);
+  const Result<Dialect>& dialect = shipped(name);
   if (!dialect || !dialect->is_detected() || head.find('\0') != std::string_view::npos) return 0;  // no text
   int found = 0;
   for (int i = 0; i < kLookedAt && !head.empty(); ++i) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <fmt/format.h>
 
 #include "libport/base/whole_number.hpp"
 #include "libport/formats/byte_text.hpp"
@@ -71,12 +70,12 @@ class GdbImport final : public LineImport {
     // A command of the user's, and gdb's own last word.
     if (text.empty() || text.starts_with("c ") || text == "End of log") return {};
     if (text.size() < 2 || (text[0] != 'w' && text[0] != 'r') || text[1] != ' ') {
-      tape().problem(fmt::format("line {} is not gdb's; left out", line().number));
+      tape().problem_of_line(line().number, "not gdb's; left out");
       return {};
     }
     const auto said = gdb_line(text.substr(2));
     if (!said) {
-      tape().problem(fmt::format("line {}: its bytes are damaged; left out", line().number));
+      tape().problem_of_line(line().number, "bytes are damaged; left out");
       return {};
     }
     const bool written = text[0] == 'w';

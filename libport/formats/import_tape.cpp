@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <span>
 #include <utility>
 
 namespace porttape {
 namespace {
 
 constexpr std::size_t kProblemsKept = 64;
+constexpr std::size_t kLinesTold = 5;
 constexpr std::int64_t kBitsOfAByte = 10;  // 8N1
 // Later than a tape can tell, and early enough to be added to.
 constexpr TapeTime kBeyondAll = tape_time_us(std::int64_t{1} << 60U);
@@ -20,6 +23,14 @@ int place_among_equal(RecordKind kind) {
 
 RecordKind kind_of(Direction direction) {
   return direction == Direction::read ? RecordKind::read : RecordKind::write;
+}
+
+// "line 7", "lines 3 and 7", "lines 3, 8, 9, 12, 15 and 20 more".
+std::string lines_told(std::span<const std::uint64_t> first, std::uint64_t count) {
+  if (count == 1) return fmt::format("line {}", first.front());
+  if (count > first.size())
+    return fmt::format("lines {} and {} more", fmt::join(first, ", "), count - first.size());
+  return fmt::format("lines {} and {}", fmt::join(first.first(first.size() - 1), ", "), first.back());
 }
 
 }  // namespace
@@ -131,8 +142,17 @@ void ImportTape::problem(std::string text) {
   if (done_.problems.size() < kProblemsKept) done_.problems.push_back(std::move(text));
 }
 
+void ImportTape::problem_of_line(std::uint64_t line, std::string_view text) {
+  auto of = std::ranges::find(of_lines_, text, &ProblemOfLines::text);
+  if (of == of_lines_.end()) of = of_lines_.insert(of, {std::string(text), {}, 0});
+  ++of->count;
+  if (of->first_lines.size() < kLinesTold) of->first_lines.push_back(line);
+}
+
 Result<ImportedTape> ImportTape::finish(std::optional<TapeTime> end) {
   if (Result<void> begun = begin(); !begun) return begun.error();
+  for (const ProblemOfLines& of : std::exchange(of_lines_, {}))
+    problem(fmt::format("{}: {}", lines_told(of.first_lines, of.count), of.text));
   for (const std::string& guess : done_.guesses) {
     if (Result<void> told = event(latest_, event::Mark{"convert: " + guess}); !told) return told.error();
   }

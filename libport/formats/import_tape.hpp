@@ -63,6 +63,8 @@ class ImportTape {
   void guessed(std::string text);
   // What is wrong with the evidence and does not stop the import.
   void problem(std::string text);
+  // The same, of a line of it (from 1): one problem for each text, with its lines.
+  void problem_of_line(std::uint64_t line, std::string_view text);
 
   // Nothing: the tape has no `end`, as that of a recorder that was killed.
   Result<ImportedTape> finish(std::optional<TapeTime> end);
@@ -95,6 +97,12 @@ class ImportTape {
   bool went_back_ = false;
   bool keeps_order_ = false;
   RecordKind last_kind_ = RecordKind::event;
+  struct ProblemOfLines {
+    std::string text;
+    std::vector<std::uint64_t> first_lines;
+    std::uint64_t count = 0;
+  };
+  std::vector<ProblemOfLines> of_lines_;
   ImportedTape done_;
 };
 

@@ -1,12 +1,15 @@
 #pragma once
 
+#include <span>
 #include <string_view>
-
-#include "libport/formats/dialect_format.hpp"
 
 namespace porttape {
 
-// The TOML file of a dialect that comes with porttape.
-std::string_view shipped_dialect(ShippedDialect which);
+// A dialect that comes with porttape: a file of dialects/, built in.
+struct ShippedDialect {
+  std::string_view name;  // the file's, without its suffix
+  std::string_view toml;
+};
+std::span<const ShippedDialect> shipped_dialects();
 
 }  // namespace porttape

@@ -125,7 +125,7 @@ class SocatImport final : public LineImport {
     if (text == "--" || text.empty()) return {};
     head_ = socat_head(text);
     if (!head_) {
-      tape().problem(fmt::format("line {} is no block of socat; left out", line().number));
+      tape().problem_of_line(line().number, "no block of socat; left out");
       return {};
     }
     whole_seconds_ |= head_->whole_seconds;
@@ -177,7 +177,7 @@ class SocatImport final : public LineImport {
     }
     if (data.size() == head.length) return {};
     const std::size_t missing = head.length - data.size();
-    tape().problem(fmt::format("line {}: a block ends {} bytes early", line().number, missing));
+    tape().problem_of_line(line().number, "a block ends early");
     return tape().event(at, event::Gap{missing, std::nullopt, "not in socat's log"});
   }
 

@@ -63,7 +63,7 @@ class StraceImport final : public LineImport {
     if (text.text.empty()) return {};
     StraceLines::Line line = lines_.read(text.text);
     if (!line.understood) {
-      if (strange_++ == 0) first_strange_ = text.number;
+      tape().problem_of_line(text.number, "none of strace's; left out");
       return {};
     }
     if (line.end) {
@@ -315,9 +315,6 @@ class StraceImport final : public LineImport {
           fmt::format("{} bytes are missing, first in line {}: strace printed only the first ones; -s 65536 "
                       "prints them all",
                       cut_bytes_, first_cut_));
-    if (strange_ > 0)
-      tape().problem(
-          fmt::format("{} lines are none of strace's and left out, first line {}", strange_, first_strange_));
   }
 
   [[nodiscard]] Error nothing_found() const {
@@ -342,8 +339,6 @@ class StraceImport final : public LineImport {
   bool late_reads_ = false;
   std::uint64_t cut_bytes_ = 0;
   std::uint64_t first_cut_ = 0;
-  std::uint64_t strange_ = 0;
-  std::uint64_t first_strange_ = 0;
 };
 
 }  // namespace

@@ -1,8 +1,11 @@
 #include "libport/formats/dialect.hpp"
 
+#include <fmt/format.h>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "libport/formats/shipped_dialects.hpp"
 #include "tests/formats/read_log.hpp"
 
 namespace porttape {
@@ -29,7 +32,7 @@ TEST(Dialect, PythonHex) {
   EXPECT_EQ(test::detected(kBellows), "python-hex");
   const ReadLog tape = read_log(dir, "python-hex", kBellows);
   EXPECT_THAT(tape.lines, ElementsAre("r 0 %Q\\xb1W~", "w 1 \\x83@\\x1b~"));
-  EXPECT_THAT(tape.problems, ElementsAre("2 lines are something else and left out, first line 3"));
+  EXPECT_THAT(tape.problems, ElementsAre("lines 3 and 4: something else; left out"));
   EXPECT_THAT(tape.guesses, ElementsAre("its times are UTC"));
   const ReadLog escaped =
       read_log(dir, "python-hex",
@@ -110,7 +113,31 @@ TEST(Dialect, AFileOfAUsers) {
   const ReadLog tape = read_log(
       dir, "dialect", "1500 OUT 65 66\n1750 IN [67, 300]\n1750 IN [67, 68]\n1751 ERR 1\n", {.dialect = file});
   EXPECT_THAT(tape.lines, ElementsAre("w 0 AB", "r 250000 CD"));
-  EXPECT_THAT(tape.problems, ElementsAre(HasSubstr("line 2: its bytes are damaged"), HasSubstr("line 4")));
+  EXPECT_THAT(tape.problems, ElementsAre("lines 2 and 4: bytes are damaged; left out"));
+}
+
+TEST(Dialect, ThoseThatComeWithPorttapeAreFormats) {
+  ASSERT_FALSE(shipped_dialects().empty());
+  for (const ShippedDialect& shipped : shipped_dialects()) {
+    EXPECT_TRUE(Dialect::parse(std::string(shipped.toml), "d.toml")) << shipped.name;
+    EXPECT_THAT(shipped.toml, HasSubstr(fmt::format("name = \"{}\"\n", shipped.name)));
+    const Format* const format = find_format(shipped.name);
+    ASSERT_NE(format, nullptr) << shipped.name;
+    Evidence nothing = Evidence::of("evidence", "");
+    const TempDir dir;
+    ImportTape tape(literal_tape(dir / "t"), {.sync = false}, {}, "evidence");
+    EXPECT_TRUE(format->import_tape(nothing, tape, {})) << shipped.name;
+  }
+}
+
+TEST(Dialect, OfManyLinesWithTheSameProblemTheFirstOnesAreTold) {
+  const TempDir dir;
+  EXPECT_THAT(read_log(dir, "octoprint", "a\nSend: b\nc\n").problems,
+              ElementsAre("lines 1 and 3: something else; left out"));
+  EXPECT_THAT(read_log(dir, "octoprint", "a\nb\nc\nd\ne\nSend: x\n").problems,
+              ElementsAre("lines 1, 2, 3, 4 and 5: something else; left out"));
+  EXPECT_THAT(read_log(dir, "octoprint", "a\nb\nc\nd\ne\nf\ng\nSend: x\n").problems,
+              ElementsAre("lines 1, 2, 3, 4, 5 and 2 more: something else; left out"));
 }
 
 TEST(Dialect, WhatIsWrongInAFileIsToldByItsLine) {
@@ -145,7 +172,7 @@ TEST(Dialect, ATimeThatIsNoneIsTold) {
   const TempDir dir;
   const ReadLog tape = read_log(dir, "octoprint", "2021-03-04 25:59:59,900 - Send: a\n");
   EXPECT_THAT(tape.lines, ElementsAre("w 0 a\\n"));
-  EXPECT_THAT(tape.problems, ElementsAre(HasSubstr("line 1")));
+  EXPECT_THAT(tape.problems, ElementsAre("line 1: no time"));
 }
 
 TEST(Dialect, BinaryDataIsNoLog) {

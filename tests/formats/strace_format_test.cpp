@@ -129,7 +129,7 @@ write(3, "d", 1) = 1
   EXPECT_THAT(made->guesses, ElementsAre(HasSubstr("no times")));
   EXPECT_THAT(made->problems,
               ElementsAre(HasSubstr("7 bytes are missing, first in line 3"),
-                          HasSubstr("1 lines are none of strace's and left out, first line 2")));
+                          HasSubstr("line 2: none of strace's; left out")));
   const auto all = test::lines_on(made->paths);
   ASSERT_EQ(all.size(), 6U);
   EXPECT_THAT(all[1], HasSubstr(R"("event":"gap","bytes":7)"));
