@@ -11,7 +11,8 @@ presets=(ninja-build ccache clang libclang-rt-14-dev libgtest-dev libgmock-dev l
 all_tests=(
   pkg-config python3 python3-serial python3-pytest python3-pytest-xdist catch2 libxml2-utils patch procps socat shellcheck
   mbpoll libmodbus-dev lrzsz ckermit flashrom bc redis-tools libhamlib-utils whois systemd mosquitto mosquitto-clients
-  strace musl-tools libserialport0 udev zstd tshark sigrok-cli chromium chromium-driver python3-selenium
+  strace musl-tools libserialport0 udev zstd tshark sigrok-cli umockdev gdb gdbserver ser2net
+  chromium chromium-driver python3-selenium
 )
 
 need_packages() {

@@ -1,10 +1,10 @@
 #!/usr/bin/python3
-"""ask_lines.py PORT: a driver that asks a device of lines five times, and sees to its answers."""
+"""ask_lines.py PORT (or a URL of pyserial): a driver that asks a device of lines five times, and sees to its answers."""
 import sys
 
 import serial
 
-with serial.Serial(sys.argv[1], 19200, timeout=10) as port:
+with serial.serial_for_url(sys.argv[1], 19200, timeout=10) as port:
     for number in range(5):
         question = b"question %d\n" % number
         port.write(question)
