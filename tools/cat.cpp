@@ -1,10 +1,15 @@
+#include <algorithm>
 #include <limits>
 #include <memory>
 #include <optional>
+#include <string>
+#include <utility>
 #include <variant>
+#include <vector>
 
 #include "libport/base/printable.hpp"
 #include "libport/rules/byte_pattern.hpp"
+#include "libport/tape/tape_group.hpp"
 #include "libport/tape/tape_lock.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "tools/cat_lines.hpp"
@@ -18,15 +23,17 @@ namespace porttape {
 namespace {
 
 constexpr VerbHelp kCatHelp{
-    "cat", "TAPE [--full] [--follow] [--json] [--from S] [--to S] [--dir r|w] [--find EXPR] [--blocks]",
+    "cat", "TAPE... [--full] [--follow] [--json] [--from S] [--to S] [--dir r|w] [--find EXPR] [--blocks]",
     "Prints a tape in order, a line a burst: time in seconds, direction (r: the driver reads,\n"
     "w: it writes), length, the bytes as text and in hex. A burst is blocks of one direction\n"
     "less than 500 us apart with nothing in between. Long ones are cut to the terminal's width\n"
-    "($COLUMNS; elsewhere to 32 bytes), which '...' says; --full shows all bytes. Exit status:\n"
-    "0, 1 the tape is damaged (what is sound is printed) or cannot be read, 2 it is not a tape\n"
-    "or not there.\n",
+    "($COLUMNS; elsewhere to 32 bytes), which '...' says; --full shows all bytes. Of several\n"
+    "tapes, recorded on one machine since its last boot or parts of one tape, each line has its\n"
+    "tape's name, and time begins with the earliest. Exit status: 0, 1 a tape is damaged (what\n"
+    "is sound is printed) or cannot be read, 2 it is not a tape or not there.\n",
     "  porttape cat laser.log\n"
     "  porttape cat laser.log --follow\n"
+    "  porttape cat broker.log broker.c2.log broker.c3.log\n"
     "  porttape cat laser.log --full --from 1.5 --to 2 | less\n"
     "  porttape cat gps.log --dir r --find 'GPGGA|GPRMC' --time wall --as text\n"
     "  porttape cat laser.log --json --dir r | jq -r .hex | xxd -r -p\n"};
@@ -66,9 +73,15 @@ class BurstJoiner {
     ++line_->blocks;
   }
 
-  void on_event(const Record& record) {
+  void on_event(const Record& record, TapeTime at) {
     flush();
-    if (is_wanted(as_bytes(record.event_line))) printer_.event(record);
+    if (is_wanted(as_bytes(record.event_line))) printer_.event(record, at);
+  }
+
+  // What comes is of this one of several tapes.
+  void of(const std::string& tape) {
+    flush();
+    printer_.of(tape);
   }
 
   void flush() {
@@ -132,7 +145,7 @@ Result<bool> print_tape(TapeReader& tape, const CatOptions& options, CatPrinter&
     if ((**record).at >= options.to) {
       more = false;
     } else if (is_wanted(**record, options)) {
-      is_block(**record) ? joiner.on_block(**record) : joiner.on_event(**record);
+      is_block(**record) ? joiner.on_block(**record) : joiner.on_event(**record, (**record).at);
     } else {
       joiner.flush();  // something is in between, though it is not shown
     }
@@ -188,8 +201,9 @@ Result<void> follow_tape(TapeReader& tape, const TapePaths& paths, const CatOpti
   }
 }
 
-// What --as and --time say of the layout.
-std::optional<std::string> take_layout(const CommandLine& line, TextCatPrinter::Layout& layout) {
+// What --as and --time say of the layout; `zero`, where a tape tells it, is that of time.
+std::optional<std::string> take_layout(const CommandLine& line, const std::optional<TapeZero>& zero,
+                                       TextCatPrinter::Layout& layout) {
   using Form = TextCatPrinter::Form;
   using Times = TextCatPrinter::Times;
   const std::string form = line.text("as").value_or("both");
@@ -201,14 +215,8 @@ std::optional<std::string> take_layout(const CommandLine& line, TextCatPrinter::
   layout.form = form == "both" ? Form::both : form == "text" ? Form::text : Form::hex;
   layout.times = times == "tape" ? Times::tape : times == "delta" ? Times::delta : Times::wall;
   if (layout.times != Times::wall || line.has("json")) return std::nullopt;
-  const auto paths = find_tape(line.tapes().front());
-  const auto tape =
-      paths ? TapeReader::open(*paths, {.events_may_fail = true}) : Result<TapeReader>(paths.error());
-  if (!tape) return std::nullopt;  // told when it is printed
-  const auto header = tape->header();
-  if (!header || !header->zero)
-    return "--time wall: the tape does not tell when it was recorded; take tape or delta";
-  layout.zero = *header->zero;
+  if (!zero) return "--time wall: the tape does not tell when it was recorded; take tape or delta";
+  layout.zero = *zero;
   return std::nullopt;
 }
 
@@ -237,6 +245,94 @@ int cat_tape(const std::string& argument, const CatOptions& options, CatPrinter&
   return exit_status::kPass;
 }
 
+// Several tapes on one time.
+class TapeGroup {
+ public:
+  // Errc::usage: one is given twice, or they do not tell their common time.
+  static Result<TapeGroup> open(const std::vector<TapePaths>& paths) {
+    Result<std::vector<GroupedTape>> tapes = grouped_tapes(paths);
+    if (!tapes) return tapes.error();
+    auto begins = begins_by_parts(*tapes);
+    if (!begins) begins = begins_by_clock(*tapes);
+    if (!begins)
+      return make_error(
+          Errc::usage,
+          "the tapes do not tell their common time: they are of different machines or boots, or "
+          "were converted; porttape merge puts them together");
+    place_tapes(*tapes, *begins);
+    TapeGroup group;
+    for (const GroupedTape& tape : *tapes) {
+      Result<TapeReader> reader = TapeReader::open(tape.paths, {.events_may_fail = true});
+      if (!reader) return reader.error();
+      group.inputs_.push_back(std::make_unique<GroupInput>(std::move(*reader), tape.at));
+      group.names_.push_back(tape.paths.file_name());
+      if (tape.at == Micros{} && tape.header) group.zero_ = tape.header->zero;
+    }
+    return group;
+  }
+
+  [[nodiscard]] const std::optional<TapeZero>& zero() const { return zero_; }
+  [[nodiscard]] std::size_t columns() const {
+    std::size_t most = 0;
+    for (const std::string& name : names_) most = std::max(most, printable_line(name).size());
+    return most;
+  }
+
+  // Damage of one tape ends that one alone.
+  int print(const CatOptions& options, CatPrinter& printer, std::ostream& out, std::ostream& err) {
+    BurstJoiner joiner(printer, !options.blocks, options.wanted);
+    const auto advance = [&](GroupInput& input) {
+      const Result<void> advanced = input.advance();
+      if (advanced) return;
+      joiner.flush();
+      fail(advanced.error(), out, err);
+      damaged_ = true;
+    };
+    for (const auto& input : inputs_) advance(*input);
+    const GroupInput* before = nullptr;
+    while (out.good()) {
+      GroupInput* const next = earliest_of(inputs_);
+      if (next == nullptr || next->at() >= options.to) break;
+      if (std::exchange(before, next) != next) joiner.of(name_of(*next));
+      for (bool whole = false; !whole && !next->over(); advance(*next)) {
+        Record record = next->record();
+        record.at = next->at();
+        whole = !is_block(record) || record.last_piece();
+        if (!is_wanted(record, options))
+          joiner.flush();
+        else
+          is_block(record) ? joiner.on_block(record) : joiner.on_event(next->record(), next->at());
+      }
+    }
+    joiner.flush();
+    for (const auto& input : inputs_) {
+      if (const auto torn = input->reader().torn_tail()) note(name_of(*input) + ": " + *torn, out, err);
+    }
+    return damaged_ ? exit_status::kRuntime : exit_status::kPass;
+  }
+
+ private:
+  [[nodiscard]] const std::string& name_of(const GroupInput& input) const {
+    const auto at = std::ranges::find(inputs_, &input, &std::unique_ptr<GroupInput>::get);
+    return names_.at(static_cast<std::size_t>(at - inputs_.begin()));
+  }
+
+  std::vector<std::unique_ptr<GroupInput>> inputs_;
+  std::vector<std::string> names_;
+  std::optional<TapeZero> zero_;
+  bool damaged_ = false;
+};
+
+// When that tape's time begins, where it tells.
+Result<std::optional<TapeZero>> zero_of(const std::string& tape) {
+  const auto paths = find_tape(tape);
+  if (!paths) return paths.error();
+  const auto reader = TapeReader::open(*paths, {.events_may_fail = true});
+  if (!reader) return reader.error();
+  const auto header = reader->header();
+  return header ? header->zero : std::nullopt;
+}
+
 // Gives what is wrong, or nothing.
 std::optional<std::string> take_options(const CommandLine& line, CatOptions& options) {
   for (const auto& [name, time] : {std::pair{"from", &options.from}, std::pair{"to", &options.to}}) {
@@ -257,7 +353,7 @@ std::optional<std::string> take_options(const CommandLine& line, CatOptions& opt
   }
   options.blocks = line.has("blocks");
   options.follow = line.has("follow");
-  if (line.tapes().size() > 1) return "more than one tape given";
+  if (line.tapes().size() > 1 && options.follow) return "--follow takes one tape";
   return std::nullopt;
 }
 
@@ -286,9 +382,30 @@ int run_cat(Arguments args, std::ostream& out, std::ostream& err) {
   layout.color = line.colors(out);
   layout.full = line.has("full");
   layout.width = columns_of(out);
-  if (const auto wrong = take_layout(line, layout)) return line.usage_error(err, *wrong);
+  std::optional<TapeGroup> group;
+  if (line.tapes().size() > 1) {
+    std::vector<TapePaths> paths;
+    for (const std::string& tape : line.tapes()) {
+      const auto found = find_tape(tape);
+      if (!found) return fail(found.error(), out, err);
+      paths.push_back(*found);
+    }
+    Result<TapeGroup> opened = TapeGroup::open(paths);
+    if (!opened && opened.error().code == Errc::usage) return line.usage_error(err, opened.error().message);
+    if (!opened) return fail(opened.error(), out, err);
+    group.emplace(std::move(*opened));
+    layout.tape_columns = group->columns();
+  }
+  std::optional<TapeZero> zero = group ? group->zero() : std::nullopt;
+  if (!group && line.text("time") == "wall") {
+    const auto told = zero_of(line.tapes().front());
+    if (!told) return fail(told.error(), out, err);
+    zero = *told;
+  }
+  if (const auto wrong = take_layout(line, zero, layout)) return line.usage_error(err, *wrong);
   std::unique_ptr<CatPrinter> printer = std::make_unique<TextCatPrinter>(out, layout);
   if (line.has("json")) printer = std::make_unique<JsonCatPrinter>(out);
+  if (group) return group->print(options, *printer, out, err);
   return cat_tape(line.tapes().front(), options, *printer, out, err);
 }
 

@@ -39,7 +39,7 @@ std::string event_details(const Event& event, TapeTime at, std::string_view line
   return std::string(line.starts_with(',') ? line.substr(1) : line);
 }
 
-std::string TextCatPrinter::time_text(TapeTime at) {
+std::string TextCatPrinter::head_text(TapeTime at) {
   constexpr std::size_t usual = 13;
   const Micros since = at - std::exchange(before_, at);
   std::string text;
@@ -55,8 +55,13 @@ std::string TextCatPrinter::time_text(TapeTime at) {
       break;
   }
   text.insert(0, text.size() < usual ? usual - text.size() : 0, ' ');
-  time_columns_ = text.size() + 2;
-  return text + "  ";
+  text += "  ";
+  if (!tape().empty()) {
+    const std::string name = printable_line(tape());
+    text += name + std::string(layout_.tape_columns - std::min(layout_.tape_columns, name.size()) + 2, ' ');
+  }
+  plain_columns_ = text.size();
+  return text;
 }
 
 std::size_t TextCatPrinter::columns_of(Byte byte) const {
@@ -80,7 +85,7 @@ std::size_t TextCatPrinter::room() const {
 void TextCatPrinter::begin(const CatLine& line) {
   line_ = line;
   const std::string length = std::to_string(line.length);
-  head_ = time_text(line.at) + (line.direction == Direction::read ? 'r' : 'w') + ' ' +
+  head_ = head_text(line.at) + (line.direction == Direction::read ? 'r' : 'w') + ' ' +
           std::string(length.size() < 6 ? 6 - length.size() : 0, ' ') + length + "  ";
   row_.clear();
   columns_ = 0;
@@ -109,8 +114,9 @@ void TextCatPrinter::add(Byte byte) {
 
 void TextCatPrinter::print_row(std::string_view more) {
   const Color color = line_.direction == Direction::read ? Color::read : Color::write;
-  out_ << std::string_view(head_).substr(0, time_columns_) << color_begin(color, layout_.color)
-       << std::string_view(head_).substr(time_columns_) << row_text(more) << color_end(layout_.color) << '\n';
+  out_ << std::string_view(head_).substr(0, plain_columns_) << color_begin(color, layout_.color)
+       << std::string_view(head_).substr(plain_columns_) << row_text(more) << color_end(layout_.color)
+       << '\n';
   head_.assign(head_.size(), ' ');
   row_.clear();
   columns_ = 0;
@@ -126,10 +132,10 @@ void TextCatPrinter::end() {
   print_row(whole ? std::string_view() : kMore);
 }
 
-void TextCatPrinter::event(const Record& record) {
+void TextCatPrinter::event(const Record& record, TapeTime at) {
   const std::string more = printable_line(event_details(*record.event, record.at, record.event_line));
   std::string text = "-  " + printable_line(name_of(*record.event)) + (more.empty() ? "" : "  ") + more;
-  head_ = time_text(record.at);
+  head_ = head_text(at);
   const std::size_t columns = layout_.full || layout_.width ? room() + kFrame : text.size();
   std::string_view left = text;
   do {
@@ -145,16 +151,26 @@ void TextCatPrinter::event(const Record& record) {
 }
 
 void JsonCatPrinter::begin(const CatLine& line) {
-  out_ << "{\"t_us\":" << to_us(line.at) << ",\"until_us\":" << to_us(line.until) << ",\"dir\":\""
-       << (line.direction == Direction::read ? 'r' : 'w') << "\",\"offset\":" << line.stream_offset
-       << ",\"length\":" << line.length << ",\"blocks\":" << line.blocks << ",\"hex\":\"";
+  out_ << '{' << of_tape() << "\"t_us\":" << to_us(line.at) << ",\"until_us\":" << to_us(line.until)
+       << ",\"dir\":\"" << (line.direction == Direction::read ? 'r' : 'w')
+       << "\",\"offset\":" << line.stream_offset << ",\"length\":" << line.length
+       << ",\"blocks\":" << line.blocks << ",\"hex\":\"";
 }
 
 void JsonCatPrinter::data(ByteView piece) { out_ << to_hex(piece); }
 
 void JsonCatPrinter::end() { out_ << "\"}\n"; }
 
+std::string JsonCatPrinter::of_tape() const {
+  return tape().empty() ? std::string() : "\"tape\":" + json_quote(tape()) + ',';
+}
+
 // The line of the tape is a JSON object already.
-void JsonCatPrinter::event(const Record& record) { out_ << json_for_terminal(record.event_line) << '\n'; }
+void JsonCatPrinter::event(const Record& record, TapeTime at) {
+  std::string line = at == record.at ? std::string(record.event_line) : encode_again(record.event_line, at);
+  if (line.ends_with('\n')) line.pop_back();
+  if (const std::size_t begin = line.find('{'); begin != std::string::npos) line.insert(begin + 1, of_tape());
+  out_ << json_for_terminal(line) << '\n';
+}
 
 }  // namespace porttape

@@ -6,6 +6,7 @@
 #include <ostream>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "libport/base/bytes.hpp"
 #include "libport/tape/record.hpp"
@@ -27,10 +28,19 @@ struct CatLine {
 class CatPrinter {
  public:
   virtual ~CatPrinter() = default;
+  // Where several tapes are printed: what comes is of this one. Not in the middle of a line.
+  void of(std::string tape) { tape_ = std::move(tape); }
   virtual void begin(const CatLine& line) = 0;
   virtual void data(ByteView piece) = 0;
   virtual void end() = 0;
-  virtual void event(const Record& record) = 0;
+  // The record as it is on its tape, and when it was on the time of all.
+  virtual void event(const Record& record, TapeTime at) = 0;
+
+ protected:
+  [[nodiscard]] const std::string& tape() const { return tape_; }  // empty: there is one
+
+ private:
+  std::string tape_;
 };
 
 // What an event says besides time and kind: `"text":"here"`; the whole line where it is not of the usual
@@ -55,7 +65,8 @@ class TextCatPrinter final : public CatPrinter {
     bool full = false;
     Form form = Form::both;
     Times times = Times::tape;
-    TapeZero zero{};  // for Times::wall
+    TapeZero zero{};               // for Times::wall
+    std::size_t tape_columns = 0;  // for the tapes' names
     std::optional<std::size_t> width =
         {};  // columns; none: as much as kShown takes, in full as a terminal has
   };
@@ -64,10 +75,10 @@ class TextCatPrinter final : public CatPrinter {
   void begin(const CatLine& line) override;
   void data(ByteView piece) override;
   void end() override;
-  void event(const Record& record) override;
+  void event(const Record& record, TapeTime at) override;
 
  private:
-  std::string time_text(TapeTime at);
+  std::string head_text(TapeTime at);
   [[nodiscard]] std::size_t columns_of(Byte byte) const;
   [[nodiscard]] std::string row_text(std::string_view more) const;
   [[nodiscard]] std::size_t room() const;
@@ -77,12 +88,12 @@ class TextCatPrinter final : public CatPrinter {
   std::ostream& out_;
   Layout layout_;
   CatLine line_;
-  std::string head_;              // of the next row
-  Bytes row_;                     // its bytes
-  std::size_t columns_ = 0;       // that they take
-  bool full_row_ = false;         // no more go into it
-  std::size_t time_columns_ = 0;  // at the head's begin, which have no colour
-  TapeTime before_{};             // of the line before
+  std::string head_;               // of the next row
+  Bytes row_;                      // its bytes
+  std::size_t columns_ = 0;        // that they take
+  bool full_row_ = false;          // no more go into it
+  std::size_t plain_columns_ = 0;  // at the head's begin, which have no colour
+  TapeTime before_{};              // of the line before
 };
 
 // JSON Lines, data whole (OUTPUT.md).
@@ -92,9 +103,11 @@ class JsonCatPrinter final : public CatPrinter {
   void begin(const CatLine& line) override;
   void data(ByteView piece) override;
   void end() override;
-  void event(const Record& record) override;
+  void event(const Record& record, TapeTime at) override;
 
  private:
+  [[nodiscard]] std::string of_tape() const;  // `"tape":"laser.log",`, or nothing
+
   std::ostream& out_;
 };
 

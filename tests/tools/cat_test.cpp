@@ -386,6 +386,70 @@ TEST_F(CatFollow, NamesTheTapeThatGoesOn) {
   EXPECT_THAT(err.str(), HasSubstr("note: it goes on as " + (dir / "t.2.log")));
 }
 
+// A tape of a boot; the first began at 10 s, this one so much later.
+void make_of_boot(const TempDir& dir, const char* name, Micros later, const std::vector<std::string>& said,
+                  const std::string& boot = "b") {
+  TapeHeader header;
+  header.id = name;
+  const TapeZero first{"2024-05-06T07:08:09.000000Z", 10'000'000, boot};
+  header.zero = porttape::later(first, later);
+  auto tape = NewTape::create(literal_tape(dir / name), header, {.sync = false});
+  ASSERT_TRUE(tape);
+  ASSERT_TRUE(tape->event(TapeTime{}, event::Open{}));
+  TapeTime at{};
+  for (const std::string& text : said) {
+    at += Micros(1000);
+    ASSERT_TRUE(tape->block(Direction::write, at, as_bytes(text)));
+  }
+  ASSERT_TRUE(tape->finish(at + Micros(1)));
+}
+
+TEST(CatGroup, ShowsSeveralTapesOnOneTime) {
+  const TempDir dir;
+  make_of_boot(dir, "t.log", Micros{}, {"a", "b", "c"});
+  make_of_boot(dir, "t.c2.log", Micros(1500), {"x"});
+  const auto ran = run({"cat", dir / "t.c2.log", dir / "t.log", "--as", "text"});
+  EXPECT_EQ(ran.err, "");
+  EXPECT_EQ(ran.status, 0);
+  EXPECT_THAT(ran.out, StartsWith("     0.000000  t.log     -  open\n"
+                                  "     0.001000  t.log     w      1  \"a\"\n"
+                                  "     0.001500  t.c2.log  -  open\n"
+                                  "     0.002000  t.log     w      1  \"b\"\n"
+                                  "     0.002500  t.c2.log  w      1  \"x\"\n"));
+  EXPECT_THAT(ran.out, HasSubstr("     0.003000  t.log     w      1  \"c\"\n"));
+  EXPECT_THAT(
+      run({"cat", dir / "t.log", dir / "t.c2.log", "--dir", "w", "--from", "0.002", "--time", "wall"}).out,
+      HasSubstr("2024-05-06T07:08:09.002500Z  t.c2.log  w      1  \"x\""));
+  const std::string json = run({"cat", dir / "t.log", dir / "t.c2.log", "--json"}).out;
+  EXPECT_THAT(json, HasSubstr("{\"tape\":\"t.c2.log\",\"t_us\":1500,\"event\":\"open\"}\n"));
+  EXPECT_THAT(json, HasSubstr("{\"tape\":\"t.c2.log\",\"t_us\":2500,\"until_us\":2500,\"dir\":\"w\","));
+}
+
+TEST(CatGroup, DamageOfOneTapeEndsThatOneAlone) {
+  const TempDir dir;
+  make_of_boot(dir, "t.log", Micros{}, {"a", "b", "c"});
+  make_of_boot(dir, "u.log", Micros(500), {"x", "y"});
+  Bytes bad = test::read_file(dir / "t.logw");
+  bad.at(bad.size() / 2) ^= 0xff;  // the head of the second block
+  test::write_file(dir / "t.logw", bad);
+  const auto ran = run({"cat", dir / "t.log", dir / "u.log", "--as", "text"});
+  EXPECT_EQ(ran.status, 1);
+  EXPECT_THAT(ran.err, HasSubstr("t.logw is damaged"));
+  EXPECT_THAT(ran.out, HasSubstr("u.log  w      1  \"y\"\n"));
+}
+
+TEST(CatGroup, TapesWithoutACommonTimeAreRefused) {
+  const TempDir dir;
+  make_of_boot(dir, "t.log", Micros{}, {"a"});
+  make_of_boot(dir, "u.log", Micros{}, {"b"}, "another");
+  const auto apart = run({"cat", dir / "t.log", dir / "u.log"});
+  EXPECT_EQ(apart.status, 2);
+  EXPECT_THAT(apart.err, HasSubstr("common time"));
+  EXPECT_EQ(run({"cat", dir / "t.log", dir / "t.log"}).status, 2);
+  EXPECT_THAT(run({"cat", dir / "t.log", dir / "u.log", "--follow"}).err,
+              HasSubstr("--follow takes one tape"));
+}
+
 TEST(CatFollowGroup, FindsTheNextPartOfEachConnection) {
   const TempDir dir;
   const auto make = [&](const char* name, const std::string& id, const std::string& before) {
