@@ -559,17 +559,20 @@ def wrong_tape(name, verified, printed, played):
 
 def helps():
     """Every help text: on stdout, and in 80 columns."""
-    verbs = {TOOL: ["", "info", "cat", "record", "test", "drive", "exec", "probe", "verify", "recover", "cut", "split", "merge", "convert", "plot", "view", "stats", "diff", "redact", "pack", "unpack", "rules", "rules check", "rules infer",
-                    "status", "ctl"],
+    verbs = {TOOL: ["", "info", "cat", "record", "test", "drive", "exec", "probe", "verify", "recover", "cut", "split",
+                    "merge", "convert", "plot", "view", "stats", "diff", "redact", "pack", "unpack", "rules",
+                    "rules check", "rules infer", "status", "ctl"],
              DAEMON: ["", "record", "replay", "bridge", "run"]}
+    commands = [[TOOL, "convert", "--formats"]]
     for program, names in verbs.items():
         for name in names:
-            for option in ("-h", "--help", "--help-ports") if program == DAEMON or not name else ("-h", "--help"):
-                command = [program, *name.split(), option]
-                status, out, err = run(command)
-                long = [line for line in out.splitlines() if len(line) > 80]
-                if status != 0 or err or not out or long:
-                    complain(f"exit {status}, or lines of more than 80 characters {long}", command, err)
+            options = ("-h", "--help", "--help-ports") if program == DAEMON or not name else ("-h", "--help")
+            commands += [[program, *name.split(), option] for option in options]
+    for command in commands:
+        status, out, err = run(command)
+        long = [line for line in out.splitlines() if len(line) > 80]
+        if status != 0 or err or not out or long:
+            complain(f"exit {status}, or lines of more than 80 characters {long}", command, err)
 
 
 def main():
