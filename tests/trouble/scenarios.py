@@ -395,7 +395,11 @@ def listen(family, address, kind=socket.SOCK_STREAM):
 
 
 def free_port(kind=socket.SOCK_STREAM):
-    with listen(socket.AF_INET, ("127.0.0.1", 0), kind) as probe:
+    """It never listens: a program that another thread starts just now has the probe too until it execs, and would be
+    taken for the daemon that is to listen there."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
 
 
