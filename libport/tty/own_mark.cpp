@@ -8,19 +8,17 @@ namespace porttape {
 namespace {
 
 // The nanoseconds within kEvery.
-constexpr long kMark = 4'545'450;
-constexpr long kEvery = 10'000'000;
+constexpr long kMark = 545'450;
+constexpr long kEvery = 1'000'000;
 constexpr long kSecond = 1'000'000'000;
 
 }  // namespace
 
-void mark_as_own(const std::string& path) {
-  std::array<timespec, 2> times{};
-  ::clock_gettime(CLOCK_REALTIME, &times[1]);
-  times[1].tv_nsec += (kMark - times[1].tv_nsec % kEvery + kEvery) % kEvery;
-  times[1].tv_sec += times[1].tv_nsec / kSecond;
-  times[1].tv_nsec %= kSecond;
-  times[0] = times[1];
+void mark_as_own(const std::string& path, timespec time) {
+  time.tv_nsec += (kMark - time.tv_nsec % kEvery + kEvery) % kEvery;
+  time.tv_sec += time.tv_nsec / kSecond;
+  time.tv_nsec %= kSecond;
+  const std::array<timespec, 2> times{time, time};
   (void)::utimensat(AT_FDCWD, path.c_str(), times.data(), AT_SYMLINK_NOFOLLOW);
 }
 

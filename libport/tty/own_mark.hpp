@@ -1,5 +1,6 @@
 #pragma once
 
+#include <ctime>
 #include <string>
 #include <sys/stat.h>
 
@@ -8,8 +9,8 @@ namespace porttape {
 // A mark on links and files that we make under a name of the user's, so that one that a killed program left
 // is known again: the nanoseconds of the modification time, which other programs hardly ever have just so.
 
-// Marks it (the link itself, not what it points to), with a time not before now.
-void mark_as_own(const std::string& path);
+// Marks it (the link itself, not what it points to), with a time up to a millisecond behind that one.
+void mark_as_own(const std::string& path, timespec time);
 [[nodiscard]] bool is_marked_as_own(const struct stat& status);
 
 }  // namespace porttape

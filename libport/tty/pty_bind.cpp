@@ -108,7 +108,9 @@ Result<void> PtyBind::take_place() {
   unmount_dead(path_);
   const UniqueFd made(::open(path_.c_str(), O_RDONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
   if (made) {
-    mark_as_own(path_);
+    timespec now{};
+    ::clock_gettime(CLOCK_REALTIME, &now);
+    mark_as_own(path_, now);
     made_ = true;
     return {};
   }

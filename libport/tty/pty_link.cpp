@@ -21,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // Whether it is a link of ours whose pty has gone and whose number another program's pty has got since: a
-// program that was killed left it.
+// program that was killed left it. A link of ours has the time of its pty (make_link).
 bool stale(const std::string& path) {
   struct stat link {};
   struct stat node {};
@@ -41,7 +41,8 @@ std::string temporary_name(const std::string& path) {
 Result<void> make_link(const std::string& path, const std::string& target) {
   const std::string temporary = temporary_name(path);
   const bool linked = ::symlink(target.c_str(), temporary.c_str()) == 0;
-  if (linked) mark_as_own(temporary);
+  struct stat pty {};
+  if (linked && ::stat(target.c_str(), &pty) == 0) mark_as_own(temporary, pty.st_ctim);
   if (!linked || std::rename(temporary.c_str(), path.c_str()) != 0) {
     const int error = errno;
     if (linked) (void)::unlink(temporary.c_str());

@@ -75,18 +75,28 @@ TEST_F(PtyLinkTest, ReplacesItsOwnLinkWhosePtyNumberIsAnotherProgramsNow) {
   EXPECT_EQ(fs::read_symlink(path + ".left"), "/dev/null");
 }
 
-// Else one that was killed at once would keep its place from the next.
-TEST_F(PtyLinkTest, IsMarkedWithATimeThatComesSoon) {
+// A later one would have the next pty of that number look older than the link of a program that was killed at
+// once.
+TEST_F(PtyLinkTest, IsMarkedWithTheTimeOfItsPty) {
   const Result<PtyLink> link = PtyLink::publish(path, target);
   ASSERT_TRUE(link.has_value());
-  timespec now{};
-  ::clock_gettime(CLOCK_REALTIME, &now);
-  struct stat status {};
-  ASSERT_EQ(::lstat(path.c_str(), &status), 0);
+  struct stat mark {};
+  struct stat pty {};
+  ASSERT_EQ(::lstat(path.c_str(), &mark), 0);
+  ASSERT_EQ(::stat(path.c_str(), &pty), 0);
   const auto ns = [](const timespec& time) {
     return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
   };
-  EXPECT_LE(ns(status.st_mtim) - ns(now), 10'000'000);
+  EXPECT_GE(ns(mark.st_mtim), ns(pty.st_ctim));
+  EXPECT_LT(ns(mark.st_mtim), ns(pty.st_ctim) + 1'000'000);
+}
+
+TEST_F(PtyLinkTest, RetargetMarksItWithTheTimeOfTheOtherPty) {
+  Result<PtyLink> link = PtyLink::publish(path, target);
+  ASSERT_TRUE(link.has_value());
+  std::ofstream(target + ".later") << "";
+  ASSERT_TRUE(link->retarget(target + ".later").has_value());
+  EXPECT_FALSE(PtyLink::publish(path, "/dev/null").has_value());
 }
 
 TEST_F(PtyLinkTest, NeverReplacesALinkOfALivingPorttape) {
