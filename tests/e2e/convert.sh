@@ -6,21 +6,6 @@ need strace socat mbpoll
 [[ -x $DEVICE_BIN/modbus_slave ]] || die "modbus_slave is not built; ./check installs libmodbus-dev"
 cd "$work"
 
-# passes NAME COMMAND…: the driver passes on the tape NAME, {port} its port.
-passes() {
-  local name=$1
-  shift
-  try timeout 120 "$PORTTAPE" test --tape "$name.log" --report "$name.json" -- "$@" >"$name.out" 2>&1
-  [[ $status == 0 ]] || die "$name: status $status: $(tail -20 "$name.out")"
-  verdict_is pass "$name.json"
-}
-# converted NAME FORMAT FILE [OPTION…]: what convert says is in NAME.told; no problem is told.
-converted() {
-  "$PORTTAPE" convert --from "$2" "$3" -o "$1" "${@:4}" >"$1.told" 2>&1 || die "$1: $(cat "$1.told")"
-  "$PORTTAPE" verify "$1.log" >/dev/null || die "$1: verify gave $?"
-  ! grep -q problem "$1.told" || die "$1: $(cat "$1.told")"
-}
-
 # mbpoll opens its port for each question; two of them under one strace.
 line_pair modbus
 start "$DEVICE_BIN/modbus_slave" modbus.far 19200

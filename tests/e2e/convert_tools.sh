@@ -6,23 +6,10 @@ source "$(dirname "$0")/lib.sh"
 need umockdev-record umockdev-run gdb gdbserver ser2net socat gcc
 cd "$work"
 
-# converted NAME FORMAT FILE: the tape NAME.log; no problem is told.
-converted() {
-  "$PORTTAPE" convert --from "$2" "$3" -o "$1" >"$1.told" 2>&1 || die "$1: $(cat "$1.told")"
-  "$PORTTAPE" verify "$1.log" >/dev/null || die "$1: verify gave $?"
-  ! grep -q problem "$1.told" || die "$1: $(cat "$1.told")"
-}
 # has_bytes NAME WRITTEN READ: the tape has the bytes of these files.
 has_bytes() {
   cmp <(payload "$1.logw") "$2" || die "$1: the driver's bytes are others"
   cmp <(payload "$1.logr") "$3" || die "$1: the device's bytes are others"
-}
-passes() { # NAME COMMAND…
-  local name=$1
-  shift
-  try timeout 120 "$PORTTAPE" test --tape "$name.log" --report "$name.json" -- "$@" >"$name.out" 2>&1
-  [[ $status == 0 ]] || die "$name: status $status: $(tail -20 "$name.out")"
-  verdict_is pass "$name.json"
 }
 # echo_line NAME: a device that answers lines, on the pty NAME, and a tap of its own: NAME.w, NAME.r.
 echo_line() {

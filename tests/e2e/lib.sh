@@ -158,6 +158,22 @@ verdict_is() {
   [[ $verdict == "$1" ]] || die "verdict $verdict, expected $1: $(cat "$2")"
 }
 
+# converted NAME FORMAT FILE [OPTION…]: evidence in FORMAT becomes the tape NAME.log, sound and without a problem; what convert
+# says is in NAME.told.
+converted() {
+  "$PORTTAPE" convert --from "$2" "$3" -o "$1" "${@:4}" >"$1.told" 2>&1 || die "$1: $(cat "$1.told")"
+  "$PORTTAPE" verify "$1.log" >/dev/null || die "$1: verify gave $?"
+  ! grep -q problem "$1.told" || die "$1: $(cat "$1.told")"
+}
+# passes NAME COMMAND…: the driver passes on the tape NAME.log, {port} its port; what it says is in NAME.out.
+passes() {
+  local name=$1
+  shift
+  try timeout 120 "$PORTTAPE" test --tape "$name.log" --report "$name.json" -- "$@" >"$name.out" 2>&1
+  [[ $status == 0 ]] || die "$name: status $status: $(tail -20 "$name.out")"
+  verdict_is pass "$name.json"
+}
+
 # keep_busy: one spinning process for each core, until quiet.
 busy=()
 keep_busy() {
