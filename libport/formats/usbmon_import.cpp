@@ -10,7 +10,7 @@
 namespace porttape {
 namespace {
 
-constexpr std::size_t kMostPending = 65'536;
+constexpr std::size_t kMostSetups = 65'536;
 
 bool is_usbmon(std::uint32_t link_type) {
   return link_type == UsbUrb::kShortHead || link_type == UsbUrb::kLongHead;
@@ -88,7 +88,7 @@ class UsbmonImport {
   std::optional<UsbUrb::Setup> setup_of(const UsbUrb& urb) {
     if (urb.transfer != UsbUrb::Transfer::control) return std::nullopt;
     if (urb.submitted) {
-      if (urb.setup && pending_.size() < kMostPending) pending_[urb.id] = *urb.setup;
+      if (urb.setup && pending_.size() < kMostSetups) pending_[urb.id] = *urb.setup;
       return urb.setup;
     }
     const auto found = pending_.extract(urb.id);
