@@ -2,7 +2,9 @@
 # convert.sh: drivers recorded without porttape, by strace and by socat alone, replay from the converted tapes.
 # shellcheck source=lib.sh
 source "$(dirname "$0")/lib.sh"
-need strace socat mbpoll
+PATH=$PATH:/usr/sbin
+need strace socat mbpoll flashrom
+[[ -x $DEVICE_BIN/serprog_flash ]] || die "serprog_flash is not built"
 [[ -x $DEVICE_BIN/modbus_slave ]] || die "modbus_slave is not built; ./check installs libmodbus-dev"
 cd "$work"
 
@@ -38,6 +40,18 @@ grep -q 'problem .*-s 65536' short.told || die "short: $(cat short.told)"
 "$PORTTAPE" verify short.log >short.verify
 grep -q gap short.verify || die "short: $(cat short.verify)"
 
+# flashrom reads a chip: a megabyte in reads of any size.
+line_pair flash
+"$PYTHON" -c 'import random; open("chip", "wb").write(random.Random(1).randbytes(1 << 20))'
+start "$DEVICE_BIN/serprog_flash" "$work/flash.far" "$work/chip"
+timeout 100 strace -f -xx -ttt -T -s 65536 -o flash.strace flashrom -p "serprog:dev=$work/flash.near:115200" \
+  -c W25Q80.V -r back >flash.said 2>&1 || die "flashrom: $(cat flash.said)"
+cmp back chip
+rm back
+converted flash strace flash.strace
+passes flash flashrom -p 'serprog:dev={port}:115200' -c W25Q80.V -r back
+cmp back chip
+
 # socat's -x and -v on a line of its own; its -r and -R are what line_pair keeps.
 for style in x v xv; do
   options=()
@@ -65,4 +79,4 @@ again() {
 for format in json text; do again exact "$format" bash -c "$asks" asks '{port}'; done
 for format in csv umockdev; do again socat-xv "$format" "$PYTHON" "$devices/ask_lines.py" '{port}'; done
 diff <("$PORTTAPE" cat --blocks exact.log) <("$PORTTAPE" cat --blocks again-json.log) || die "json is not exact"
-say "ok: mbpoll by strace in three styles, a program of lines by socat in six; and back by json, text, csv, umockdev"
+say "ok: mbpoll by strace in three styles, flashrom, a program of lines by socat in six; and back by json, text, csv, umockdev"
