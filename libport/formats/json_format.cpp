@@ -50,9 +50,11 @@ class JsonImport final : public LineImport {
     if (failed || object == nullptr)
       return wrong(0, failed ? "no JSON: " + failed.message() : "no JSON object");
     if (Result<void> begun = begin_record(); !begun) return begun;
-    if (object->if_contains("dir") != nullptr) return take_block(*object);
+    // An event may have any key beside its own.
+    const bool is_event = object->if_contains("event") != nullptr;
+    if (!is_event && object->if_contains("dir") != nullptr) return take_block(*object);
     if (missing_ > 0) return wrong(0, fmt::format("{} bytes of the block before are expected", missing_));
-    if (object->if_contains("format") != nullptr) return take_header(text, 0);
+    if (!is_event && object->if_contains("format") != nullptr) return take_header(text, 0);
     return take_event(std::nullopt, text, 0);
   }
 

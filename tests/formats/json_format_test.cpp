@@ -30,6 +30,18 @@ TEST_F(JsonFormatTest, ReadsWhatCatPrints) {
   EXPECT_THAT(made->guesses, testing::Contains(HasSubstr("burst")));
 }
 
+TEST_F(JsonFormatTest, AnEventIsOneWhateverItsKeys) {
+  const std::vector<std::string> events{
+      R"({"t_us":5,"event":"fault","kind":"corrupt","dir":"r","offset":5,"spec":"corrupt:byte=5:dir=r"})",
+      R"({"t_us":6,"event":"strange","dir":"w","hex":"41","length":1})",
+      R"({"t_us":7,"event":"stranger","format":"porttape-events"})"};
+  std::string text;
+  for (const std::string& event : events) text += event + '\n';
+  const auto made = imported(dir, "t", "json", text);
+  EXPECT_EQ(test::lines_of(made), events);
+  EXPECT_EQ(test::exported(made->paths, "json").substr(test::header_line_of(made->paths).size() + 1), text);
+}
+
 TEST_F(JsonFormatTest, ErrorsTellTheirLine) {
   const auto error = [&](const char* format, const std::string& text) {
     const auto made = imported(dir, "t", format, text);

@@ -63,7 +63,7 @@ def check(tape, folder, suffix):
     same(len(packets), len(whole), f"packets of {tape.name}")
     for packet, record in zip(packets, whole):
         same(packet["_ws.malformed"], "", "malformed")
-        if "dir" in record:
+        if "event" not in record:
             same(int(packet["rtacser.eventtype"], 0), RECEIVED if record["dir"] == "r" else SENT, "direction")
             same(packet["data.data"].replace(":", ""), record["hex"], "bytes")
             if suffix == "pcapng":

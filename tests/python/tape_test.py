@@ -23,10 +23,10 @@ def cat(name):
     items = []
     for line in done.stdout.splitlines():
         keys = json.loads(line)
-        if "hex" in keys:
-            items.append(tape.Block(keys["t_us"], keys["dir"], bytes.fromhex(keys["hex"])))
-        else:
+        if "event" in keys:
             items.append(tape.Event(keys.pop("t_us"), keys.pop("event"), keys))
+        else:
+            items.append(tape.Block(keys["t_us"], keys["dir"], bytes.fromhex(keys["hex"])))
     return items, done.returncode
 
 

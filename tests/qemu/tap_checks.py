@@ -105,7 +105,8 @@ def passed(tape):
     rows, pending = [], {"w": b"", "r": b""}
     for line in command(PORTTAPE, "cat", "--json", str(tape)).splitlines():
         row = json.loads(line)
-        if way := row.get("dir"):
+        if "event" not in row:
+            way = row["dir"]
             *lines, pending[way] = (pending[way] + bytes.fromhex(row["hex"])).split(b"\n")
             rows += [f"{way} {one.decode()}" for one in lines]
         elif row["event"] == "drain":
