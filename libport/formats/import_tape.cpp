@@ -153,6 +153,7 @@ Result<ImportedTape> ImportTape::finish(std::optional<TapeTime> end) {
   if (Result<void> begun = begin(); !begun) return begun.error();
   for (const ProblemOfLines& of : std::exchange(of_lines_, {}))
     problem(fmt::format("{}: {}", lines_told(of.first_lines, of.count), of.text));
+  keeps_order_ = false;  // these marks are not of the evidence
   for (const std::string& guess : done_.guesses) {
     if (Result<void> told = event(latest_, event::Mark{"convert: " + guess}); !told) return told.error();
   }

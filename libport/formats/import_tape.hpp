@@ -47,8 +47,9 @@ class ImportTape {
   void wall_of_zero(std::string wall) { wall_of_zero_ = std::move(wall); }
 
   // What comes later stands later, where a tape would put equal times in another order (events, then writes,
-  // then reads): by a microsecond. For evidence whose order tells more than its times.
-  void keep_order() { keeps_order_ = true; }
+  // then reads): by a microsecond. For evidence whose order tells more than its times; false: not of what
+  // follows.
+  void keep_order(bool keep = true) { keeps_order_ = keep; }
 
   // Without a time: a microsecond after what was before, so that the order stays, or, with bytes_at, when it
   // is sent.

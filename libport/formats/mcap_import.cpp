@@ -256,6 +256,7 @@ class McapImport {
   Result<void> begin(std::uint64_t us) {
     if (std::exchange(begun_, true)) return {};
     if (!ours_) {
+      to_.keep_order();
       zero_us_ = static_cast<std::int64_t>(us);
       to_.wall_of_zero(wall_text(Micros(zero_us_)));
       return to_.event(TapeTime{}, event::Open{});

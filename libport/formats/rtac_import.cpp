@@ -93,6 +93,7 @@ class RtacImport {
       ours_ = us.has_value();
     }
     if (!ours_) {
+      to_.keep_order();
       if (first_us) to_.wall_of_zero(wall_text(Micros(zero_us_)));
       return to_.event(TapeTime{}, event::Open{});
     }

@@ -45,7 +45,9 @@ bool is_line_path(std::string_view path) {
 
 class StraceImport final : public LineImport {
  public:
-  StraceImport(Evidence& from, ImportTape& to) : LineImport(from, to), wanted_(to.options().device) {}
+  StraceImport(Evidence& from, ImportTape& to) : LineImport(from, to), wanted_(to.options().device) {
+    to.keep_order();
+  }
 
  private:
   Result<void> at_end() override {
@@ -201,8 +203,9 @@ class StraceImport final : public LineImport {
     const auto told = static_cast<std::size_t>(*call.result);
     bytes.resize(std::min(bytes.size(), told));
     const std::size_t missing = told - bytes.size();
-    if (Result<void> put = step(file, {us, std::pair(direction, std::move(bytes))}); !put || missing == 0)
-      return put;
+    TracedStep what{us, std::pair(direction, std::move(bytes))};
+    if (call.interrupted && direction == Direction::write) what.until_us = call.end_us;
+    if (Result<void> put = step(file, std::move(what)); !put || missing == 0) return put;
     if (is_device(file) && cut_bytes_ == 0) first_cut_ = line().number;
     if (is_device(file)) cut_bytes_ += missing;
     return step(
@@ -284,12 +287,16 @@ class StraceImport final : public LineImport {
   }
 
   Result<void> put(TracedStep what) {
-    const TapeTime at = time_of(what.us);
+    TapeTime at = time_of(what.us);
     if (const auto* const event = std::get_if<Event>(&what.what)) return tape().event(at, *event);
+    if (what.until_us) at = std::clamp(tape().latest(), at, std::max(at, time_of(*what.until_us)));
     const auto& [direction, bytes] = std::get<1>(what.what);
-    return tape().block(direction,
-                        lines_.has_times() || !tape().options().bytes_at ? std::optional(at) : std::nullopt,
-                        bytes);
+    tape().keep_order(!what.until_us);
+    const Result<void> put = tape().block(
+        direction, lines_.has_times() || !tape().options().bytes_at ? std::optional(at) : std::nullopt,
+        bytes);
+    tape().keep_order();
+    return put;
   }
 
   // Its last descriptor may have gone.

@@ -132,8 +132,14 @@ StraceLines::Line StraceLines::read(std::string_view text) {
 }
 
 StraceLines::Line StraceLines::read_call(std::string_view text, std::uint32_t thread) {
-  StraceCall call{
-      .thread = thread, .begin_us = now_us_, .end_us = {}, .name = {}, .args = {}, .result = {}, .error = {}};
+  StraceCall call{.thread = thread,
+                  .begin_us = now_us_,
+                  .end_us = {},
+                  .name = {},
+                  .args = {},
+                  .result = {},
+                  .error = {},
+                  .interrupted = false};
   if (text.starts_with("<... ")) {
     const std::size_t resumed = text.find(kResumed);
     const auto begun = unfinished_.find(thread);
@@ -142,6 +148,7 @@ StraceLines::Line StraceLines::read_call(std::string_view text, std::uint32_t th
     call = std::move(begun->second);
     unfinished_.erase(begun);
     call.end_us = now_us_;
+    call.interrupted = true;
     text.remove_prefix(resumed + kResumed.size());
   } else {
     const std::size_t paren = text.find('(');

@@ -19,7 +19,8 @@ struct StraceCall {
   std::string name;
   std::string args;  // what stands between the parentheses
   std::optional<std::int64_t> result;
-  std::string error;  // "EAGAIN", of a result -1
+  std::string error;         // "EAGAIN", of a result -1
+  bool interrupted = false;  // others ran meanwhile
 };
 // A thread has ended.
 struct StraceEnd {

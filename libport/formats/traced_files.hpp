@@ -18,6 +18,8 @@ namespace porttape {
 struct TracedStep {
   std::int64_t us = 0;
   std::variant<Event, std::pair<Direction, Bytes>> what;
+  // Of a call that others interrupted: its end. It may have happened before what ended earlier.
+  std::optional<std::int64_t> until_us{};
 };
 
 // One open() of a traced program, which several descriptors may refer to.

@@ -18,7 +18,7 @@ bool is_usbmon(std::uint32_t link_type) {
 
 class UsbmonImport {
  public:
-  UsbmonImport(Evidence& from, ImportTape& to) : from_(from), to_(to) {}
+  UsbmonImport(Evidence& from, ImportTape& to) : from_(from), to_(to) { to.keep_order(); }
 
   Result<std::optional<TapeTime>> run(const ConvertProgress& progress) {
     auto reader = CaptureReader::open(from_, [this](std::string text) { to_.problem(std::move(text)); });

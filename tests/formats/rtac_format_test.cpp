@@ -145,6 +145,14 @@ TEST_P(ForeignCapture, BothOrdersInterfacesUnknownBlocksAndNanoseconds) {
   EXPECT_THAT(read(capture, of_device("COM3")).error().message, HasSubstr("has no interface 'COM3'"));
 }
 
+TEST_P(ForeignCapture, EqualTimesKeepTheOrder) {
+  CaptureBytes capture = CaptureBytes(GetParam()).section().interface(kRtac);
+  for (const char* const bytes : {"A1", "a1", "B2", "b2"})
+    capture.packet(0, 7, rtac_packet(bytes[0] < 'a' ? kSent : kReceived, 0, bytes));
+  EXPECT_THAT(lines_of(read(capture.str())),
+              ElementsAre(R"({"t_us":0,"event":"open"})", "w 0 A1", "r 0 a1", "w 1 B2", "r 1 b2"));
+}
+
 TEST_P(ForeignCapture, SimplePacketsHaveNoTime) {
   const std::string bytes = rtac_packet(kSent, 0, "hello");
   CaptureBytes body(GetParam());

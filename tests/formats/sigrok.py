@@ -34,7 +34,7 @@ def run(*command):
 
 def sent(tape, way):
     records = [json.loads(line) for line in run(TOOL, "cat", "--json", "--blocks", tape).decode().splitlines()]
-    return b"".join(bytes.fromhex(record["hex"]) for record in records if record.get("dir") == way)
+    return b"".join(bytes.fromhex(record["hex"]) for record in records if "event" not in record and record["dir"] == way)
 
 
 def same(one, other, what):

@@ -74,7 +74,7 @@ TEST_F(StraceFormatTest, CallsThatOthersInterruptAreOne) {
 [pid 8] 1700000100.000800 +++ exited with 0 +++
 [pid 7] 1700000100.000900 +++ exited with 0 +++
 )"),
-              ElementsAre(HasSubstr("open"), HasSubstr("500"), HasSubstr("500"), HasSubstr("close")));
+              ElementsAre(HasSubstr("open"), "w 500 ask", "r 500 yes", HasSubstr("close")));
 }
 
 TEST_F(StraceFormatTest, ATtyIsFoundByWhatIsAskedOfItAndItsCopiesAreFollowed) {
@@ -127,15 +127,34 @@ write(3, "d", 1) = 1
 )");
   ASSERT_TRUE(made);
   EXPECT_THAT(made->guesses, ElementsAre(HasSubstr("no times")));
-  EXPECT_THAT(made->problems,
-              ElementsAre(HasSubstr("7 bytes are missing, first in line 3"),
-                          HasSubstr("line 2: none of strace's; left out")));
+  EXPECT_THAT(made->problems, ElementsAre(HasSubstr("7 bytes are missing, first in line 3"),
+                                          HasSubstr("line 2: none of strace's; left out")));
   const auto all = test::lines_on(made->paths);
   ASSERT_EQ(all.size(), 6U);
-  EXPECT_THAT(all[1], HasSubstr(R"("event":"gap","bytes":7)"));
+  EXPECT_THAT(all[2], HasSubstr(R"("event":"gap","bytes":7)"));
   EXPECT_THAT(all[3], HasSubstr("yes"));  // in its place, though there are no times
   EXPECT_THAT(import("1.0 openat(AT_FDCWD, \"/etc/x\", O_RDONLY) = 3\n").error().message,
               HasSubstr("--device PATH"));
+}
+
+TEST_F(StraceFormatTest, ClocksOfSecondsKeepTheOrder) {
+  const std::string log = R"(12:00:00 openat(AT_FDCWD, "/dev/ttyS1", O_RDWR) = 3
+12:00:00 write(3, "A1", 2) = 2
+12:00:00 read(3, "a1", 10) = 2
+12:00:00 write(3, "B2", 2) = 2
+12:00:00 ioctl(3, TCFLSH, TCIFLUSH) = 0
+12:00:00 read(3, "b2", 10) = 2
+12:00:01 close(3) = 0
+)";
+  EXPECT_THAT(lines(log), ElementsAre(HasSubstr("open"), "w 0 A1", "r 0 a1", "w 1 B2", HasSubstr("\"flush\""),
+                                      "r 2 b2", R"({"t_us":1000000,"event":"close"})"));
+  // Durations are finer than such a clock.
+  EXPECT_THAT(lines(R"(12:00:00 openat(AT_FDCWD, "/dev/ttyS1", O_RDWR) = 3 <0.000010>
+12:00:00 write(3, "A1", 2) = 2 <0.000010>
+12:00:00 read(3, "a1", 10) = 2 <0.003000>
+12:00:00 write(3, "B2", 2) = 2 <0.000010>
+)"),
+              ElementsAre(HasSubstr("open"), "w 0 A1", "r 3000 a1", "w 3001 B2"));
 }
 
 TEST_F(StraceFormatTest, EveryClockOfStrace) {

@@ -68,6 +68,13 @@ TEST_P(UsbHeads, CdcAcm) {
 INSTANTIATE_TEST_SUITE_P(Each, UsbHeads,
                          testing::Combine(testing::Values(Endian::little, Endian::big), testing::Bool()));
 
+TEST_F(UsbmonFormatTest, EqualTimesKeepTheOrder) {
+  UsbCapture capture;
+  capture.at(kStart).device(5).control(0x21, 0x22, 3, 0);
+  capture.at(kStart + 5).out(2, "A1").in(1, "a1").out(2, "B2").in(1, "b2");
+  EXPECT_THAT(lines_of(read(capture.str())), testing::IsSupersetOf({"w 5 A1", "r 5 a1", "w 6 B2", "r 6 b2"}));
+}
+
 TEST_F(UsbmonFormatTest, FtdiStatusBytesAreTakenOut) {
   UsbCapture capture;
   capture.at(kStart).descriptor(0x0403, 0x0600);
