@@ -60,6 +60,7 @@ class DialectImport final : public LineImport {
       if (Result<void> put = put_rows(); !put) return put;
       direction_ = *found.direction;
       at_ = at;
+      first_line_ = line().number;
     }
     append(rows_, found.bytes);
     rows_open_ = found.goes_on;
@@ -69,6 +70,7 @@ class DialectImport final : public LineImport {
   Result<void> put_rows() {
     rows_open_ = false;
     if (rows_.empty()) return {};
+    tape().at_line(first_line_);
     return placed(tape().block(direction_, at_, std::exchange(rows_, {})));
   }
 
@@ -93,6 +95,7 @@ class DialectImport final : public LineImport {
   std::optional<TapeTime> at_;
   Bytes rows_;  // of a block that is not whole yet
   bool rows_open_ = false;
+  std::uint64_t first_line_ = 0;  // of the rows
 };
 
 // Expressions take long to compile: once.

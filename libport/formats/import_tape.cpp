@@ -11,6 +11,7 @@ namespace {
 
 constexpr std::size_t kProblemsKept = 64;
 constexpr std::size_t kLinesTold = 5;
+constexpr std::string_view kTooEarly = "what is too early has the time of what came before";
 constexpr std::int64_t kBitsOfAByte = 10;  // 8N1
 // Later than a tape can tell, and early enough to be added to.
 constexpr TapeTime kBeyondAll = tape_time_us(std::int64_t{1} << 60U);
@@ -79,9 +80,8 @@ Result<void> ImportTape::begin() {
 }
 
 TapeTime ImportTape::placed(TapeTime at, RecordKind kind) {
-  if (at < latest_told_ && !std::exchange(went_back_, true))
-    problem(fmt::format("times go back, first at {} µs; what is too early has the time of what came before",
-                        to_us(at)));
+  if (at < latest_told_ && line_ > 0) problem_of_line(line_, "the time goes back; " + std::string(kTooEarly));
+  if (at < latest_told_ && line_ == 0 && went_back_++ == 0) first_back_ = at;
   latest_told_ = std::max(latest_told_, at);
   at = std::max(at, latest_);
   if (keeps_order_ && at == latest_ && place_among_equal(kind) < place_among_equal(last_kind_))
@@ -144,13 +144,17 @@ void ImportTape::problem(std::string text) {
 
 void ImportTape::problem_of_line(std::uint64_t line, std::string_view text) {
   auto of = std::ranges::find(of_lines_, text, &ProblemOfLines::text);
-  if (of == of_lines_.end()) of = of_lines_.insert(of, {std::string(text), {}, 0});
+  if (of == of_lines_.end()) of = of_lines_.insert(of, {std::string(text), {}, 0, 0});
+  if (std::exchange(of->last_line, line) == line) return;
   ++of->count;
   if (of->first_lines.size() < kLinesTold) of->first_lines.push_back(line);
 }
 
 Result<ImportedTape> ImportTape::finish(std::optional<TapeTime> end) {
   if (Result<void> begun = begin(); !begun) return begun.error();
+  if (went_back_ > 0)
+    problem(fmt::format("{} times go back, first at {} µs; {}", std::exchange(went_back_, 0),
+                        to_us(first_back_), kTooEarly));
   for (const ProblemOfLines& of : std::exchange(of_lines_, {}))
     problem(fmt::format("{}: {}", lines_told(of.first_lines, of.count), of.text));
   keeps_order_ = false;  // these marks are not of the evidence

@@ -51,6 +51,10 @@ class ImportTape {
   // follows.
   void keep_order(bool keep = true) { keeps_order_ = keep; }
 
+  // What is given from now on stands in that line of the evidence (from 1), for problems with it. 0: it has
+  // no lines.
+  void at_line(std::uint64_t line) { line_ = line; }
+
   // Without a time: a microsecond after what was before, so that the order stays, or, with bytes_at, when it
   // is sent.
   Result<void> block(Direction direction, std::optional<TapeTime> at, ByteView data);
@@ -64,7 +68,7 @@ class ImportTape {
   void guessed(std::string text);
   // What is wrong with the evidence and does not stop the import.
   void problem(std::string text);
-  // The same, of a line of it (from 1): one problem for each text, with its lines.
+  // The same, of a line of it: one problem for each text, with its lines.
   void problem_of_line(std::uint64_t line, std::string_view text);
 
   // Nothing: the tape has no `end`, as that of a recorder that was killed.
@@ -95,13 +99,16 @@ class ImportTape {
   std::optional<Error> failed_;
   TapeTime latest_{};
   TapeTime latest_told_{};  // by the evidence
-  bool went_back_ = false;
+  std::uint64_t line_ = 0;
+  std::uint64_t went_back_ = 0;  // of what has no line
+  TapeTime first_back_{};
   bool keeps_order_ = false;
   RecordKind last_kind_ = RecordKind::event;
   struct ProblemOfLines {
     std::string text;
     std::vector<std::uint64_t> first_lines;
     std::uint64_t count = 0;
+    std::uint64_t last_line = 0;
   };
   std::vector<ProblemOfLines> of_lines_;
   ImportedTape done_;

@@ -15,6 +15,7 @@ Result<std::optional<TapeTime>> LineImport::run(const ConvertProgress& progress)
     if (!next) return next.error();
     if (!*next) break;
     line_ = **next;
+    to_.at_line(line_.number);
     if (Result<void> taken = take_line(); !taken) return taken.error();
     if (progress) progress(from_.offset());
   }
@@ -48,7 +49,9 @@ Result<void> LineImport::take_event(std::optional<TapeTime> at, std::string_view
   return {};
 }
 
-void LineImport::begin_block(Direction direction, TapeTime at) { block_ = Block{direction, at}; }
+void LineImport::begin_block(Direction direction, TapeTime at) {
+  block_ = Block{direction, at, line_.number};
+}
 
 Result<void> LineImport::add_to_block(ByteView bytes, std::size_t column) {
   append(data_, bytes);
@@ -59,7 +62,9 @@ Result<void> LineImport::add_to_block(ByteView bytes, std::size_t column) {
 Result<void> LineImport::put_block() {
   if (!block_) return {};
   const Block block = *std::exchange(block_, std::nullopt);
+  to_.at_line(block.line);
   const Result<void> put = to_.block(block.direction, block.at, data_);
+  to_.at_line(line_.number);
   data_.clear();
   return placed(put);
 }

@@ -51,6 +51,7 @@ class LineImport {
   struct Block {
     Direction direction;
     TapeTime at;
+    std::uint64_t line;
   };
 
   Evidence& from_;

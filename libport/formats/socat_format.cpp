@@ -19,6 +19,7 @@ struct SocatHead {
   std::int64_t us = 0;  // since 1970
   bool whole_seconds = false;
   std::size_t length = 0;
+  std::uint64_t line = 0;
 };
 
 // A number and what ends it, off the text's front.
@@ -128,6 +129,7 @@ class SocatImport final : public LineImport {
       tape().problem_of_line(line().number, "no block of socat; left out");
       return {};
     }
+    head_->line = line().number;
     whole_seconds_ |= head_->whole_seconds;
     if (!first_us_) {
       first_us_ = head_->us;
@@ -172,6 +174,7 @@ class SocatImport final : public LineImport {
     const SocatHead head = *std::exchange(head_, std::nullopt);
     const Bytes data = std::exchange(data_, {});
     const TapeTime at = tape_time_us(head.us - *first_us_);
+    tape().at_line(head.line);
     if (!data.empty()) {
       if (Result<void> put = tape().block(head.direction, at, data); !put) return put;
     }

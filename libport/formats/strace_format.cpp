@@ -278,6 +278,7 @@ class StraceImport final : public LineImport {
   }
 
   Result<void> step(const TracedFiles::File& file, TracedStep what) {
+    what.line = line().number;
     if (is_device(file)) return put(std::move(what));
     file->steps.push_back(std::move(what));
     if (file->steps.size() <= kMostPending) return {};
@@ -287,6 +288,7 @@ class StraceImport final : public LineImport {
   }
 
   Result<void> put(TracedStep what) {
+    tape().at_line(what.line > 0 ? what.line : line().number);
     TapeTime at = time_of(what.us);
     if (const auto* const event = std::get_if<Event>(&what.what)) return tape().event(at, *event);
     if (what.until_us) at = std::clamp(tape().latest(), at, std::max(at, time_of(*what.until_us)));

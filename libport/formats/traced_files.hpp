@@ -20,6 +20,7 @@ struct TracedStep {
   std::variant<Event, std::pair<Direction, Bytes>> what;
   // Of a call that others interrupted: its end. It may have happened before what ended earlier.
   std::optional<std::int64_t> until_us{};
+  std::uint64_t line = 0;
 };
 
 // One open() of a traced program, which several descriptors may refer to.

@@ -19,16 +19,29 @@ class ImportTapeTest : public testing::Test {
   test::TempDir dir;
 };
 
-TEST_F(ImportTapeTest, TimesThatGoBackAreToldOnceAndBecomeThoseBefore) {
+TEST_F(ImportTapeTest, TimesThatGoBackAreCountedAndBecomeThoseBefore) {
   ImportTape tape = importer();
   ASSERT_TRUE(tape.block(Direction::read, tape_time_us(100), as_bytes("a")));
   ASSERT_TRUE(tape.block(Direction::write, tape_time_us(50), as_bytes("b")));
   ASSERT_TRUE(tape.block(Direction::read, tape_time_us(60), as_bytes("c")));
   const auto made = tape.finish();
   ASSERT_TRUE(made);
-  EXPECT_THAT(made->problems, ElementsAre(HasSubstr("first at 50")));
+  EXPECT_THAT(made->problems, ElementsAre(HasSubstr("2 times go back, first at 50 µs; ")));
   EXPECT_EQ(made->end, tape_time_us(100));
   EXPECT_EQ(made->blocks, 3U);
+}
+
+TEST_F(ImportTapeTest, TimesThatGoBackInLinesAreToldWithThese) {
+  ImportTape tape = importer();
+  tape.at_line(3);
+  ASSERT_TRUE(tape.block(Direction::read, tape_time_us(100), as_bytes("a")));
+  for (std::uint64_t line = 4; line < 12; ++line) {
+    tape.at_line(line);
+    ASSERT_TRUE(tape.block(Direction::write, tape_time_us(50), as_bytes("b")));
+    ASSERT_TRUE(tape.event(tape_time_us(50), event::Mark{"m"}));
+  }
+  EXPECT_THAT(tape.finish()->problems,
+              ElementsAre(HasSubstr("lines 4, 5, 6, 7, 8 and 3 more: the time goes back; ")));
 }
 
 TEST_F(ImportTapeTest, LeadIsSilenceBeforeAllAndSwapTurnsTheDirections) {

@@ -42,6 +42,14 @@ TEST_F(JsonFormatTest, AnEventIsOneWhateverItsKeys) {
   EXPECT_EQ(test::exported(made->paths, "json").substr(test::header_line_of(made->paths).size() + 1), text);
 }
 
+TEST_F(JsonFormatTest, TimesThatGoBackAreToldWithTheirLines) {
+  EXPECT_THAT(imported(dir, "t", "csv",
+                       "seconds,kind,data\n0.5,r,41\n,more,42\n0.2,w,43\n0.6,r,44\n"
+                       "0.3,event,\"{\"\"t_us\"\":0,\"\"event\"\":\"\"open\"\"}\"\n")
+                  ->problems,
+              testing::ElementsAre(HasSubstr("lines 4 and 6: the time goes back; ")));
+}
+
 TEST_F(JsonFormatTest, ErrorsTellTheirLine) {
   const auto error = [&](const char* format, const std::string& text) {
     const auto made = imported(dir, "t", format, text);

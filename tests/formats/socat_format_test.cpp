@@ -46,6 +46,14 @@ class SocatFormatTest : public testing::Test {
   int made_ = 0;
 };
 
+TEST_F(SocatFormatTest, TimesThatGoBackAreToldWithTheirLines) {
+  const auto made = import(
+      "> 2026/11/23 21:53:11.000100  length=1 from=0 to=0\n 61\n"
+      "< 2026/11/23 19:53:11.000600  length=2 from=0 to=1\n 61\n 09\n"
+      "> 2026/11/23 19:53:12.000100  length=1 from=1 to=1\n 61\n");
+  EXPECT_THAT(made->problems, ElementsAre(HasSubstr("lines 3 and 6: the time goes back; ")));
+}
+
 TEST_F(SocatFormatTest, HexTextAndBoth) {
   EXPECT_THAT(told_lines(import(kSocatHex)),
               ElementsAre("w 0 a\\tb\\r\\nc\\\\d\\x00\\x01\\xff\\\"--\\n--\\nxyz", "r 1230 a\\t"));
