@@ -233,7 +233,9 @@ class StraceImport final : public LineImport {
       breaking_ = call.thread;
       return call.end_us ? end_break(*call.end_us) : Result<void>();
     }
-    for (Event& event : terminal_.events_of(request, strace_argument(call.args, 2))) {
+    StraceTerminal::Asked asked = terminal_.asked(request, strace_argument(call.args, 2));
+    if (!asked.problem.empty()) tape().problem_of_line(line().number, asked.problem);
+    for (Event& event : asked.events) {
       if (Result<void> put = step(file, {call.begin_us, std::move(event)}); !put) return put;
     }
     return {};

@@ -1,5 +1,6 @@
 #include "libport/formats/strace_terminal.hpp"
 
+#include <algorithm>
 #include <array>
 #include <utility>
 
@@ -46,19 +47,51 @@ std::optional<unsigned> baud_of(std::string_view argument, std::string_view cfla
   }
 }
 
+Parity traced_parity(bool on, bool odd, bool sticks) {
+  if (!on) return Parity::none;
+  if (sticks) return odd ? Parity::mark : Parity::space;
+  return odd ? Parity::odd : Parity::even;
+}
+
+// "{B115200 -opost -isig -icanon -echo ...}", of older straces; what is not told is not known.
+std::optional<SeenSettings> settings_of_words(std::string_view argument) {
+  SeenSettings seen;
+  std::optional<bool> even;
+  std::optional<bool> odd;
+  std::optional<bool> ixon;
+  std::optional<bool> ixoff;
+  while (!argument.empty()) {
+    const std::size_t end = std::min(argument.find_first_of("{ }"), argument.size());
+    std::string_view word = argument.substr(0, end);
+    argument.remove_prefix(std::min(end + 1, argument.size()));
+    const bool on = !word.starts_with('-');
+    if (!on) word.remove_prefix(1);
+    if (word.starts_with('B')) seen.baud = whole_number<unsigned>(word.substr(1));
+    if (word.size() == 3 && word.starts_with("cs") && word[2] >= '5' && word[2] <= '8')
+      seen.data_bits = static_cast<unsigned>(word[2] - '0');
+    if (word == "parenb") even = on;
+    if (word == "parodd") odd = on;
+    if (word == "cstopb") seen.stop_bits = on ? 2 : 1;
+    if (word == "crtscts") seen.hw_flow = on;
+    if (word == "ixon") ixon = on;
+    if (word == "ixoff") ixoff = on;
+  }
+  if (!seen.baud) return std::nullopt;
+  if (even) seen.parity = traced_parity(*even, odd.value_or(false), false);
+  if (ixon && ixoff) seen.sw_flow = *ixon && *ixoff;
+  return seen;
+}
+
 std::optional<SeenSettings> settings_of(std::string_view argument) {
   const auto cflag = member_of(argument, "c_cflag=");
-  if (!cflag) return std::nullopt;
+  if (!cflag) return settings_of_words(argument);
   SeenSettings seen;
   seen.baud = baud_of(argument, *cflag);
   for (const auto& [name, bits] : {std::pair{"CS5", 5U}, {"CS6", 6U}, {"CS7", 7U}, {"CS8", 8U}}) {
     if (has_flag(*cflag, name)) seen.data_bits = bits;
   }
-  const bool odd = has_flag(*cflag, "PARODD");
-  const bool sticks = has_flag(*cflag, "CMSPAR");
-  seen.parity = !has_flag(*cflag, "PARENB") ? Parity::none
-                : sticks                    ? (odd ? Parity::mark : Parity::space)
-                                            : (odd ? Parity::odd : Parity::even);
+  seen.parity =
+      traced_parity(has_flag(*cflag, "PARENB"), has_flag(*cflag, "PARODD"), has_flag(*cflag, "CMSPAR"));
   seen.stop_bits = has_flag(*cflag, "CSTOPB") ? 2 : 1;
   seen.hw_flow = has_flag(*cflag, "CRTSCTS");
   if (const auto iflag = member_of(argument, "c_iflag="))
@@ -75,18 +108,27 @@ std::optional<event::Flush::Queue> queue_of(std::string_view argument) {
 
 }  // namespace
 
-std::vector<Event> StraceTerminal::events_of(std::string_view request, std::string_view argument) {
-  std::vector<Event> events;
+StraceTerminal::Asked StraceTerminal::set(std::string_view request, std::string_view argument) {
+  Asked asked;
+  const auto seen = settings_of(argument);
+  if (request.starts_with("TCSETSF")) asked.events.emplace_back(event::Flush{event::Flush::Queue::in});
+  if (!seen) asked.problem = "settings are made and not told in words that are known; left out";
+  if (seen && !seen->baud)
+    asked.problem = "settings are made and their speed is not told (strace -v tells it)";
+  if (seen && seen != settings_)
+    asked.events.emplace_back(event::Settings{Side::driver, *seen, SettingsOrder::exact});
+  if (seen) settings_ = seen;
+  return asked;
+}
+
+StraceTerminal::Asked StraceTerminal::asked(std::string_view request, std::string_view argument) {
   // Some numbers have two names: "SNDCTL_TMR_START or TCSETS".
   if (const std::size_t or_at = request.rfind(" or "); or_at != std::string_view::npos)
     request.remove_prefix(or_at + 4);
-  if (request.starts_with("TCSETS")) {
-    const auto seen = settings_of(argument);
-    if (request.starts_with("TCSETSF")) events.emplace_back(event::Flush{event::Flush::Queue::in});
-    if (seen && seen != settings_)
-      events.emplace_back(event::Settings{Side::driver, *seen, SettingsOrder::exact});
-    if (seen) settings_ = seen;
-  } else if (request == "TCFLSH") {
+  if (request.starts_with("TCSETS")) return set(request, argument);
+  Asked asked;
+  std::vector<Event>& events = asked.events;
+  if (request == "TCFLSH") {
     if (const auto queue = queue_of(argument)) events.emplace_back(event::Flush{queue});
   } else if (request == "TIOCSBRK" || request == "TIOCCBRK") {
     events.emplace_back(event::Break{request == "TIOCSBRK", Side::driver});
@@ -97,7 +139,7 @@ std::vector<Event> StraceTerminal::events_of(std::string_view request, std::stri
         events.emplace_back(event::Modem{name, named && request != "TIOCMBIC", Side::driver});
     }
   }
-  return events;
+  return asked;
 }
 
 }  // namespace porttape

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -12,10 +13,16 @@ namespace porttape {
 // flushes, modem lines, breaks. Begins anew with each open. A value.
 class StraceTerminal {
  public:
+  struct Asked {
+    std::vector<Event> events{};
+    std::string problem{};  // with the line; empty: none
+  };
   // `argument`: what stands behind the request: "{c_iflag=…}", "TCIOFLUSH", "[TIOCM_DTR]".
-  std::vector<Event> events_of(std::string_view request, std::string_view argument);
+  Asked asked(std::string_view request, std::string_view argument);
 
  private:
+  Asked set(std::string_view request, std::string_view argument);
+
   std::optional<SeenSettings> settings_;
 };
 

@@ -118,6 +118,26 @@ TEST_F(StraceFormatTest, AnotherDeviceIsNamed) {
   EXPECT_THAT(import(log, "/dev/ttyS3").error().message, HasSubstr("nothing is done with '/dev/ttyS3'"));
 }
 
+TEST_F(StraceFormatTest, SettingsOfOldVersionsAreTakenAndWhatIsNotKnownIsTold) {
+  const std::string log = R"(1.0 openat(AT_FDCWD, "/dev/ttyS1", O_RDWR) = 3
+1.1 ioctl(3, SNDCTL_TMR_TIMEBASE or TCGETS, {B38400 opost isig icanon echo ...}) = 0
+1.2 ioctl(3, SNDCTL_TMR_START or TCSETS, {B115200 -opost -isig -icanon -echo ...}) = 0
+1.3 ioctl(3, SNDCTL_TMR_START or TCSETS, {B9600 cs7 parenb -parodd cstopb -crtscts ixon ixoff}) = 0
+1.4 ioctl(3, SNDCTL_TMR_START or TCSETS, {c_iflags=0, c_oflags=0x4, c_cflags=0xcb2, c_lflags=0}) = 0
+1.5 ioctl(3, TCSETS2, {c_iflag=0, c_cflag=BOTHER|CS8|CREAD, c_lflag=0, ...}) = 0
+1.6 ioctl(3, SNDCTL_TMR_START or TCSETS, 0x7ffc10) = 0
+)";
+  EXPECT_THAT(
+      lines(log),
+      ElementsAre(
+          HasSubstr("open"),
+          R"({"t_us":200000,"event":"settings","by":"driver","baud":115200,"order":"exact"})",
+          R"({"t_us":300000,"event":"settings","by":"driver","baud":9600,"databits":7,"parity":"even","stopbits":2,"hwflowctrl":false,"swflowctrl":true,"order":"exact"})",
+          R"({"t_us":500000,"event":"settings","by":"driver","databits":8,"parity":"none","stopbits":1,"hwflowctrl":false,"swflowctrl":false,"order":"exact"})"));
+  EXPECT_THAT(import(log)->problems, ElementsAre(HasSubstr("lines 5 and 7: settings are made"),
+                                                 HasSubstr("line 6: settings are made and their speed")));
+}
+
 TEST_F(StraceFormatTest, WhatIsMissingIsTold) {
   const auto made = import(R"(openat(AT_FDCWD, "/dev/ttyS1", O_RDWR) = 3
 what the program prints
