@@ -85,6 +85,8 @@ class StraceImport final : public LineImport {
   Result<void> take_call(const StraceCall& call) {
     const std::string_view name = call.name;
     if (is_one_of(name, kReads) || is_one_of(name, kReceives)) return take_read(call);
+    const bool connecting = call.error == "EINPROGRESS" || call.error == "EINTR" || call.error == "EISCONN";
+    if (name == "connect" && connecting) return take_connect(call);
     if (call.result.value_or(-1) < 0) return {};
     if (is_one_of(name, kWrites) || is_one_of(name, kSends)) return take_write(call);
     if (name == "ioctl") return take_ioctl(call);
@@ -147,6 +149,8 @@ class StraceImport final : public LineImport {
     if (strings.empty() || port_at == std::string::npos || !fd) return {};
     const auto port = strace_number(std::string_view(call.args).substr(port_at + 6));
     if (!port || fmt::format("{}:{}", text_of(strings.back()), *port) != *wanted_) return {};
+    // Asked again how the connection is.
+    if (const auto known = files_.find(call.thread, *fd); known && is_device(known)) return {};
     auto file = std::make_shared<TracedFile>();
     file->path = *wanted_;
     file->is_socket = true;

@@ -118,14 +118,26 @@ TEST_F(StraceFormatTest, AnotherDeviceIsNamed) {
   EXPECT_THAT(import(log, "/dev/ttyS3").error().message, HasSubstr("nothing is done with '/dev/ttyS3'"));
 }
 
+TEST_F(StraceFormatTest, AConnectionThatIsStillMadeIsOne) {
+  const std::string log = R"(12:00:01.0 socket(AF_INET, SOCK_STREAM|SOCK_NONBLOCK, IPPROTO_TCP) = 7
+12:00:01.1 connect(7, {sa_family=AF_INET, sin_port=htons(45671), sin_addr=inet_addr("127.0.0.1")}, 16) = -1 EINPROGRESS (Operation now in progress)
+12:00:01.2 connect(7, {sa_family=AF_INET, sin_port=htons(45671), sin_addr=inet_addr("127.0.0.1")}, 16) = 0
+12:00:01.3 sendto(7, "ask", 3, 0, NULL, 0) = 3
+12:00:01.4 recvfrom(7, "yes", 260, 0, NULL, NULL) = 3
+12:00:01.5 close(7) = 0
+)";
+  EXPECT_THAT(lines(log, "127.0.0.1:45671"), ElementsAre(HasSubstr(R"("t_us":0,"event":"open")"),
+                                                         "w 200000 ask", "r 300000 yes", HasSubstr("close")));
+}
+
 TEST_F(StraceFormatTest, SettingsOfOldVersionsAreTakenAndWhatIsNotKnownIsTold) {
-  const std::string log = R"(1.0 openat(AT_FDCWD, "/dev/ttyS1", O_RDWR) = 3
-1.1 ioctl(3, SNDCTL_TMR_TIMEBASE or TCGETS, {B38400 opost isig icanon echo ...}) = 0
-1.2 ioctl(3, SNDCTL_TMR_START or TCSETS, {B115200 -opost -isig -icanon -echo ...}) = 0
-1.3 ioctl(3, SNDCTL_TMR_START or TCSETS, {B9600 cs7 parenb -parodd cstopb -crtscts ixon ixoff}) = 0
-1.4 ioctl(3, SNDCTL_TMR_START or TCSETS, {c_iflags=0, c_oflags=0x4, c_cflags=0xcb2, c_lflags=0}) = 0
-1.5 ioctl(3, TCSETS2, {c_iflag=0, c_cflag=BOTHER|CS8|CREAD, c_lflag=0, ...}) = 0
-1.6 ioctl(3, SNDCTL_TMR_START or TCSETS, 0x7ffc10) = 0
+  const std::string log = R"(12:00:01.0 openat(AT_FDCWD, "/dev/ttyS1", O_RDWR) = 3
+12:00:01.1 ioctl(3, SNDCTL_TMR_TIMEBASE or TCGETS, {B38400 opost isig icanon echo ...}) = 0
+12:00:01.2 ioctl(3, SNDCTL_TMR_START or TCSETS, {B115200 -opost -isig -icanon -echo ...}) = 0
+12:00:01.3 ioctl(3, SNDCTL_TMR_START or TCSETS, {B9600 cs7 parenb -parodd cstopb -crtscts ixon ixoff}) = 0
+12:00:01.4 ioctl(3, SNDCTL_TMR_START or TCSETS, {c_iflags=0, c_oflags=0x4, c_cflags=0xcb2, c_lflags=0}) = 0
+12:00:01.5 ioctl(3, TCSETS2, {c_iflag=0, c_cflag=BOTHER|CS8|CREAD, c_lflag=0, ...}) = 0
+12:00:01.6 ioctl(3, SNDCTL_TMR_START or TCSETS, 0x7ffc10) = 0
 )";
   EXPECT_THAT(
       lines(log),
