@@ -41,20 +41,35 @@ class RtacExport {
     for (;;) {
       const auto next = from.next();
       if (!next) return next.error();
-      if (!*next) return {};
+      if (!*next) break;
       if (Result<void> added = (*next)->event != nullptr ? event(**next) : piece(**next); !added)
         return added;
       if (progress) progress(bytes += bytes_in_file(**next));
     }
+    see_break(std::nullopt);
+    return {};
   }
 
   [[nodiscard]] bool cut_blocks() const { return cut_; }
   [[nodiscard]] bool empty_blocks() const { return empty_; }
+  [[nodiscard]] bool breaks_of_driver() const { return breaks_of_driver_; }
+  // That cannot be told when they end, since something else comes first.
+  [[nodiscard]] bool breaks_without_end() const { return breaks_without_end_; }
   [[nodiscard]] const std::set<std::string, std::less<>>& events() const { return events_; }
 
  private:
+  // Of each record: on or off, nothing where it is no break.
+  void see_break(std::optional<TapedSignal> signal) {
+    const bool is_break = signal && signal->signal.name == LineSignal::Name::brk;
+    const bool ends = is_break && !signal->signal.on;
+    if (breaking_ != ends) breaks_without_end_ = true;
+    breaking_ = is_break && signal->signal.on;
+    if (is_break && signal->by == Side::driver) breaks_of_driver_ = true;
+  }
+
   Result<void> event(const Record& record) {
     What what = What::status_change;
+    see_break(signal_of(*record.event));
     if (std::holds_alternative<event::Open>(*record.event)) {
       lines_ |= rtac::kDtr | rtac::kRts;
       events_.emplace(name_of(*record.event));
@@ -80,6 +95,7 @@ class RtacExport {
   }
 
   Result<void> piece(const Record& record) {
+    see_break(std::nullopt);
     ByteView left = record.data;
     std::size_t offset = record.piece_offset;
     do {
@@ -122,6 +138,9 @@ class RtacExport {
   std::uint8_t lines_ = 0;
   bool cut_ = false;
   bool empty_ = false;
+  bool breaking_ = false;
+  bool breaks_of_driver_ = false;
+  bool breaks_without_end_ = false;
   std::set<std::string, std::less<>> events_;  // that only a comment tells
 };
 
@@ -168,6 +187,8 @@ Result<std::vector<std::string>> export_rtac(TapeReader& from, NewFile& to, cons
   std::vector<std::string> lost{"the header"};
   if (out.empty_blocks()) lost.emplace_back("empty blocks");
   if (out.cut_blocks()) lost.emplace_back("where blocks of more than 65536 bytes begin and end");
+  if (out.breaks_of_driver()) lost.emplace_back("that breaks are the driver's");
+  if (out.breaks_without_end()) lost.emplace_back("when a break ends that something else comes in");
   for (const std::string& name : out.events()) lost.push_back("what the " + name + " events say");
   return lost;
 }

@@ -71,6 +71,7 @@ class RtacImport {
     if (!begun_) {
       if (Result<void> begun = begin(reader, nullptr); !begun) return begun.error();
     }
+    if (Result<void> ended = end_break(to_.latest()); !ended) return ended.error();
     if (!choice_.left_out().empty())
       to_.guessed(fmt::format("of several interfaces {} is taken, not {}; --device NAME takes another",
                               in_quotes(choice_.taken()), in_quotes(choice_.left_out())));
@@ -169,12 +170,22 @@ class RtacImport {
       to_.problem(wrong(packet, fmt::format("{} of the packet's {} bytes were kept", packet.data.size(),
                                             packet.length))
                       .message);
-    if (Result<void> told = tell_lines(packet.data[9]); !told) return told;
     const What what = what_of(packet);
+    const std::uint8_t lines = packet.data[9];
+    // A status that changes no line ends a break; before all else nobody tells when it ended.
+    const bool ends_break = what == What::status_change && lines == lines_.value_or(0) && bytes.empty();
+    if (breaking_ && ends_break) return end_break(at_);
+    if (Result<void> ended = end_break(to_.latest()); !ended) return ended;
+    if (Result<void> told = tell_lines(lines); !told) return told;
     if (Result<void> told = tell(what); !told) return told;
     const bool sent = what == What::tx_start || what == What::tx_end;
     if (bytes.empty()) return {};
     return to_.block(sent ? Direction::write : Direction::read, at_, bytes);
+  }
+
+  Result<void> end_break(TapeTime at) {
+    if (!std::exchange(breaking_, false)) return {};
+    return to_.event(at, event::Break{false, Side::device});
   }
 
   // What a packet says beside its bytes.
@@ -183,8 +194,8 @@ class RtacImport {
       case What::data_lost:
         return to_.event(at_, event::Gap{.bytes = 0, .from = at_, .why = "the capture lost data"});
       case What::break_event:
-        if (Result<void> on = to_.event(at_, event::Break{true, Side::device}); !on) return on;
-        return to_.event(at_, event::Break{false, Side::device});
+        breaking_ = true;
+        return to_.event(at_, event::Break{true, Side::device});
       case What::framing_error:
         return to_.event(at_, event::Mark{"framing error"});
       case What::parity_error:
@@ -235,6 +246,7 @@ class RtacImport {
   TapeTime at_{};
   std::uint32_t missing_ = 0;  // of the block that has begun
   std::optional<std::uint8_t> lines_;
+  bool breaking_ = false;
   std::optional<TapeTime> end_;
 };
 

@@ -117,6 +117,26 @@ TEST_F(RtacFormatTest, PcapHoldsBytesTimesAndLines) {
   EXPECT_EQ(back->blocks, 2U);
 }
 
+TEST_F(RtacFormatTest, PcapHoldsWhenBreaksEnd) {
+  const auto brk = [](bool on) { return signal_event({Side::driver, {LineSignal::Name::brk, on}}); };
+  std::vector<std::string> losses;
+  const auto read_back = [&](const MemoryTape& records) {
+    std::vector<std::string> lines = lines_of(read(exported(tape(records), "rtac", &losses)));
+    std::erase_if(lines, [](const std::string& line) { return line.find("modem") != std::string::npos; });
+    return lines;
+  };
+  EXPECT_THAT(
+      read_back(MemoryTape().open(0).write(10, "a").event(30, brk(true)).event(45, brk(false))),
+      ElementsAre(HasSubstr("open"), "w 10 a", R"({"t_us":30,"event":"break","state":"on","by":"device"})",
+                  R"({"t_us":45,"event":"break","state":"off","by":"device"})"));
+  EXPECT_THAT(losses, Contains(HasSubstr("driver's")));
+  EXPECT_THAT(losses, testing::Not(Contains(HasSubstr("when a break ends"))));
+  EXPECT_THAT(read_back(MemoryTape().open(0).event(30, brk(true)).read(40, "a").event(45, brk(false))),
+              ElementsAre(HasSubstr("open"), HasSubstr(R"("t_us":30,"event":"break","state":"on")"),
+                          HasSubstr(R"("t_us":30,"event":"break","state":"off")"), "r 40 a"));
+  EXPECT_THAT(losses, Contains(HasSubstr("when a break ends")));
+}
+
 class ForeignCapture : public RtacFormatTest, public testing::WithParamInterface<Endian> {};
 
 TEST_P(ForeignCapture, BothOrdersInterfacesUnknownBlocksAndNanoseconds) {
