@@ -1,11 +1,12 @@
 #include "libport/formats/line_import.hpp"
 
+#include <limits>
 #include <utility>
 
 namespace porttape {
 namespace {
 
-constexpr std::size_t kMostOfBlock = std::size_t{64} << 20U;
+constexpr std::uint64_t kMostOfBlock = std::numeric_limits<std::uint32_t>::max();
 
 }  // namespace
 
@@ -54,16 +55,22 @@ void LineImport::begin_block(Direction direction, TapeTime at) {
 }
 
 Result<void> LineImport::add_to_block(ByteView bytes, std::size_t column) {
-  append(data_, bytes);
-  if (data_.size() > kMostOfBlock) return wrong(column, "a block of more than 64 MiB");
-  return {};
+  if (data_.size() + bytes.size() > kMostOfBlock) return wrong(column, "a block of 4 GiB or more");
+  return data_.add(bytes);
+}
+
+Result<void> LineImport::put_data(const Block& block) {
+  if (data_.all_kept()) return to_.block(block.direction, block.at, data_.kept());
+  const auto length = static_cast<std::uint32_t>(data_.size());
+  if (Result<void> begun = to_.begin_block(block.direction, block.at, length); !begun) return begun;
+  return data_.each_piece([this](ByteView piece) { return to_.add(piece); });
 }
 
 Result<void> LineImport::put_block() {
   if (!block_) return {};
   const Block block = *std::exchange(block_, std::nullopt);
   to_.at_line(block.line);
-  const Result<void> put = to_.block(block.direction, block.at, data_);
+  const Result<void> put = put_data(block);
   to_.at_line(line_.number);
   data_.clear();
   return placed(put);

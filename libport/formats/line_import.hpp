@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "libport/formats/format.hpp"
+#include "libport/formats/spilled_bytes.hpp"
 
 namespace porttape {
 
@@ -41,7 +42,7 @@ class LineImport {
   // An event's object; without a time at its own.
   Result<void> take_event(std::optional<TapeTime> at, std::string_view object, std::size_t column);
 
-  // A block of at most 64 MiB.
+  // A block of less than 4 GiB, in constant memory.
   void begin_block(Direction direction, TapeTime at);
   [[nodiscard]] bool in_block() const { return block_.has_value(); }
   Result<void> add_to_block(ByteView bytes, std::size_t column);
@@ -53,12 +54,13 @@ class LineImport {
     TapeTime at;
     std::uint64_t line;
   };
+  Result<void> put_data(const Block& block);
 
   Evidence& from_;
   ImportTape& to_;
   Evidence::Line line_;
   std::optional<Block> block_;
-  Bytes data_;  // of it
+  SpilledBytes data_;  // of it
   std::optional<TapeTime> end_;
 };
 

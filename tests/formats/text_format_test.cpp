@@ -64,6 +64,16 @@ TEST_F(TextFormatTest, EveryByteAndLargeAndEmptyBlocks) {
   EXPECT_EQ(lines_of(made), test::lines_on(paths));
 }
 
+TEST_F(TextFormatTest, ABlockMayHaveMoreThan64MiB) {
+  const std::string line = " \"" + std::string(std::size_t{13} << 20U, 'x') + "\"\n";
+  std::string text = "+0 r\n";
+  for (int i = 0; i < 5; ++i) text += line;
+  const auto made = import(text);
+  ASSERT_TRUE(made) << made.error().message;
+  EXPECT_EQ(made->blocks, 1U);
+  EXPECT_EQ(std::filesystem::file_size(made->paths.read), 12 + (std::size_t{65} << 20U));
+}
+
 TEST_F(TextFormatTest, ATapeWithoutAnEndHasNoneAfterwards) {
   const auto made = import("+0 r 41\n");
   ASSERT_TRUE(made);
