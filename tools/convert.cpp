@@ -167,7 +167,7 @@ Result<ImportedTape> import_to(const ConvertPlan& plan, const TapePaths& to, std
   const Result<std::optional<TapeTime>> end =
       plan.from->import_tape(*evidence, tape, [&](std::uint64_t bytes) { progress.at(bytes); });
   if (!end) return end.error();
-  if (tape.empty())
+  if (tape.empty() && !tape.is_sure())
     return make_error(Errc::not_a_tape,
                       fmt::format("{}: nothing in it is {}", in_quotes(evidence->name()), plan.from->name));
   return tape.finish(*end);

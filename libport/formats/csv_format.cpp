@@ -47,6 +47,7 @@ class CsvImport final : public LineImport {
       place_.at(i) = static_cast<std::size_t>(found - cells.begin());
     }
     named_ = true;
+    tape().sure();
     return {};
   }
 

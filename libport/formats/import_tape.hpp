@@ -80,6 +80,10 @@ class ImportTape {
   [[nodiscard]] const ImportOptions& options() const { return options_; }
   [[nodiscard]] bool empty() const { return done_.blocks == 0 && done_.events == 0; }
 
+  // The evidence is of its form for sure, also where it has no records.
+  void sure() { sure_ = true; }
+  [[nodiscard]] bool is_sure() const { return sure_; }
+
  private:
   Result<void> begin();
   Result<void> checked(Result<void> result);
@@ -103,6 +107,7 @@ class ImportTape {
   std::uint64_t went_back_ = 0;  // of what has no line
   TapeTime first_back_{};
   bool keeps_order_ = false;
+  bool sure_ = false;
   RecordKind last_kind_ = RecordKind::event;
   struct ProblemOfLines {
     std::string text;

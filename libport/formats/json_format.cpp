@@ -35,6 +35,7 @@ class JsonImport final : public LineImport {
 
  private:
   Result<void> at_end() override {
+    tape().sure();  // what is not JSON is an error
     if (missing_ == 0) return {};
     return wrong(0, fmt::format("the last block ends {} bytes early", missing_));
   }

@@ -261,6 +261,7 @@ class McapImport {
       to_.wall_of_zero(wall_text(Micros(zero_us_)));
       return to_.event(TapeTime{}, event::Open{});
     }
+    to_.sure();
     if (header_line_.empty()) return {};
     const Result<void> taken = to_.header_line(header_line_);
     if (!taken) to_.problem("the header in the metadata is none: " + taken.error().message);

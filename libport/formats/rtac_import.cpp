@@ -81,6 +81,7 @@ class RtacImport {
 
   Result<void> begin(const CaptureReader& reader, const CapturePacket* first) {
     begun_ = true;
+    to_.sure();
     const auto first_us = first != nullptr ? first->us : std::nullopt;
     zero_us_ = first_us.value_or(0);
     // Of the packet, which nobody changes: mergecap adds to the section's.

@@ -90,6 +90,7 @@ class TextImport final : public LineImport {
                           fmt::format("{}:1: not a tape's text: its first line is not \"{}\"",
                                       evidence().name(), kFirstLine));
       begun_ = true;
+      tape().sure();
       return {};
     }
     LineText words(text);

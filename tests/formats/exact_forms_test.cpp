@@ -44,6 +44,24 @@ TEST_P(ExactFormTest, RandomTapesComeBackExactly) {
   }
 }
 
+TEST_P(ExactFormTest, ATapeWithoutRecordsComesBack) {
+  for (const bool ended : {true, false}) {
+    const TapePaths paths = literal_tape(dir / (ended ? "ended" : "open"));
+    auto made = NewTape::create(paths, TapeHeader{.device = "serial:/dev/ttyS0", .driver = "pty:/tmp/p"},
+                                {.sync = false});
+    ASSERT_TRUE(made && made->finish(ended ? std::optional(tape_time_us(7)) : std::nullopt));
+    const std::string text = exported(paths, GetParam());
+    Evidence evidence = Evidence::of("evidence", text);
+    ImportTape tape(literal_tape(dir / (ended ? "back" : "open-back")), {.sync = false}, {}, "evidence");
+    const auto end = find_format(GetParam())->import_tape(evidence, tape, {});
+    ASSERT_TRUE(end) << end.error().message;
+    EXPECT_TRUE(tape.is_sure());
+    const auto back = tape.finish(*end);
+    ASSERT_TRUE(back) << back.error().message;
+    EXPECT_EQ(exported(back->paths, GetParam()), text);
+  }
+}
+
 TEST_P(ExactFormTest, LargeBlocksComeBack) {
   std::string large;
   for (int i = 0; i < 3'000'000; ++i) large += static_cast<char>(i % 251);

@@ -72,6 +72,17 @@ TEST_F(ConvertTest, DamageLeavesNothing) {
   EXPECT_FALSE(fs::exists(dir / "y.logr"));
 }
 
+TEST_F(ConvertTest, AFileOfItsFormWithoutRecordsIsAnEmptyTape) {
+  std::ofstream(dir / "x.txt") << "porttape-text 1\n";
+  const test::Ran made = run({"convert", dir / "x.txt", "-o", dir / "y"});
+  EXPECT_EQ(made.status, 0) << made.err;
+  EXPECT_THAT(made.out, HasSubstr("0 blocks and 0 events"));
+  std::ofstream(dir / "x.log") << "nothing of minicom's\n";
+  const test::Ran none = run({"convert", "--from", "zwave-js", dir / "x.log", "-o", dir / "z"});
+  EXPECT_EQ(none.status, 2);
+  EXPECT_THAT(none.err, HasSubstr("nothing in it is zwave-js"));
+}
+
 TEST_F(ConvertTest, ListsItsFormats) {
   const test::Ran list = run({"convert", "--formats"});
   EXPECT_EQ(list.status, 0);
