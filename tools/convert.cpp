@@ -148,10 +148,13 @@ Result<ConvertPlan> read_plan(const CommandLine& line) {
   return plan;
 }
 
-void tell_import(const ImportedTape& tape, const Format& from, std::ostream& out) {
-  fmt::print(out, "{}: {} and {} in {} s, from {}\n", printable_line(tape.paths.name()),
-             counted(tape.blocks, "block"), counted(tape.events, "event"), seconds_number(to_us(tape.end)),
-             from.name);
+int fail_convert(const ConvertPlan& plan, const Error& error, std::ostream& out, std::ostream& err) {
+  return (plan.from == nullptr ? fail_verb : fail_without_tape)("convert", error, out, err);
+}
+
+void tell_import(const std::string& name, const ImportedTape& tape, const Format& from, std::ostream& out) {
+  fmt::print(out, "{}: {} and {} in {} s, from {}\n", printable_line(name), counted(tape.blocks, "block"),
+             counted(tape.events, "event"), seconds_number(to_us(tape.end)), from.name);
   for (const std::string& guess : tape.guesses) fmt::print(out, "  guessed  {}\n", printable_line(guess));
   for (const std::string& problem : tape.problems)
     fmt::print(out, "  problem  {}\n", printable_line(problem));
@@ -175,7 +178,7 @@ Result<ImportedTape> import_to(const ConvertPlan& plan, const TapePaths& to, std
 
 int export_from(const ConvertPlan& plan, Result<TapeReader> tape, const TapePaths& from, std::ostream& out,
                 std::ostream& err) {
-  const auto fail = [&](const Error& error) { return fail_verb("convert", error, out, err); };
+  const auto fail = [&](const Error& error) { return fail_convert(plan, error, out, err); };
   if (!tape) return fail(tape.error());
   const bool overwrite = plan.writer.on_existing == OnExisting::overwrite;
   Result<NewFile> file = NewFile::create(plan.out, overwrite);
@@ -200,7 +203,7 @@ int export_from(const ConvertPlan& plan, Result<TapeReader> tape, const TapePath
 // By a tape that nobody sees.
 int convert_between(const ConvertPlan& plan, std::ostream& out, std::ostream& err) {
   PrivateFolder folder;
-  const auto fail = [&](const Error& error) { return fail_verb("convert", error, out, err); };
+  const auto fail = [&](const Error& error) { return fail_convert(plan, error, out, err); };
   const Result<std::string> path = folder.make();
   if (!path) return fail(path.error());
   const Result<ImportedTape> made = import_to(plan, new_tape(*path + "/" + kBetween), err);
@@ -210,7 +213,7 @@ int convert_between(const ConvertPlan& plan, std::ostream& out, std::ostream& er
     std::error_code ignored;
     fs::remove(file, ignored);
   }
-  tell_import(*made, *plan.from, err);
+  tell_import(plan.in, *made, *plan.from, err);
   return export_from(plan, std::move(tape), made->paths, out, err);
 }
 
@@ -234,7 +237,7 @@ int run_convert(Arguments args, std::ostream& out, std::ostream& err) {
   if (line.words().empty()) return line.usage_error(err, "nothing is given to convert");
   const Result<ConvertPlan> plan = read_plan(line);
   if (!plan) return line.usage_error(err, plan.error().message);
-  const auto fail = [&](const Error& error) { return fail_verb("convert", error, out, err); };
+  const auto fail = [&](const Error& error) { return fail_convert(*plan, error, out, err); };
   if (plan->from == nullptr) {
     const Result<TapePaths> tape = find_tape(plan->in);
     if (!tape) return line.usage_error(err, tape.error().message);
@@ -245,7 +248,7 @@ int run_convert(Arguments args, std::ostream& out, std::ostream& err) {
     if (const auto free = check_new_tape(to, plan->writer); !free) return fail(free.error());
     const Result<ImportedTape> made = import_to(*plan, to, err);
     if (!made) return fail(made.error());
-    tell_import(*made, *plan->from, out);
+    tell_import(made->paths.name(), *made, *plan->from, out);
     return exit_status::kPass;
   }
   return convert_between(*plan, out, err);

@@ -52,10 +52,15 @@ Result<TapePaths> the_tape(const CommandLine& line) {
 }
 
 int fail_verb(std::string_view verb, const Error& error, std::ostream& out, std::ostream& err) {
+  if (error.code != Errc::damaged_tape || verb == "recover") return fail_without_tape(verb, error, out, err);
+  return fail_without_tape(
+      verb, {error.code, error.message + "; porttape recover TAPE -o NAME keeps what is sound of it"}, out,
+      err);
+}
+
+int fail_without_tape(std::string_view verb, const Error& error, std::ostream& out, std::ostream& err) {
   out.flush();
-  const bool damaged = error.code == Errc::damaged_tape && verb != "recover";
-  err << fmt::format("porttape {}: {}{}\n", verb, printable_line(error.message),
-                     damaged ? "; porttape recover TAPE -o NAME keeps what is sound of it" : "");
+  err << fmt::format("porttape {}: {}\n", verb, printable_line(error.message));
   return exit_status_of(error.code);
 }
 

@@ -30,5 +30,7 @@ Result<TapePaths> the_tape(const CommandLine& line);
 
 // An error of a verb, told; its exit status. A damaged tape: `porttape recover` is named.
 int fail_verb(std::string_view verb, const Error& error, std::ostream& out, std::ostream& err);
+// The same of what is no tape, or was not read from one: recover is of no help.
+int fail_without_tape(std::string_view verb, const Error& error, std::ostream& out, std::ostream& err);
 
 }  // namespace porttape

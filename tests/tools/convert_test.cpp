@@ -48,6 +48,19 @@ TEST_F(ConvertTest, FromOneFormToAnotherLeavesNoTapeBehind) {
   EXPECT_THAT(file_text(dir / "x.json"), HasSubstr(R"({"t_us":10000,"dir":"w","length":3,"hex":"61736b"})"));
 }
 
+TEST_F(ConvertTest, FromOneFormToAnotherIsToldByTheInputsName) {
+  ASSERT_EQ(run({"convert", tape, "-o", dir / "x.txt"}).status, 0);
+  const test::Ran between = run({"convert", dir / "x.txt", "-o", dir / "x.json"});
+  EXPECT_THAT(between.err, testing::StartsWith(dir / "x.txt: 2 blocks and 1 event in "));
+}
+
+TEST_F(ConvertTest, ADamagedTapeIsForRecover) {
+  std::ofstream(tape + "w", std::ios::binary | std::ios::app) << std::string(20, '\xff');
+  const test::Ran damaged = run({"convert", tape, "-o", dir / "x.txt"});
+  EXPECT_EQ(damaged.status, 1);
+  EXPECT_THAT(damaged.err, HasSubstr("porttape recover"));
+}
+
 TEST_F(ConvertTest, RawIsWhatTheDeviceSaid) {
   const test::Ran raw = run({"convert", tape, "--to", "raw", "-o", dir / "x"});
   EXPECT_EQ(file_text(dir / "x"), "yes");
@@ -68,7 +81,8 @@ TEST_F(ConvertTest, DamageLeavesNothing) {
   std::ofstream(dir / "bad.txt") << "porttape-text 1\n0 open\n0 r 4\n";
   const test::Ran bad = run({"convert", dir / "bad.txt", "-o", dir / "y"});
   EXPECT_EQ(bad.status, 1);
-  EXPECT_THAT(bad.err, HasSubstr("bad.txt:3:5: bytes are expected"));
+  EXPECT_THAT(bad.err, testing::EndsWith("bad.txt:3:5: bytes are expected: \"text\" in quotes, or pairs of "
+                                         "hexadecimal digits\n"));
   EXPECT_FALSE(fs::exists(dir / "y.logr"));
 }
 
