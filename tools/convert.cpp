@@ -77,10 +77,16 @@ constexpr std::string_view kDialectSuffix = ".toml";
 // What IN is: a file whose beginning or name tells, else a tape.
 Result<const Format*> found_format(const std::string& in) {
   std::error_code error;
-  if (!fs::is_regular_file(in, error)) {
-    if (in == "-") return make_error(Errc::usage, "option 'from' is missing: what - is");
-    return nullptr;
+  const fs::file_status status = fs::status(in, error);
+  if (in != "-" && (!fs::exists(status) || fs::is_directory(status))) {
+    const Result<TapePaths> tape = find_tape(in);
+    if (tape) return nullptr;
+    return make_error(Errc::usage, fs::exists(status) ? in_quotes(in) + " is a folder; name a file"
+                                                      : "no such file, and " + tape.error().message);
   }
+  // What is read once is not looked at before.
+  if (!fs::is_regular_file(status))
+    return make_error(Errc::usage, fmt::format("option 'from' is missing: what {} is", printable_line(in)));
   Result<Evidence> evidence = Evidence::open(in);
   if (!evidence) return evidence.error();
   const auto head = evidence->peek();
