@@ -28,8 +28,9 @@ constexpr VerbHelp kConvertHelp{
     "Makes a tape of evidence in another form, or another form of a tape; --formats lists them.\n"
     "Without --from it is told by how IN begins, without --to it is a tape, or what OUT's name\n"
     "ends in. What had to be guessed stands on the tape as marks and is told, and so is what is\n"
-    "lost. IN may be -, and OUT too where it is no tape. Exit status: 0, 1 IN is damaged or a\n"
-    "file cannot be read or written, 2 wrong use, or IN is not of that form.\n",
+    "lost. IN may be -, and OUT too where it is no tape. Of an IN that is a tape --swap,\n"
+    "--lead, --device and --with are wrong use, and --bytes-at but with --to sr. Exit status: 0,\n"
+    "1 IN is damaged or a file cannot be read or written, 2 wrong use, or IN is not of that form.\n",
     "  porttape convert laser.log -o laser.txt\n"
     "  porttape convert laser.txt -o mended\n"
     "  porttape convert --from raw nmea.bin --bytes-at 4800 -o gps\n"};
@@ -121,6 +122,21 @@ Result<void> read_import_options(const CommandLine& line, ImportOptions& options
   return {};
 }
 
+// A tape has all that these options say.
+Result<void> check_options(const CommandLine& line, const ConvertPlan& plan) {
+  if (plan.from != nullptr) return {};
+  for (const char* const option : {"swap", "lead", "device", "with"}) {
+    if (line.has(option))
+      return make_error(
+          Errc::usage,
+          fmt::format("option '{}' has no effect on a tape; it is for what becomes one", option));
+  }
+  if (line.has("bytes-at") && plan.to->export_at == nullptr)
+    return make_error(
+        Errc::usage, fmt::format("option 'bytes-at' has no effect on a tape that becomes {}", plan.to->name));
+  return {};
+}
+
 Result<ConvertPlan> read_plan(const CommandLine& line) {
   ConvertPlan plan;
   if (line.tapes().size() > 1) return make_error(Errc::usage, "more than one input given");
@@ -149,6 +165,7 @@ Result<ConvertPlan> read_plan(const CommandLine& line) {
   if (plan.to == nullptr && plan.from == nullptr)
     return make_error(Errc::usage, fmt::format("{} is a tape already; say by --to FORMAT what it shall be",
                                                in_quotes(plan.in)));
+  if (Result<void> used = check_options(line, plan); !used) return used.error();
   if (plan.to == nullptr && plan.out == "-")
     return make_error(Errc::usage, "a tape is several files, which - is not; say --to FORMAT, or -o NAME");
   return plan;
