@@ -15,6 +15,13 @@ namespace {
 
 constexpr std::size_t kMostOfRows = 65'536;
 
+// "all bytes are the device's", which --swap makes the driver's.
+std::string swapped_guess(std::string guess) {
+  constexpr std::string_view kDevices = "the device's";
+  const std::size_t at = guess.find(kDevices);
+  return at == std::string::npos ? guess : guess.replace(at, kDevices.size(), "the driver's");
+}
+
 class DialectImport final : public LineImport {
  public:
   DialectImport(const Dialect& dialect, Evidence& from, ImportTape& to)
@@ -43,7 +50,8 @@ class DialectImport final : public LineImport {
 
   Result<void> at_end() override {
     if (Result<void> put = put_rows(); !put) return put;
-    for (const std::string& guess : dialect_.guesses()) tape().guessed(guess);
+    for (const std::string& guess : dialect_.guesses())
+      tape().guessed(tape().options().swapped ? swapped_guess(guess) : guess);
     if (!clock_.first() && !tape().empty())
       tape().guessed(tape().options().bytes_at
                          ? "times are by the line's speed, since the log has none"

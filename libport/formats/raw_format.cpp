@@ -7,7 +7,8 @@
 namespace porttape {
 
 Result<std::optional<TapeTime>> import_raw(Evidence& from, ImportTape& to, const ConvertProgress& progress) {
-  to.guessed("all bytes are the device's, since raw has no directions");
+  to.guessed(to.options().swapped ? "all bytes are the driver's, since raw has no directions"
+                                  : "all bytes are the device's, since raw has no directions");
   to.guessed(to.options().bytes_at
                  ? "times are by the line's speed, since raw has none"
                  : "all bytes came at once, since raw has no times; --bytes-at BAUD spreads them");

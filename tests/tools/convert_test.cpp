@@ -70,6 +70,16 @@ TEST_F(ConvertTest, RawIsWhatTheDeviceSaid) {
   EXPECT_THAT(made.out, HasSubstr("z.log: 1 block and 2 events in 5.000000 s, from raw\n  guessed  "));
 }
 
+TEST_F(ConvertTest, SwappedBytesAreToldAsTheDrivers) {
+  std::ofstream(dir / "x") << "hello\n";
+  for (const char* const format : {"raw", "minicom"}) {
+    const test::Ran made =
+        run({"convert", "--from", format, dir / "x", "--swap", "--overwrite", "-o", dir / "z"});
+    EXPECT_THAT(made.out, HasSubstr("guessed  all bytes are the driver's")) << made.err;
+    EXPECT_THAT(file_text(dir / "z.loge"), HasSubstr("all bytes are the driver's"));
+  }
+}
+
 TEST_F(ConvertTest, NothingThatIsThereIsLost) {
   ASSERT_EQ(run({"convert", tape, "-o", dir / "x.txt"}).status, 0);
   EXPECT_THAT(run({"convert", tape, "-o", dir / "x.txt"}).err, HasSubstr("exists already"));
