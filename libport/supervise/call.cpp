@@ -119,6 +119,10 @@ bool Call::write(std::uint64_t address, std::span<const std::byte> what) const {
          ::pwrite(memory.get(), what.data(), what.size(), static_cast<off_t>(address)) == size;
 }
 
+bool Call::is_closed() const {
+  return !open_memory(thread_, O_RDONLY) && (errno == EACCES || errno == EPERM);
+}
+
 // Up to the page's end first: the next one may not be there.
 std::optional<std::string> Call::read_path(std::uint64_t address) const {
   constexpr std::uint64_t kPage = 4096;

@@ -46,6 +46,8 @@ class Call {
   // Its memory, whole or not at all. False: that address is not the program's, or must not be reached.
   bool read(std::uint64_t address, std::span<std::byte> into) const;
   bool write(std::uint64_t address, std::span<const std::byte> what) const;
+  // Whether nobody without rights may look into its process: prctl(2), PR_SET_DUMPABLE.
+  [[nodiscard]] bool is_closed() const;
   // A path there, as the kernel would read it; nothing where it is not the program's or too long.
   [[nodiscard]] std::optional<std::string> read_path(std::uint64_t address) const;
   template <class T>

@@ -85,15 +85,24 @@ Program requests_program(std::vector<std::uint32_t> requests) {
   return program;
 }
 
-Program files_program(std::uint32_t from) {
+Program files_program(std::uint32_t from, bool or_second) {
   constexpr std::uint32_t kFirstAfterStandard = 3;
-  return {load(kFileAt), BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, from, 1, 0),
-          BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, kFirstAfterStandard, 1, 0), answer(SECCOMP_RET_USER_NOTIF),
-          answer(SECCOMP_RET_ALLOW)};
+  const auto seen = [&](std::uint32_t at) {
+    return Program{load(at), BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, from, 1, 0),
+                   BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, kFirstAfterStandard, 1, 0),
+                   answer(SECCOMP_RET_USER_NOTIF)};
+  };
+  Program program = seen(kFileAt);
+  if (or_second) {
+    const Program second = seen(kRequestAt);
+    program.insert(program.end(), second.begin(), second.end());
+  }
+  program.push_back(answer(SECCOMP_RET_ALLOW));
+  return program;
 }
 
 Program body_of(const CallTrap& trap) {
-  if (trap.files_from) return files_program(*trap.files_from);
+  if (trap.files_from) return files_program(*trap.files_from, trap.or_second);
   return trap.requests.empty() ? Program{answer(SECCOMP_RET_USER_NOTIF)} : requests_program(trap.requests);
 }
 

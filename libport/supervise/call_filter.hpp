@@ -16,6 +16,7 @@ struct CallTrap {
   std::vector<std::uint32_t> requests = {};
   // Only where the first argument is a descriptor from this number on, or one of the three standard ones.
   std::optional<std::uint32_t> files_from = {};
+  bool or_second = false;  // or the second one is
 
   friend bool operator==(const CallTrap&, const CallTrap&) = default;
 };

@@ -54,8 +54,24 @@ void forget_handlers(const std::vector<int>& defaults) {
   }
 }
 
+// Closes all but the standard ones and these.
+template <std::size_t N>
+void close_others(std::array<int, N> kept) {
+  std::ranges::sort(kept);
+  unsigned first = STDERR_FILENO + 1;
+  for (const int fd : kept) {
+    const auto next = static_cast<unsigned>(fd);
+    if (next > first) (void)::syscall(SYS_close_range, first, next - 1, 0U);
+    first = std::max(first, next + 1);
+  }
+  (void)::syscall(SYS_close_range, first, ~0U, 0U);
+}
+
 [[noreturn]] void run_command(const UniqueFd& line, const SupervisedCommand::Options& options,
-                              const sigset_t& mask) {
+                              const sigset_t& mask, pid_t guard) {
+  // Who kills the guard, too, leaves nothing behind whose calls nobody answers.
+  (void)::prctl(PR_SET_PDEATHSIG, SIGKILL, 0, 0, 0);
+  if (::getppid() != guard) ::_exit(1);
   forget_handlers(options.default_signals);
   if (options.output_to_stderr && ::dup2(STDERR_FILENO, STDOUT_FILENO) < 0)
     fail(line.get(), Stage::machinery, errno, "the command's stdout");
@@ -165,14 +181,9 @@ std::optional<GuardMessage> receive_message(int line, UniqueFd& fd) {
 void run_guard(UniqueFd line, const SupervisedCommand::Options& options, const sigset_t& mask) {
   (void)::prctl(PR_SET_NAME, "porttape-guard");
   (void)::prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0);
-  // What is ours of the parent's: pty masters, locks and sockets must not live on here.
   UniqueFd ours(line.get() > STDERR_FILENO ? line.release()
                                            : ::fcntl(line.get(), F_DUPFD_CLOEXEC, STDERR_FILENO + 1));
   if (!ours) ::_exit(1);
-  const auto kept = static_cast<unsigned>(ours.get());
-  constexpr unsigned first = STDERR_FILENO + 1;
-  if (kept > first) (void)::syscall(SYS_close_range, first, kept - 1, 0U);
-  (void)::syscall(SYS_close_range, kept + 1, ~0U, 0U);
   std::array<int, 2> pair{};
   sigset_t child_ends;
   ::sigemptyset(&child_ends);
@@ -186,14 +197,18 @@ void run_guard(UniqueFd line, const SupervisedCommand::Options& options, const s
     if (Result<void> prepared = options.prepare(); !prepared)
       fail(ours.get(), Stage::prepare, 0, prepared.error().message);
   }
+  const pid_t guard = ::getpid();
   const pid_t command = ::fork();
   if (command < 0) fail(ours.get(), Stage::machinery, errno, "a process for the command");
   if (command == 0) {
     ours.reset();
     of_command.reset();
-    run_command(for_command, options, mask);
+    run_command(for_command, options, mask, guard);
   }
   for_command.reset();
+  // The command has what it is to inherit. What is ours of the parent's (pty masters, locks, sockets), which
+  // its exec closes, must not live on here.
+  close_others(std::array{ours.get(), of_command.get(), ends.get()});
   UniqueFd listener;
   // It closes its end by the exec.
   while (const auto message = receive_message(of_command.get(), listener)) {

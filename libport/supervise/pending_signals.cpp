@@ -5,6 +5,9 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <string_view>
+#include <sys/ptrace.h>
+#include <system_error>
+#include <thread>
 #include <unistd.h>
 
 #include "libport/base/unique_fd.hpp"
@@ -39,19 +42,36 @@ std::uint64_t number_behind(std::string_view text, std::string_view key, int bas
 
 }  // namespace
 
-PendingSignals pending_signals(pid_t thread) {
+ThreadStatus thread_status(pid_t thread) {
   const StatusText status = status_of_thread(thread);
   const std::string_view text(status.room.data(), status.text.size());
+  constexpr std::string_view kState = "\nState:\t";
+  const std::size_t state = text.find(kState);
+  if (state == std::string_view::npos || state + kState.size() >= text.size()) return {};
   const std::uint64_t stopped =
       number_behind(text, "\nSigBlk:\t", 16) | number_behind(text, "\nSigIgn:\t", 16);
-  return {number_behind(text, "\nSigPnd:\t", 16) & ~stopped,
-          number_behind(text, "\nShdPnd:\t", 16) & ~stopped};
+  return {.state = text[state + kState.size()],
+          .process = static_cast<pid_t>(number_behind(text, "\nTgid:\t", 10)),
+          .threads = static_cast<unsigned>(number_behind(text, "\nThreads:\t", 10)),
+          .sent_to_thread = number_behind(text, "\nSigPnd:\t", 16) & ~stopped,
+          .sent_to_process = number_behind(text, "\nShdPnd:\t", 16) & ~stopped};
 }
 
-pid_t process_of(pid_t thread) {
-  const StatusText status = status_of_thread(thread);
-  const std::string_view text(status.room.data(), status.text.size());
-  return static_cast<pid_t>(number_behind(text, "\nTgid:\t", 10));
+// The end of the one who traces takes the interrupt back, and leaves what it has set.
+bool have_signals_looked_for(pid_t thread) {
+  bool done = false;
+  try {
+    std::thread tracer([thread, &done] {
+      done = ::ptrace(PTRACE_SEIZE, thread, nullptr, nullptr) == 0 &&
+             ::ptrace(PTRACE_INTERRUPT, thread, nullptr, nullptr) == 0;
+    });
+    tracer.join();
+  } catch (const std::system_error&) {
+    return false;
+  }
+  return done;
 }
+
+pid_t process_of(pid_t thread) { return thread_status(thread).process; }
 
 }  // namespace porttape

@@ -5,14 +5,24 @@
 
 namespace porttape {
 
-// The signals that would interrupt a call of this thread: sent to it, or to its process (where several
-// threads could take one, each shows it), neither blocked nor ignored. Bit N - 1 is signal N. 0 also for a
-// thread that is gone.
-struct PendingSignals {
-  std::uint64_t of_thread = 0;
-  std::uint64_t of_process = 0;
+// What the kernel tells of a thread (proc(5), /proc/PID/status). Nothing of one that is gone.
+struct ThreadStatus {
+  char state = '\0';  // as of ps(1): T is stopped, Z has ended
+  pid_t process = 0;
+  unsigned threads = 0;  // of the process
+  // The signals that would interrupt a call of the thread: sent to it, or to its process (where several
+  // threads could take one, each shows it), neither blocked nor ignored. Bit N - 1 is signal N.
+  std::uint64_t sent_to_thread = 0;
+  std::uint64_t sent_to_process = 0;
+
+  [[nodiscard]] bool takes_signals() const { return state != '\0' && state != 'Z' && state != 'X'; }
 };
-PendingSignals pending_signals(pid_t thread);
+ThreadStatus thread_status(pid_t thread);
+
+// Has the kernel look for signals of the thread once its call is answered, also where it has chosen another
+// thread for them: only then may the call be answered as interrupted. Done by an interrupt of ptrace(2)'s
+// that is taken back at once. False: the thread is traced already, or that is forbidden.
+bool have_signals_looked_for(pid_t thread);
 
 // The process that the thread is of; 0: it is gone.
 pid_t process_of(pid_t thread);

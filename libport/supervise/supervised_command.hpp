@@ -18,7 +18,7 @@ namespace porttape {
 // A command whose trapped calls wait for us. It is the child of a guard, a process of ours that has nothing
 // else to do: when we end, however that happens, the guard ends all that the command has started, and as long
 // as it lives no trapped call fails for want of a supervisor. Orphans fall to the guard. When the guard is
-// killed, they and the command fall to us.
+// killed, so is the command, and they fall to us. The command inherits what we have open without FD_CLOEXEC.
 //
 //     us ── guard ── command ── …
 //

@@ -129,6 +129,14 @@ std::shared_ptr<KeptCall> Supervisor::keep(const Call& call) {
   return kept;
 }
 
+std::shared_ptr<KeptCall> Supervisor::keep_until_signal(const Call& call) {
+  std::shared_ptr<KeptCall> kept = keep(call);
+  kept->on_gone([weak = std::weak_ptr(kept)] {
+    if (const auto waiting = weak.lock()) waiting->finish(outcome::Refuse{EINTR});
+  });
+  return kept;
+}
+
 void Supervisor::on_wake() {
   const Instant now = clock_->now();
   for (const auto& kept : std::list(kept_)) {
@@ -145,30 +153,37 @@ void Supervisor::on_wake() {
   schedule();
 }
 
-// A signal for a whole process interrupts one of its threads: the kernel takes the first one, unless that
-// blocks it. Only a thread that it has taken may be told of the signal.
-bool Supervisor::is_interrupted(KeptCall& kept, std::set<pid_t>& told) {
+// The error that a signal makes of the call; 0: none does. A signal for a whole process interrupts one of its
+// threads: the kernel takes the first one, unless that blocks it or has ended, else one that is not to be
+// known. Only a thread that looks for signals may be told of one: 512 would reach the program else.
+int Supervisor::interruption_of(KeptCall& kept, std::set<pid_t>& told) {
   const pid_t thread = kept.call().thread();
-  const PendingSignals pending = pending_signals(thread);
-  if (pending.of_thread != 0) return true;
-  if (pending.of_process == 0) {
+  const ThreadStatus status = thread_status(thread);
+  if (status.sent_to_thread != 0) return KeptCall::kRestart;
+  const bool alone = status.threads <= 1;
+  if (status.sent_to_process == 0) {
     kept.seen_before_ = false;
-    return false;
+    // It is to stop with the one that has taken the signal for that.
+    const bool looks = !alone && ++kept.looks_ % kStopLook == 0;
+    return looks && thread_status(status.process).state == 'T' ? KeptCall::kRestart : 0;
   }
-  const pid_t process = process_of(thread);
-  const bool first_takes_it = process != 0 && (pending_signals(process).of_process & pending.of_process) != 0;
-  if (first_takes_it) return process == thread;
+  if (alone) return KeptCall::kRestart;
+  const ThreadStatus first = thread_status(status.process);
+  if (first.takes_signals() && (first.sent_to_process & status.sent_to_process) != 0)
+    return status.process == thread ? KeptCall::kRestart : 0;
   // Another that can take it has done so by the next look.
   const bool seen_before = std::exchange(kept.seen_before_, true);
-  return seen_before && told.insert(process).second;
+  if (!seen_before || !told.insert(status.process).second) return 0;
+  return have_signals_looked_for(thread) ? KeptCall::kRestart : EINTR;
 }
 
 void Supervisor::look_at_signals() {
   std::set<pid_t> told;
   for (const auto& kept : std::list(kept_)) {
-    if (kept->over() || !is_interrupted(*kept, told)) continue;
+    const int error = kept->over() ? 0 : interruption_of(*kept, told);
+    if (error == 0) continue;
     if (const auto gone = std::exchange(kept->on_gone_, {})) gone();
-    kept->finish(outcome::Refuse{KeptCall::kRestart});
+    kept->finish(outcome::Refuse{error});
   }
 }
 

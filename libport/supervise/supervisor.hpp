@@ -71,6 +71,7 @@ class KeptCall {
   std::optional<Instant> at_;
   std::function<void()> at_callback_;
   bool seen_before_ = false;  // a signal for the process, at the last look
+  unsigned looks_ = 0;
 };
 
 class Supervisor;
@@ -100,9 +101,13 @@ class Supervisor {
 
   // For a part, within decide().
   std::shared_ptr<KeptCall> keep(const Call& call);
+  // The same for a call that gives EINTR after a signal whatever the handler has, as the kernel's waits for
+  // what is to be sent do.
+  std::shared_ptr<KeptCall> keep_until_signal(const Call& call);
 
-  // How often a kept call's thread is looked at for signals.
+  // How often a kept call's thread is looked at for signals, and each how many times for its process' stop.
   static constexpr Nanos kSignalLook = std::chrono::milliseconds(1);
+  static constexpr unsigned kStopLook = 16;
 
  private:
   // Whom we answer mostly runs at once, in our place, and has made its next call when we go on: taken without
@@ -115,7 +120,7 @@ class Supervisor {
   void handle(const Call& call);
   void send(const Call& call, Outcome outcome);
   void on_wake();
-  static bool is_interrupted(KeptCall& kept, std::set<pid_t>& told);
+  static int interruption_of(KeptCall& kept, std::set<pid_t>& told);
   void look_at_signals();
   void forget_gone();
   void schedule();

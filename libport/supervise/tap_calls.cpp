@@ -20,6 +20,7 @@
 
 #include "libport/base/printable.hpp"
 #include "libport/supervise/pending_signals.hpp"
+#include "libport/supervise/program_files.hpp"
 
 namespace porttape {
 namespace {
@@ -37,13 +38,6 @@ std::uint32_t files_from_here() {
   if (::getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= kFilesFrom + kFilesKept) return kFilesFrom;
   const rlim_t from = limit.rlim_cur > 2 * kFilesKept ? limit.rlim_cur - kFilesKept : limit.rlim_cur / 2;
   return static_cast<std::uint32_t>(std::max<rlim_t>(from, kFilesOfGuard));
-}
-
-// What a path of the program is for us.
-std::string path_here(const Call& call, const std::string& path, int folder) {
-  if (path.starts_with('/')) return path;
-  return folder == AT_FDCWD ? fmt::format("/proc/{}/cwd/{}", call.thread(), path)
-                            : fmt::format("/proc/{}/fd/{}/{}", call.thread(), folder, path);
 }
 
 // Nothing: that is not to be known.
@@ -92,28 +86,33 @@ bool lives(pid_t process) {
 
 std::optional<TapCalls::OpenArguments> TapCalls::open_arguments(const Call& call) {
 #ifdef SYS_open
-  if (call.number() == SYS_open) {
+  if (call.number() == SYS_open || call.number() == SYS_creat) {
     const auto path = call.read_path(call.argument(0));
     if (!path) return std::nullopt;
-    return OpenArguments{path_here(call, *path, AT_FDCWD), static_cast<int>(call.argument(1))};
+    const int flags =
+        call.number() == SYS_creat ? O_CREAT | O_WRONLY | O_TRUNC : static_cast<int>(call.argument(1));
+    return OpenArguments{path_here(call.thread(), *path, AT_FDCWD), flags};
   }
 #endif
   const auto path = call.read_path(call.argument(1));
   if (!path) return std::nullopt;
   std::uint64_t flags = call.argument(2);
+  bool own_way = false;
   if (call.number() == SYS_openat2) {
     const auto how = call.read_as<std::array<std::uint64_t, 3>>(call.argument(2));
-    if (!how || (*how)[2] != 0) return std::nullopt;  // resolved in a way of its own
+    if (!how) return std::nullopt;
     flags = (*how)[0];
+    own_way = (*how)[2] != 0;
   }
-  return OpenArguments{path_here(call, *path, static_cast<int>(call.argument(0))), static_cast<int>(flags)};
+  return OpenArguments{path_here(call.thread(), *path, static_cast<int>(call.argument(0))),
+                       static_cast<int>(flags), own_way};
 }
 
 TapCalls::TapCalls(Loop& loop, TappedLine& line, Options options)
     : loop_(&loop),
       line_(&line),
       files_(loop),
-      transfers_(loop, line, files_),
+      transfers_(loop, line, files_, [this] { holders_timer_.set_after(kHoldersLook); }),
       requests_(line),
       options_(std::move(options)),
       files_from_(files_from_here()),
@@ -129,17 +128,19 @@ std::vector<CallTrap> TapCalls::traps() const {
   std::vector<std::uint32_t> requests = TapRequests::requests();
   requests.push_back(FIONBIO);
   traps.push_back({.number = SYS_ioctl, .requests = std::move(requests)});
-  for (const long number : {SYS_readv, SYS_writev, SYS_dup, SYS_dup3,
-#ifdef SYS_dup2
-                            SYS_dup2,
-#endif
-                            SYS_fcntl, SYS_close, SYS_close_range})
+  for (const long number : {SYS_readv, SYS_writev, SYS_preadv2, SYS_pwritev2, SYS_dup, SYS_fcntl, SYS_close})
     traps.push_back({static_cast<int>(number), {}, files_from_});
   for (const long number : {
-#ifdef SYS_open
-           SYS_open,
+#ifdef SYS_dup2
+           SYS_dup2,
 #endif
-           SYS_openat, SYS_openat2, SYS_sendfile, SYS_splice, SYS_tee, SYS_copy_file_range,
+           SYS_dup3})
+    traps.push_back({.number = static_cast<int>(number), .files_from = files_from_, .or_second = true});
+  for (const long number : {
+#ifdef SYS_open
+           SYS_open, SYS_creat,
+#endif
+           SYS_openat, SYS_openat2, SYS_close_range, SYS_sendfile, SYS_splice, SYS_tee, SYS_copy_file_range,
            SYS_io_uring_setup})
     traps.push_back({.number = static_cast<int>(number)});
   return traps;
@@ -153,10 +154,16 @@ CallPart::Decision TapCalls::decide(Supervisor& supervisor, const Call& call) {
   switch (call.number()) {
 #ifdef SYS_open
     case SYS_open:
+    case SYS_creat:
 #endif
     case SYS_openat:
     case SYS_openat2:
       return decide_open(supervisor, call);
+    // At a place (which a tty has not), or in a way of its own.
+    case SYS_preadv2:
+    case SYS_pwritev2:
+      if (static_cast<std::int64_t>(call.argument(3)) != -1 || call.argument(5) != 0) return outcome::Pass{};
+      return decide_device(supervisor, call);
     case SYS_read:
     case SYS_readv:
     case SYS_write:
@@ -197,6 +204,10 @@ CallPart::Decision TapCalls::decide(Supervisor& supervisor, const Call& call) {
 CallPart::Decision TapCalls::decide_open(Supervisor& supervisor, const Call& call) {
   const std::optional<OpenArguments> wanted = open_arguments(call);
   struct stat status {};
+  if (!wanted && call.is_closed())
+    tell_once(
+        "a program that lets nobody look into its memory opens files: if its device is among them, that is "
+        "not on the tape; record it by `porttape exec --device`");
   if (!wanted || (wanted->flags & O_PATH) != 0 || ::stat(wanted->path.c_str(), &status) != 0 ||
       !S_ISCHR(status.st_mode))
     return outcome::Pass{};
@@ -208,6 +219,15 @@ CallPart::Decision TapCalls::decide_open(Supervisor& supervisor, const Call& cal
     return outcome::Pass{};
   }
   if (!device_ && is_other_kind(status.st_rdev)) return outcome::Pass{};
+  if (const std::string why =
+          wanted->own_way ? "by a path with rules of its own" : why_not_ours(call.thread());
+      !why.empty()) {
+    tell_once(
+        fmt::format("the command opens its device where that cannot be done for it ({}): what it says then "
+                    "is not on the tape; record it by `porttape exec --device`",
+                    why));
+    return outcome::Pass{};
+  }
   if (!free_place(call, 0, files_from_)) {
     tell_unseen();
     return outcome::Pass{};
@@ -218,6 +238,10 @@ CallPart::Decision TapCalls::decide_open(Supervisor& supervisor, const Call& cal
 // A tty may wait for its carrier; a pty has none.
 CallPart::Decision TapCalls::open_tapped(Supervisor& supervisor, const Call& call,
                                          const OpenArguments& wanted, std::uint64_t device) {
+  if ((wanted.flags & O_NOCTTY) == 0 && gets_terminal(call.thread()))
+    tell_once(
+        "the command's device does not become its controlling terminal, as without --tap: a hang-up sends "
+        "it no SIGHUP");
   files_.let_go();
   if ((wanted.flags & O_NONBLOCK) != 0 || is_pty(device)) {
     const int flags = wanted.flags & ~(O_CREAT | O_EXCL | O_TRUNC);
@@ -315,7 +339,6 @@ CallPart::Decision TapCalls::decide_flags(const Call& call) {
 CallPart::Decision TapCalls::set_non_blocking(const Call& call, const TappedFile& file) {
   const auto on = call.read_as<int>(call.argument(2));
   if (!on) return outcome::Refuse{EFAULT};
-  files_.restore();
   if (::ioctl(file.fd(), FIONBIO, &*on) != 0) return outcome::Refuse{errno};
   return Outcome(outcome::Answer{0});
 }
@@ -377,7 +400,7 @@ void TapCalls::watch_process(pid_t process) {
 void TapCalls::look_for_holders() {
   std::erase_if(holders_, [](const auto& each) { return each->over; });
   std::erase_if(opens_, [](const auto& each) { return each->over(); });
-  if (!line_->open()) return;
+  if (!line_->open() || transfers_.any_waits()) return;
   for (const pid_t process : options_.processes()) {
     if (holds(process)) return watch_process(process);
   }

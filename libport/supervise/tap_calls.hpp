@@ -53,6 +53,7 @@ class TapCalls final : public CallPart {
   struct OpenArguments {
     std::string path;
     int flags = 0;
+    bool own_way = false;  // resolved with rules of its own (openat2)
   };
   struct Holder {
     pid_t process = 0;

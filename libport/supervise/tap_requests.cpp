@@ -35,8 +35,7 @@ LineSettings settings_at(int fd, tcflag_t flags) {
   return settings;
 }
 
-// By the kernel's own reading of it, on a line that is nobody's.
-// That of the device itself, where there is none.
+// By the kernel's own reading of it, on a line that is nobody's; where none is to be had, what the device has.
 LineSettings settings_in(std::uint32_t request, const std::byte* made, int device) {
   const UniqueFd line(::open("/dev/ptmx", O_RDWR | O_NOCTTY | O_CLOEXEC));
   if (!line || ::ioctl(line.get(), request, made) != 0)
@@ -57,15 +56,6 @@ void when_sent(const std::weak_ptr<KeptCall>& kept, const std::shared_ptr<Tapped
   int left = 0;
   if (::ioctl(file->fd(), TIOCOUTQ, &left) != 0 || left == 0) return then();
   waiting->call_at(Loop::now() + kSentLook, [kept, file, then] { when_sent(kept, file, then); });
-}
-
-// A wait for what is to be sent is not done again after a signal, whatever its handler has.
-std::shared_ptr<KeptCall> keep_until_signal(Supervisor& supervisor, const Call& call) {
-  const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
-  kept->on_gone([weak = std::weak_ptr(kept)] {
-    if (const auto waiting = weak.lock()) waiting->finish(outcome::Refuse{EINTR});
-  });
-  return kept;
 }
 
 }  // namespace
@@ -142,7 +132,7 @@ CallPart::Decision TapRequests::begin_break_when_sent(Supervisor& supervisor, co
                                                       const std::shared_ptr<TappedFile>& file) {
   int left = 0;
   if (::ioctl(file->fd(), TIOCOUTQ, &left) != 0 || left == 0) return set_break(*file, true);
-  const std::weak_ptr kept(keep_until_signal(supervisor, call));
+  const std::weak_ptr kept(supervisor.keep_until_signal(call));
   when_sent(kept, file, [this, kept, file] {
     const auto waiting = kept.lock();
     if (waiting) waiting->finish(set_break(*file, true));
@@ -200,7 +190,7 @@ CallPart::Decision TapRequests::drain(Supervisor& supervisor, const Call& call,
 // As send_break() of the kernel's tty_io.c, which waits in the call.
 CallPart::Decision TapRequests::send_break(Supervisor& supervisor, const Call& call,
                                            const std::shared_ptr<TappedFile>& file, Nanos length) {
-  const std::weak_ptr kept(keep_until_signal(supervisor, call));
+  const std::weak_ptr kept(supervisor.keep_until_signal(call));
   when_sent(kept, file, [this, kept, file, length] { begin_break(kept, file, length); });
   return CallPart::Kept{};
 }

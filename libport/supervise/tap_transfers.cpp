@@ -128,8 +128,11 @@ struct TapTransfers::Transfer {
   std::uint64_t number = 0;           // where it has waited
 };
 
-TapTransfers::TapTransfers(Loop& loop, TappedLine& line, TappedFiles& files)
-    : line_(&line), files_(&files), ready_(std::make_shared<UniqueFd>(::epoll_create1(EPOLL_CLOEXEC))) {
+TapTransfers::TapTransfers(Loop& loop, TappedLine& line, TappedFiles& files, std::function<void()> on_idle)
+    : line_(&line),
+      files_(&files),
+      ready_(std::make_shared<UniqueFd>(::epoll_create1(EPOLL_CLOEXEC))),
+      on_idle_(std::move(on_idle)) {
   if (!*ready_) return;
   ready_watch_.emplace(loop, ready_->get(), [this] { on_ready(); });
   ready_watch_->watch_readable(true);
@@ -137,22 +140,36 @@ TapTransfers::TapTransfers(Loop& loop, TappedLine& line, TappedFiles& files)
 
 CallPart::Decision TapTransfers::decide(Supervisor& supervisor, const Call& call,
                                         std::shared_ptr<TappedFile> file) {
-  const bool several = call.number() == SYS_readv || call.number() == SYS_writev;
-  const bool writes = call.number() == SYS_write || call.number() == SYS_writev;
+  const bool several = call.number() != SYS_read && call.number() != SYS_write;
+  const bool writes =
+      call.number() == SYS_write || call.number() == SYS_writev || call.number() == SYS_pwritev2;
   Where where = where_of(call, several);
   if (where.error != 0) return outcome::Refuse{where.error};
   const auto transfer = std::make_shared<Transfer>(call, writes, std::move(where.parts), std::move(file));
   transfer->size = size_of(transfer->parts);
+  if (writes && !writers_.empty() && transfer->size > 0) {
+    if (!transfer->file->waits()) return outcome::Refuse{EAGAIN};
+    keep(supervisor, transfer);
+    return CallPart::Kept{};
+  }
   if (std::optional<Outcome> done = writes ? write_now(*transfer) : read_now(*transfer))
     return std::move(*done);
-  const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
-  transfer->kept = kept;
-  kept->on_gone([this, transfer] {
-    break_off(*transfer);
-    end(*transfer);
-  });
-  wait(kept, transfer);
+  keep(supervisor, transfer);
+  wait(transfer->kept.lock(), transfer);
   return CallPart::Kept{};
+}
+
+void TapTransfers::keep(Supervisor& supervisor, const std::shared_ptr<Transfer>& transfer) {
+  const std::shared_ptr<KeptCall> kept = supervisor.keep(transfer->call);
+  transfer->kept = kept;
+  kept_.push_back(transfer);
+  if (transfer->writes) writers_.push_back(transfer);
+  kept->on_gone([this, weak = std::weak_ptr(transfer)] {
+    const auto waiting = weak.lock();
+    if (!waiting) return;
+    break_off(*waiting);
+    end(*waiting);
+  });
 }
 
 // By a signal: what has been done of it is its result.
@@ -171,8 +188,8 @@ void TapTransfers::break_off(Transfer& transfer) {
 
 // Nothing: it is to be tried again.
 std::optional<Outcome> TapTransfers::write_now(Transfer& transfer) {
-  files_->use(transfer.file);
-  const bool waits = transfer.file->waits();
+  const WithoutWaiting now(*transfer.file);
+  const bool waits = now.program_waits();
   while (true) {
     if (transfer.done == transfer.begin + transfer.bytes.size() && transfer.done < transfer.size &&
         !transfer.load()) {
@@ -225,9 +242,9 @@ std::optional<std::size_t> TapTransfers::readable_now(Transfer& transfer) {
 }
 
 std::optional<Outcome> TapTransfers::read_now(Transfer& transfer) {
-  files_->use(transfer.file);
   const int fd = transfer.file->fd();
-  const bool waits = transfer.file->waits();
+  const WithoutWaiting no_wait(*transfer.file);
+  const bool waits = no_wait.program_waits();
   const std::optional<std::size_t> most =
       waits && !transfer.breaks_off ? readable_now(transfer) : transfer.size;
   if (!most) return std::nullopt;
@@ -302,17 +319,27 @@ void TapTransfers::on_ready() {
 }
 
 void TapTransfers::end(Transfer& transfer) {
+  const auto is_it = [&](const auto& each) { return each.get() == &transfer; };
+  const auto found = std::ranges::find_if(kept_, is_it);
+  if (found == kept_.end()) return;
+  const std::shared_ptr<Transfer> ended = *found;
+  kept_.erase(found);
   waiting_.erase(transfer.number);
   files_->drop(std::move(transfer.file));
+  const bool was_first = !writers_.empty() && writers_.front() == ended;
+  std::erase_if(writers_, is_it);
+  if (was_first && !writers_.empty()) go_on(std::shared_ptr(writers_.front()));
+  if (kept_.empty()) on_idle_();
 }
 
 void TapTransfers::go_on(const std::shared_ptr<Transfer>& transfer) {
   const std::shared_ptr<KeptCall> kept = transfer->kept.lock();
   if (!kept || kept->over()) return end(*transfer);
+  if (transfer->writes && writers_.front() != transfer) return;  // its turn comes
   std::optional<Outcome> done = transfer->writes ? write_now(*transfer) : read_now(*transfer);
   if (!done) return wait(kept, transfer);
-  end(*transfer);
   kept->finish(std::move(*done));
+  end(*transfer);
 }
 
 }  // namespace porttape

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <list>
 #include <map>
 #include <memory>
 #include <optional>
@@ -19,10 +21,13 @@ namespace porttape {
 // and tried again when the device can. Loop thread only; outlives the supervisor's kept calls.
 class TapTransfers {
  public:
-  TapTransfers(Loop& loop, TappedLine& line, TappedFiles& files);
+  // `on_idle`: the last one that waited does not any more.
+  TapTransfers(Loop& loop, TappedLine& line, TappedFiles& files, std::function<void()> on_idle);
 
-  // A read, readv, write or writev of `file`, the device.
+  // A read or write of `file`, the device: also by several parts.
   CallPart::Decision decide(Supervisor& supervisor, const Call& call, std::shared_ptr<TappedFile> file);
+  // Whether any waits: it has the device, whatever has become of its descriptor.
+  [[nodiscard]] bool any_waits() const { return !kept_.empty(); }
 
  private:
   struct Transfer;
@@ -31,6 +36,7 @@ class TapTransfers {
   bool watch(const std::shared_ptr<Transfer>& transfer);
   void end(Transfer& transfer);
   void break_off(Transfer& transfer);
+  void keep(Supervisor& supervisor, const std::shared_ptr<Transfer>& transfer);
   void wait(const std::shared_ptr<KeptCall>& kept, const std::shared_ptr<Transfer>& transfer);
   void go_on(const std::shared_ptr<Transfer>& transfer);
   std::optional<Outcome> read_now(Transfer& transfer);
@@ -44,6 +50,10 @@ class TapTransfers {
   std::shared_ptr<UniqueFd> ready_;
   std::optional<FdWatch> ready_watch_;  // none: they are looked at by the clock
   std::map<std::uint64_t, std::weak_ptr<Transfer>> waiting_;
+  std::function<void()> on_idle_;
+  std::list<std::shared_ptr<Transfer>> kept_;
+  // Writes that wait: a tty takes one after the other, whole.
+  std::list<std::shared_ptr<Transfer>> writers_;
   std::uint64_t number_ = 0;  // of the last that waited
 };
 

@@ -13,15 +13,19 @@ constexpr Nanos kUnused = std::chrono::milliseconds(10);
 
 }  // namespace
 
-void TappedFile::begin() {
-  if (changed_) return;
-  flags_ = ::fcntl(fd_.get(), F_GETFL);
-  waits_ = flags_ >= 0 && (flags_ & O_NONBLOCK) == 0;
-  changed_ = waits_ && ::fcntl(fd_.get(), F_SETFL, flags_ | O_NONBLOCK) == 0;
+bool TappedFile::waits() const {
+  const int flags = ::fcntl(fd_.get(), F_GETFL);
+  return flags >= 0 && (flags & O_NONBLOCK) == 0;
 }
 
-void TappedFile::restore() {
-  if (std::exchange(changed_, false)) ::fcntl(fd_.get(), F_SETFL, flags_);
+WithoutWaiting::WithoutWaiting(const TappedFile& file)
+    : fd_(file.fd()),
+      flags_(::fcntl(fd_, F_GETFL)),
+      waits_(flags_ >= 0 && (flags_ & O_NONBLOCK) == 0),
+      changed_(waits_ && ::fcntl(fd_, F_SETFL, flags_ | O_NONBLOCK) == 0) {}
+
+WithoutWaiting::~WithoutWaiting() {
+  if (changed_) ::fcntl(fd_, F_SETFL, flags_);
 }
 
 TappedFiles::TappedFiles(Loop& loop) : loop_(&loop), timer_(loop, [this] { look(); }) {}
@@ -46,25 +50,12 @@ std::shared_ptr<TappedFile> TappedFiles::find(const Call& call, int fd, std::uin
   return kept_;
 }
 
-// Two files may be the same open one: the flags of that are read while they are the program's.
-void TappedFiles::use(const std::shared_ptr<TappedFile>& file) {
-  if (changed_ != file) restore();
-  file->begin();
-  changed_ = file;
-}
-
-void TappedFiles::restore() {
-  if (const auto changed = std::exchange(changed_, nullptr)) changed->restore();
-}
-
 void TappedFiles::let_go() {
-  restore();
   kept_.reset();
   timer_.cancel();
 }
 
 void TappedFiles::drop(std::shared_ptr<TappedFile> file) {
-  if (changed_ == file && kept_ != file) restore();
   if (!file || file.use_count() > 1) return;
   (void)loop_->run_elsewhere(
       closes_, [last = std::move(file)]() mutable { last.reset(); }, [] {});
@@ -72,7 +63,6 @@ void TappedFiles::drop(std::shared_ptr<TappedFile> file) {
 
 void TappedFiles::look() {
   if (std::exchange(used_, false)) return timer_.set_after(kUnused);
-  restore();
   drop(std::move(kept_));
 }
 

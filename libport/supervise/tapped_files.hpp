@@ -19,26 +19,38 @@ class TappedFile {
   explicit TappedFile(UniqueFd fd) : fd_(std::move(fd)) {}
 
   [[nodiscard]] int fd() const { return fd_.get(); }
-  // Whether the program's own calls wait there. Known once TappedFiles::use() was called.
-  [[nodiscard]] bool waits() const { return waits_; }
+  // Whether the program's own calls wait there.
+  [[nodiscard]] bool waits() const;
   // A watch on it, which ends before it is closed: the program has it open, so that its close would end none.
   std::shared_ptr<void>& watch() { return watch_; }
 
  private:
-  friend class TappedFiles;
-  void begin();
-  void restore();
-
   UniqueFd fd_;
-  int flags_ = -1;
-  bool waits_ = false;
-  bool changed_ = false;
   std::shared_ptr<void> watch_;
+};
+
+// While it lives nothing on that open file waits, neither here nor in a program that has it, too. For one
+// call, so that none of those meets it; a program's own look at the flags is made here (TapCalls).
+class WithoutWaiting {
+ public:
+  explicit WithoutWaiting(const TappedFile& file);
+  ~WithoutWaiting();
+  WithoutWaiting(const WithoutWaiting&) = delete;
+  WithoutWaiting& operator=(const WithoutWaiting&) = delete;
+
+  // Whether the program's calls wait there.
+  [[nodiscard]] bool program_waits() const { return waits_; }
+
+ private:
+  int fd_;
+  int flags_;
+  bool waits_;
+  bool changed_;
 };
 
 // The files of a program's own device that are read and written for it. While calls come one after the other,
 // the duplicate that served the last one is kept (some ten milliseconds: a last close is to stay the
-// program's own), and what was made of its flags. Loop thread only.
+// program's own). Loop thread only.
 class TappedFiles {
  public:
   explicit TappedFiles(Loop& loop);
@@ -49,11 +61,6 @@ class TappedFiles {
   // What the call's thread has as `fd`, if that is `device`. Else nothing, and why: an error number, or 0
   // where it is another file.
   std::shared_ptr<TappedFile> find(const Call& call, int fd, std::uint64_t device, int& error);
-
-  // From now on nothing on that open file waits, neither here nor in a program, until restore(). The
-  // program's calls that would notice are made here, one after the other.
-  void use(const std::shared_ptr<TappedFile>& file);
-  void restore();
 
   // A file that is used no more. Of a program that has ended it may be the last one, whose close waits until
   // the device has sent everything: done elsewhere.
@@ -69,7 +76,6 @@ class TappedFiles {
   Timer timer_;
   Workers::Strand closes_;
   std::shared_ptr<TappedFile> kept_;
-  std::shared_ptr<TappedFile> changed_;  // whose calls do not wait now
   pid_t thread_ = 0;
   int number_ = -1;
   bool used_ = false;

@@ -168,8 +168,8 @@ void TtyCalls::when_sent(const std::shared_ptr<KeptCall>& kept, const KeptStep& 
   });
 }
 
-CallPart::Decision TtyCalls::behind_sent(Supervisor& supervisor, const Call& call, const Then& then) {
-  when_sent(supervisor.keep(call), [then](const std::shared_ptr<KeptCall>& waiting, SettingsOrder order) {
+CallPart::Decision TtyCalls::behind_sent(const std::shared_ptr<KeptCall>& kept, const Then& then) {
+  when_sent(kept, [then](const std::shared_ptr<KeptCall>& waiting, SettingsOrder order) {
     waiting->finish(then(waiting->call(), order));
   });
   return Kept{};
@@ -181,7 +181,7 @@ CallPart::Decision TtyCalls::decide_settings(Supervisor& supervisor, const Call&
     return make_settings(waiting, request, order);
   };
   return makes_settings(request) ? behind_writes(supervisor, call, make)
-                                 : behind_sent(supervisor, call, make);
+                                 : behind_sent(supervisor.keep(call), make);
 }
 
 Outcome TtyCalls::give_settings(const Call& call, std::uint32_t request) const {
@@ -298,7 +298,8 @@ CallPart::Decision TtyCalls::decide_break(Supervisor& supervisor, const Call& ca
   switch (request) {
     case TCSBRK:
       if (length == 0) return send_break(supervisor, call, kBreak);
-      return behind_sent(supervisor, call, [](const Call&, SettingsOrder) { return done_well(); });
+      return behind_sent(supervisor.keep_until_signal(call),
+                         [](const Call&, SettingsOrder) { return done_well(); });
     case TCSBRKP:
       return send_break(supervisor, call, length > 0 ? std::min(length, kMostTenths) * kTenth : kBreak);
     case TIOCSBRK:
@@ -314,10 +315,14 @@ CallPart::Decision TtyCalls::decide_break(Supervisor& supervisor, const Call& ca
 // Once all has left that was written before. `then` gets to know what the device says; the break is over then
 // where that is an error, or where the call was interrupted.
 CallPart::Decision TtyCalls::begin_break(Supervisor& supervisor, const Call& call, const Begun& then) {
-  when_sent(supervisor.keep(call), [this, then](const std::shared_ptr<KeptCall>& waiting, SettingsOrder) {
+  when_sent(supervisor.keep_until_signal(call), [this, then](const std::shared_ptr<KeptCall>& waiting,
+                                                             SettingsOrder) {
     const auto end = [this] { signalled({LineSignal::Name::brk, false}); };
     signalled({LineSignal::Name::brk, true});
-    waiting->on_gone(end);
+    waiting->on_gone([weak = std::weak_ptr(waiting), end] {
+      end();
+      if (const auto interrupted = weak.lock()) interrupted->finish(outcome::Refuse{EINTR});
+    });
     const auto told = [weak = std::weak_ptr(waiting), end, then](const std::optional<LineAnswer>& answer) {
       const auto kept = weak.lock();
       if (!kept || kept->over()) return;

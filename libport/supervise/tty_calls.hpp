@@ -55,7 +55,7 @@ class TtyCalls final : public CallPart, private LineSupervisor {
   void catch_up(const std::shared_ptr<KeptCall>& kept, Instant until, const Step& step);
   Decision behind_writes(Supervisor& supervisor, const Call& call, const Then& then);
   void when_sent(const std::shared_ptr<KeptCall>& kept, const KeptStep& step);
-  Decision behind_sent(Supervisor& supervisor, const Call& call, const Then& then);
+  Decision behind_sent(const std::shared_ptr<KeptCall>& kept, const Then& then);
 
   Decision decide_settings(Supervisor& supervisor, const Call& call, std::uint32_t request);
   Decision decide_signals(Supervisor& supervisor, const Call& call, std::uint32_t request);

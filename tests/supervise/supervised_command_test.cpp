@@ -3,6 +3,7 @@
 #include "libport/supervise/supervised_command.hpp"
 
 #include <cerrno>
+#include <fcntl.h>
 #include <fstream>
 #include <memory>
 #include <optional>
@@ -104,18 +105,27 @@ TEST_F(SupervisedCommandTest, WhatItLeftRunningEndsWithUs) {
   EXPECT_EQ(::kill(command, 0), -1);
 }
 
-TEST_F(SupervisedCommandTest, AKilledGuardLeavesTheCommandToUs) {
+TEST_F(SupervisedCommandTest, ItInheritsAllButWhatIsOurs) {
+  const UniqueFd inherited(::open("/dev/null", O_RDONLY));
+  const UniqueFd ours(::open("/dev/null", O_RDONLY | O_CLOEXEC));
+  const std::string folder = "/proc/self/fd/";
+  EXPECT_EQ(WEXITSTATUS(run({"sh", "-c",
+                             "test -e " + folder + std::to_string(inherited.get()) + " && ! test -e " +
+                                 folder + std::to_string(ours.get()) + " && exit 5"})),
+            5);
+}
+
+// Else its calls fail with ENOSYS once we are killed, too.
+TEST_F(SupervisedCommandTest, AKilledGuardTakesTheCommandWithIt) {
   int was_adopting = 0;
   ASSERT_EQ(::prctl(PR_GET_CHILD_SUBREAPER, &was_adopting, 0, 0, 0), 0);
   ASSERT_EQ(::prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0), 0);
-  const auto running = start({"sh", "-c", "echo $$ >" + (dir / "pid") + "; read line; exit 3"});
+  const auto running = start({"sh", "-c", "echo $$ >" + (dir / "pid") + "; exec sleep 1000"});
   ASSERT_NE(running, nullptr);
   (void)number_in(dir / "pid");
   ::kill(running->guard(), SIGKILL);
-  while (running->guard() != 0) loop.run_one();
-  running->kill(SIGTERM);
   while (!status) loop.run_one();
-  EXPECT_TRUE(WIFSIGNALED(*status) || WIFEXITED(*status));
+  EXPECT_TRUE(WIFSIGNALED(*status) && WTERMSIG(*status) == SIGKILL) << *status;
   EXPECT_FALSE(running->running());
   ::prctl(PR_SET_CHILD_SUBREAPER, was_adopting, 0, 0, 0);
 }

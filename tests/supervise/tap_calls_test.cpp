@@ -308,6 +308,11 @@ TEST_F(TapCallsTest, VectorsAreOneTransfer) {
                           "negative EINVAL", "none 0"));
 }
 
+TEST_F(TapCallsTest, VectorsAtNoPlaceAreTransfersToo) {
+  EXPECT_THAT(same({"open", "raw:1:0", "p2:give abc"}), ElementsAre("open 0", "pwritev2 8", "preadv2 3 abc"));
+  EXPECT_EQ(events.read, "abc");
+}
+
 TEST_F(TapCallsTest, AWriteOfManyBytesEndsWithTheLast) {
   EXPECT_THAT(same({"open", "raw:1:0", "big:200000", "bigv:150000"}),
               ElementsAre("open 0", "big 200000", "bigv 150000"));
@@ -341,6 +346,33 @@ TEST_F(TapCallsTest, ASignalThatRestartsEndsNoRead) {
               ElementsAre("open 0", "write 11", "read 5 abcde"));
 }
 
+TEST_F(TapCallsTest, ASignalOfAProcessInterruptsWhicheverThreadTakesIt) {
+  EXPECT_THAT(same({"open", "raw:1:0", "threads"}), ElementsAre("open 0", "threads 0"));
+}
+
+TEST_F(TapCallsTest, ASignalEndsAReadOfAProcessWhoseFirstThreadHasEnded) {
+  EXPECT_THAT(same({"open", "raw:1:0", "firstends"}), ElementsAre("open 0", "first ends 3"));
+}
+
+TEST_F(TapCallsTest, AProcessStopsWithAThreadThatReads) {
+  EXPECT_THAT(same({"open", "raw:1:0", "stop"}), ElementsAre("open 0", "stop 1"));
+}
+
+TEST_F(TapCallsTest, AWriteIsWholeWhileAnotherThreadWrites) {
+  EXPECT_THAT(tap({"open", "raw:1:0", "twowrites"}), ElementsAre("open 0", "two writes 0"));
+  const std::string& wire = device->wire;
+  ASSERT_EQ(wire.size(), 65'000U);
+  EXPECT_EQ(events.written, wire);
+  const std::string as(60'000, 'a');
+  const std::string bs(5'000, 'b');
+  EXPECT_TRUE(wire == as + bs || wire == bs + as);
+}
+
+TEST_F(TapCallsTest, WhatIsReadWhileItsDescriptorIsClosedIsTold) {
+  EXPECT_THAT(same({"open", "raw:1:0", "closeunder"}), ElementsAre("open 0", "close under read 4 late"));
+  EXPECT_EQ(events.read, "late");
+}
+
 TEST_F(TapCallsTest, ASignalEndsAReadWithTheBytesThatItHas) {
   EXPECT_THAT(same({"open", "raw:5:0", "write:give ab", "arrived:2", "alarm:50", "read:9"}),
               ElementsAre("open 0", "write 7", "read 2 ab"));
@@ -353,6 +385,18 @@ TEST_F(TapCallsTest, CopiesAreTheDeviceAndTheLastOnesCloseIsTold) {
             "close"}),
       ElementsAre("open 0", "dup 0", "write 1", "dupfd 0", "write 1", "dup2 0 at 0", "write 1", "close 0"));
   EXPECT_THAT(events.all, ElementsAre("open", "w a", "w b", "w c", "close"));
+}
+
+TEST_F(TapCallsTest, WhatComesInItsPlaceIsNotTheDevice) {
+  EXPECT_THAT(same({"open", "raw:1:0", "redirect"}), ElementsAre("open 0", "redirect 7 to pipe"));
+  EXPECT_EQ(events.written, "to line");
+}
+
+TEST_F(TapCallsTest, ItIsOpenedByOtherCallsAndNamesToo) {
+  EXPECT_THAT(same({"creat", "write:a"}), ElementsAre("creat 0", "write 1"));
+  EXPECT_EQ(events.written, "a");
+  EXPECT_THAT(same({"open", "raw:1:0", "reopen", "write:b"}), ElementsAre("open 0", "reopen 0", "write 1"));
+  EXPECT_EQ(events.written, "b");
 }
 
 TEST_F(TapCallsTest, ACopyIsTheLowestThatIsFree) {

@@ -194,6 +194,111 @@ void do_fork() {
   ::_exit(0);
 }
 
+// As a shell does it: what was there is put back, and is not the line.
+void do_redirect() {
+  int pipe_ends[2];
+  if (::pipe(pipe_ends) != 0) return;
+  ::dup2(line, 1);
+  const ssize_t to_line = ::write(1, "to line", 7);
+  ::dup2(pipe_ends[1], 1);
+  const ssize_t to_pipe = ::write(1, "to pipe", 7);
+  ::close(pipe_ends[1]);
+  ::close(1);
+  char back[32] = {};
+  const ssize_t got = ::read(pipe_ends[0], back, sizeof(back));
+  say("redirect", got,
+      std::string(back, static_cast<std::size_t>(got > 0 ? got : 0)) +
+          (to_line == 7 && to_pipe == 7 ? "" : " short"));
+}
+
+// Two threads read, and the main one leaves each signal to them.
+void do_threads() {
+  sigset_t alarms;
+  ::sigemptyset(&alarms);
+  ::sigaddset(&alarms, SIGALRM);
+  int interrupted[2] = {};
+  int strange = 0;
+  set_alarm(3, false);
+  std::thread readers[2];
+  for (int which = 0; which < 2; ++which) {
+    readers[which] = std::thread([&, which] {
+      ::pthread_sigmask(SIG_UNBLOCK, &alarms, nullptr);
+      for (int i = 0; i < 20; ++i) {
+        char byte = 0;
+        if (::read(line, &byte, 1) >= 0 || errno != EINTR) __atomic_add_fetch(&strange, 1, __ATOMIC_RELAXED);
+        ++interrupted[which];
+      }
+    });
+    ::pthread_sigmask(SIG_BLOCK, &alarms, nullptr);
+  }
+  for (std::thread& reader : readers) reader.join();
+  say("threads", strange);
+}
+
+// A process whose first thread has ended before the others.
+void do_first_ends() {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    set_alarm(20, false);
+    std::thread([] {
+      char byte = 0;
+      ::_exit(::read(line, &byte, 1) < 0 && errno == EINTR ? 3 : 4);
+    }).detach();
+    ::pthread_exit(nullptr);
+  }
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  say("first ends", WIFEXITED(status) ? WEXITSTATUS(status) : -1);
+}
+
+// A thread waits in read(), and the process is told to stop.
+void do_stop() {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    std::thread reads([] {
+      char byte = 0;
+      (void)!::read(line, &byte, 1);
+    });
+    for (;;) ::pause();
+  }
+  ::usleep(20'000);  // that it is in the read cannot be seen; else it stops at once
+  int status = 0;
+  ::kill(child, SIGSTOP);
+  ::waitpid(child, &status, WUNTRACED);
+  say("stop", WIFSTOPPED(status));
+  ::kill(child, SIGKILL);
+  ::waitpid(child, &status, 0);
+}
+
+// The descriptor is closed while a thread reads from it.
+void do_close_under_read() {
+  std::string bytes(9, '\0');
+  ssize_t got = 0;
+  const int fd = line;
+  std::thread reads([&] { got = ::read(fd, bytes.data(), bytes.size()); });
+  ::usleep(20'000);  // that it is in the read cannot be seen
+  if (::write(line, "give |late", 10) != 10) std::abort();
+  ::close(line);
+  reads.join();
+  bytes.resize(static_cast<std::size_t>(got > 0 ? got : 0));
+  say("close under read", got, bytes);
+}
+
+// While one thread's write waits, another's neither comes between nor, where it is not to wait, at all.
+void do_two_writes() {
+  const std::vector<char> bytes(60'000, 'a');
+  bool begun = false;
+  std::thread writes([&] {
+    __atomic_store_n(&begun, true, __ATOMIC_RELEASE);
+    if (::write(line, bytes.data(), bytes.size()) != static_cast<ssize_t>(bytes.size())) std::abort();
+  });
+  while (!__atomic_load_n(&begun, __ATOMIC_ACQUIRE)) ::sched_yield();
+  const std::vector<char> others(5'000, 'b');
+  if (::write(line, others.data(), others.size()) != static_cast<ssize_t>(others.size())) std::abort();
+  writes.join();
+  say("two writes", 0);
+}
+
 bool do_line_step(const std::string& name, const std::string& value) {
   if (name == "open") {
     open_line(0);
@@ -223,6 +328,15 @@ bool do_line_step(const std::string& name, const std::string& value) {
     do_copy(value);
   } else if (name == "fork") {
     do_fork();
+  } else if (name == "creat") {
+    line = ::creat(path, 0600);
+    say("creat", line < 0 ? -1 : 0);
+  } else if (name == "reopen") {
+    ::dup2(line, 0);
+    ::close(line);
+    line = ::open("/dev/stdin", O_RDWR | O_NOCTTY);
+    ::close(0);
+    say("reopen", line < 0 ? -1 : 0);
   } else {
     return false;
   }
@@ -244,6 +358,25 @@ bool do_step(const std::string& name, const std::string& value) {
     std::vector<char> bytes = pattern(std::strtoul(value.c_str(), nullptr, 10));
     const iovec parts[2] = {{bytes.data(), bytes.size() - 7}, {bytes.data() + bytes.size() - 7, 7}};
     say("bigv", ::writev(line, parts, 2));
+  } else if (name == "redirect") {
+    do_redirect();
+  } else if (name == "threads") {
+    do_threads();
+  } else if (name == "firstends") {
+    do_first_ends();
+  } else if (name == "stop") {
+    do_stop();
+  } else if (name == "closeunder") {
+    do_close_under_read();
+  } else if (name == "twowrites") {
+    do_two_writes();
+  } else if (name == "p2") {
+    char bytes[9] = {};
+    iovec part{const_cast<char*>(value.data()), value.size()};
+    say("pwritev2", ::pwritev2(line, &part, 1, -1, 0));
+    part = {bytes, 3};
+    const ssize_t got = ::preadv2(line, &part, 1, -1, 0);
+    say("preadv2", got, bytes);
   } else if (name == "vectors") {
     do_vectors();
   } else if (name == "bad") {

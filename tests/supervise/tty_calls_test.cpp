@@ -242,6 +242,12 @@ TEST_F(TtyCallsTest, ASignalEndsAWait) {
   EXPECT_THAT(run({"alarm:20", "wait"}), ElementsAre("wait -1 EINTR"));
 }
 
+// As the kernel has it, a handler's SA_RESTART or not: a second break would reach the device.
+TEST_F(TtyCallsTest, ASignalEndsABreakForGood) {
+  EXPECT_THAT(run({"alarm:20r", "break"}), ElementsAre("break -1 EINTR"));
+  EXPECT_THAT(line.told, ElementsAre("break on", "break off"));
+}
+
 TEST_F(TtyCallsTest, TheLinesEndEndsAWait) {
   line.on_signal = [this](const LineSignal&) {
     loop.post([this] { gone.set_after(std::chrono::milliseconds(5)); });

@@ -79,10 +79,11 @@ static void change_rs485(int fd, FILE* out) {
   fprintf(out, "%d after %u\n", read_back, rs485.delay_rts_after_send);
 }
 
-static void alarm_in(int ms) {
+static void alarm_in(int ms, int flags) {
   struct sigaction action;
   memset(&action, 0, sizeof(action));
-  action.sa_handler = on_alarm;  // without SA_RESTART
+  action.sa_handler = on_alarm;
+  action.sa_flags = flags;
   sigaction(SIGALRM, &action, NULL);
   struct itimerval timer = {{0, ms * 1000}, {0, ms * 1000}};  // again and again: the first may be early
   setitimer(ITIMER_REAL, &timer, NULL);
@@ -170,7 +171,7 @@ int main(int count, char** words) {
     } else if (strncmp(step, "write:", 6) == 0) {
       fprintf(out, "write %zd\n", write(fd, step + 6, strlen(step + 6)));
     } else if (strncmp(step, "alarm:", 6) == 0) {
-      alarm_in(atoi(step + 6));
+      alarm_in(atoi(step + 6), step[strlen(step) - 1] == 'r' ? SA_RESTART : 0);
     } else if (strcmp(step, "wait") == 0) {
       const int result = ioctl(fd, TIOCMIWAIT, TIOCM_CTS);
       fprintf(out, "wait %d %s\n", result, error_name());
