@@ -16,6 +16,7 @@
 #include "tools/command_line.hpp"
 #include "tools/follow.hpp"
 #include "tools/output.hpp"
+#include "tools/new_tape_option.hpp"
 #include "tools/text.hpp"
 #include "tools/verbs.hpp"
 
@@ -158,9 +159,7 @@ Result<bool> print_tape(TapeReader& tape, const CatOptions& options, CatPrinter&
 }
 
 int fail(const Error& error, std::ostream& out, std::ostream& err) {
-  out.flush();
-  err << "porttape cat: " << printable_line(error.message) << '\n';
-  return exit_status_of(error.code);
+  return fail_verb("cat", error, out, err);
 }
 
 void note(const std::string& text, std::ostream& out, std::ostream& err) {

@@ -22,9 +22,10 @@ constexpr VerbHelp kCutHelp{
     "Makes a tape of a part of another: blocks and events as they are, unknown ones too. What\n"
     "held on the line before (the open, settings, modem lines) stands at its beginning, so that\n"
     "it replays. Times stay what they were; with --rebase the first thing kept is at 0. Ranges\n"
-    "are open where a side is left out: --exchange 7.. is all from the seventh on. Exit status:\n"
-    "0, 1 the tape is damaged or a file cannot be read or written, 2 wrong use, or nothing is in\n"
-    "the range.\n",
+    "are open where a side is left out: --exchange 7.. is all from the seventh on. The tape is\n"
+    "read to its end, which tells whether its bytes are what was recorded; of one whose blocks\n"
+    "break off behind the part, that has no end of its own. Exit status: 0, 1 the tape is damaged\n"
+    "or a file cannot be read or written, 2 wrong use, or nothing is in the range.\n",
     "  porttape cut laser.log --from 12.5 --to 14 -o part\n"
     "  porttape cut laser.log --exchange 17 --rebase -o one\n"
     "  porttape cut laser.log --mark 'arm moves..arm stops' -o moving\n"};
@@ -128,6 +129,12 @@ int run_cut(Arguments args, std::ostream& out, std::ostream& err) {
   progress.clear();
   if (!cut) return fail_verb("cut", cut.error(), out, err);
   tell_cut(*cut, *from, out);
+  if (cut->damage_behind)
+    fmt::print(
+        err,
+        "porttape cut: warning: the tape is damaged behind the part, which has no end therefore, so that "
+        "its bytes are not vouched for: {}\n",
+        printable_line(cut->damage_behind->message));
   return exit_status::kPass;
 }
 

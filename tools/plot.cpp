@@ -6,6 +6,7 @@
 #include "libport/tape/tape_reader.hpp"
 #include "libport/taped/report_file.hpp"
 #include "tools/command_line.hpp"
+#include "tools/new_tape_option.hpp"
 #include "tools/tape_plot.hpp"
 #include "tools/verbs.hpp"
 
@@ -20,11 +21,6 @@ constexpr VerbHelp kPlotHelp{
     "picture says so) or something cannot be read or written, 2 wrong use, no such tape.\n",
     "  porttape plot laser.log -o laser.svg\n"
     "  porttape plot laser.log -o - | display\n"};
-
-int fail_plot(std::ostream& err, const Error& error) {
-  err << "porttape plot: " << printable_line(error.message) << '\n';
-  return exit_status_of(error.code);
-}
 
 // What is wrong with the tape, if anything.
 std::optional<Error> draw(TapeReader& tape, TapePlot& plot, std::vector<std::string>& notes) {
@@ -48,24 +44,25 @@ int run_plot(Arguments args, std::ostream& out, std::ostream& err) {
   line.value("output,o", "FILE", "the picture; - is stdout")
       .flag("overwrite", "replaces a file that is there");
   if (const auto done = line.parse(args, out, err)) return *done;
+  const auto fail = [&](const Error& error) { return fail_verb("plot", error, out, err); };
   if (line.tapes().size() > 1) return line.usage_error(err, "more than one tape given");
   const auto output = line.text("output");
   if (!output || output->empty()) return line.usage_error(err, "-o FILE is missing: where the picture goes");
   const auto paths = find_tape(line.tapes().front());
-  if (!paths) return fail_plot(err, paths.error());
-  if (const auto apart = check_report_apart(*output, *paths); !apart) return fail_plot(err, apart.error());
+  if (!paths) return fail(paths.error());
+  if (const auto apart = check_report_apart(*output, *paths); !apart) return fail(apart.error());
   Result<NewFile> file = NewFile::create(*output, line.has("overwrite"));
-  if (!file) return fail_plot(err, file.error());
+  if (!file) return fail(file.error());
   auto tape = TapeReader::open(*paths, {.events_may_fail = true});
-  if (!tape) return fail_plot(err, tape.error());
+  if (!tape) return fail(tape.error());
   TapePlot plot;
   std::vector<std::string> notes;
   const std::optional<Error> damage = draw(*tape, plot, notes);
   const std::string picture = plot.svg(paths->file_name(), notes);
-  if (Result<void> added = file->add(picture); !added) return fail_plot(err, added.error());
-  if (Result<void> finished = file->finish(); !finished) return fail_plot(err, finished.error());
+  if (Result<void> added = file->add(picture); !added) return fail(added.error());
+  if (Result<void> finished = file->finish(); !finished) return fail(finished.error());
   if (!damage) return exit_status::kPass;
-  fail_plot(err, *damage);
+  fail(*damage);
   return exit_status::kRuntime;
 }
 

@@ -125,8 +125,7 @@ class TapeCutter {
       if (options_.progress) options_.progress(bytes_ += bytes_in_file(record));
       // A block in pieces is where its first one is.
       if (record.piece_offset == 0) place_ = watch_.place_of(record);
-      if (place_ == RangeWatch::Place::behind)
-        return finish(part_ ? std::optional(part_->latest()) : std::nullopt);
+      if (place_ == RangeWatch::Place::behind) return finish_before_rest();
       if (Result<void> taken = take(record); !taken) return taken.error();
     }
     if (const auto missing = watch_.open_end(); missing && part_) return nothing(*missing);
@@ -165,6 +164,20 @@ class TapeCutter {
     part_.emplace(std::move(*part));
     done_.from = from;
     return {};
+  }
+
+  // Only the tape's end tells whether the part is what was recorded. Where damage keeps that from being read,
+  // the part has none.
+  Result<CutTape> finish_before_rest() {
+    if (!part_) return finish(std::nullopt);
+    for (;;) {
+      const Result<std::optional<Record>> next = reader_.next();
+      if (!next && (next.error().code != Errc::damaged_tape || reader_.came_to_end())) return next.error();
+      if (!next) done_.damage_behind = next.error();
+      if (!next || !*next) break;
+      if (options_.progress) options_.progress(bytes_ += bytes_in_file(**next));
+    }
+    return finish(done_.damage_behind ? std::nullopt : std::optional(part_->latest()));
   }
 
   [[nodiscard]] Error nothing(const std::string& why) const {

@@ -37,10 +37,12 @@ struct CutTape {
   TapeTime from{};  // on the source's time: of the first and the last thing that was kept
   TapeTime to{};
   std::uint64_t blocks = 0;
-  std::uint64_t events = 0;  // without those that are carried
+  std::uint64_t events = 0;                 // without those that are carried
+  std::optional<Error> damage_behind = {};  // the source has: the part has no `end`
 };
 
-// Makes a tape of a part of another. Errc::usage: there is nothing in the range, with what there is instead;
+// Makes a tape of a part of another, which is read to its end, since only that tells whether its bytes are
+// what was recorded. Errc::usage: there is nothing in the range, with what there is instead;
 // else as TapeReader and NewTape.
 Result<CutTape> cut_tape(const TapePaths& from, const TapePaths& to, const CutOptions& options);
 

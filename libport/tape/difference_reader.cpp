@@ -10,7 +10,8 @@ DifferenceReader::Lookup::Lookup(TapeReader reader, bool events)
       turns_(std::make_unique<TurnReader>(*tape_, TurnReader::Options{.events = events})) {}
 
 Result<DifferenceReader::Lookup> DifferenceReader::Lookup::open(const TapePaths& tape, bool events) {
-  Result<TapeReader> reader = TapeReader::open(tape);
+  // It has been read through before.
+  Result<TapeReader> reader = TapeReader::open(tape, {.checks_end = false});
   if (!reader) return reader.error();
   return Lookup(std::move(*reader), events);
 }

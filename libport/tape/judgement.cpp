@@ -1,11 +1,15 @@
 #include "libport/tape/judgement.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cinttypes>
 #include <cstdio>
 #include <cstdlib>
+#include <iterator>
+#include <utility>
 
 #include "libport/base/bytes.hpp"
+#include "libport/tape/end_check.hpp"
 
 namespace porttape {
 namespace {
@@ -23,62 +27,8 @@ std::string in_seconds(TapeTime time) {
   return text.data();
 }
 
-std::string text_of(const PayloadTotals& totals, bool with_digest) {
-  std::string text = plural(totals.blocks, "block") + ", " + plural(totals.bytes, "byte");
-  if (!with_digest || !totals.xxh3) return text;
-  return text + ", xxh3 " + digest_text(*totals.xxh3);
-}
-
-// A digest that is not told fits any.
-bool fits(const PayloadTotals& held, const PayloadTotals& told) {
-  return held.blocks == told.blocks && held.bytes == told.bytes &&
-         (!held.xxh3 || !told.xxh3 || held.xxh3 == told.xxh3);
-}
-
-// An r or w file beside what the `end` event tells of it.
-struct Checked {
-  const FileSummary& file;
-  PayloadTotals told;
-
-  [[nodiscard]] bool as_told() const { return fits(file.totals(), told); }
-  [[nodiscard]] bool is_wrong() const { return !file.damage && !as_told(); }
-  // Vouches for the events file: bytes that another tape would hardly have.
-  [[nodiscard]] bool vouches() const { return file.exists && as_told() && told.bytes > 0; }
-};
-
-std::string what_is_wrong(const Checked& checked, const Checked& other, const std::string& events) {
-  const FileSummary& file = checked.file;
-  const PayloadTotals held = file.totals();
-  const bool same_size = held.blocks == checked.told.blocks && held.bytes == checked.told.bytes;
-  const std::string told = events + " tells of " + text_of(checked.told, same_size);
-  if (!file.exists) return file.path + " is missing: " + told;
-  const std::string holds = ": it holds " + text_of(held, same_size) + "; " + told;
-  if (fits(held, other.told)) return file.path + " is what belongs in " + other.file.path + holds;
-  const bool less = held.blocks <= checked.told.blocks && held.bytes <= checked.told.bytes && !same_size;
-  return file.path + (less ? " is shortened, or another tape's" : " is another tape's, or changed") + holds;
-}
-
-void check_files(const Checked& read, const Checked& write, const std::string& events, Judgement& judgement) {
-  const bool exchanged = read.is_wrong() && write.is_wrong() && fits(read.file.totals(), write.told) &&
-                         fits(write.file.totals(), read.told);
-  if (exchanged) {
-    judgement.damages.push_back(read.file.path + " and " + write.file.path +
-                                " are swapped: each holds what " + events + " tells of the other");
-    return;
-  }
-  if (read.is_wrong()) judgement.damages.push_back(what_is_wrong(read, write, events));
-  if (write.is_wrong()) judgement.damages.push_back(what_is_wrong(write, read, events));
-  const bool foreign_content =
-      (read.is_wrong() && read.file.exists) || (write.is_wrong() && write.file.exists);
-  if (foreign_content && !read.vouches() && !write.vouches()) {
-    judgement.damages.push_back(events +
-                                " may be another tape's itself: nothing beside it is what it tells of");
-  }
-  for (const Checked* checked : {&read, &write}) {
-    if (!checked->file.exists && checked->as_told()) {
-      judgement.notes.push_back(checked->file.path + " is missing; it held nothing");
-    }
-  }
+HeldFile held(const FileSummary& file) {
+  return {file.path, file.exists, file.damage.has_value(), file.totals()};
 }
 
 std::string text_of(const GapSummary& gap, const std::string& events) {
@@ -137,7 +87,10 @@ Judgement judge(const TapeSummary& tape) {
   const EventsSummary& events = tape.events;
   const bool has_totals = events.end_read && events.end_write;
   if (has_totals && !tape.being_written) {
-    check_files({tape.read, *events.end_read}, {tape.write, *events.end_write}, events.path, judgement);
+    EndFindings found =
+        compare_with_end(held(tape.read), held(tape.write), {events.end_read, events.end_write}, events.path);
+    std::ranges::move(found.damages, std::back_inserter(judgement.damages));
+    judgement.notes = std::move(found.notes);
   }
   const std::vector<std::string> flaws = flaws_of(tape);
   judgement.notes.insert(judgement.notes.end(), flaws.begin(), flaws.end());

@@ -6,9 +6,11 @@
 
 #include "libport/base/printable.hpp"
 #include "libport/tape/block_file.hpp"
+#include "libport/tape/end_check.hpp"
 #include "libport/tape/event_file.hpp"
 #include "libport/tape/layout.hpp"
 #include "libport/tape/merge_order.hpp"
+#include "libport/tape/tape_lock.hpp"
 
 namespace porttape {
 namespace {
@@ -96,6 +98,17 @@ Record record_of(const TapeEvent& event, std::string_view line) {
   return record;
 }
 
+// The files of a tape differ in the last letter.
+EndCheck::Names names_of(const TapeSources& sources) {
+  const std::string& events = sources.events->name();
+  const std::string base = events.substr(0, events.empty() ? 0 : events.size() - 1);
+  const auto name = [&](const std::unique_ptr<ByteSource>& source, char letter) {
+    return source ? source->name() : base + letter;
+  };
+  return {name(sources.read, 'r'), name(sources.write, 'w'), events, sources.read != nullptr,
+          sources.write != nullptr};
+}
+
 void add_note(std::optional<std::string>& notes, const std::optional<std::string>& note) {
   if (!note) return;
   notes = notes ? *notes + "; " + *note : *note;
@@ -110,9 +123,13 @@ struct TapeReader::Impl {
   bool has_events = false;
   Options options;
   std::optional<Error> events_error;  // of one that may fail
+  std::optional<EndCheck> end_check;
+  bool came_to_end = false;
 
   TapeFile look();
   Result<std::optional<Record>> next();
+  Result<std::optional<Record>> at_end();
+  std::optional<Record> passed(const Record& record);
 };
 
 Result<TapeSources> TapeSources::open(const TapePaths& paths) {
@@ -134,7 +151,9 @@ Result<TapeSources> TapeSources::open(const TapePaths& paths) {
 Result<TapeReader> TapeReader::open(const TapePaths& paths, const Options& options) {
   auto sources = TapeSources::open(paths);
   if (!sources) return sources.error();
-  return from_sources(std::move(*sources), options);
+  Options known = options;
+  known.checks_end = checks_end;
+  return from_sources(std::move(*sources), known);
 }
 
 Result<TapeReader> TapeReader::from_sources(TapeSources sources, const Options& options) {
@@ -142,6 +161,8 @@ Result<TapeReader> TapeReader::from_sources(TapeSources sources, const Options& 
   const auto layout = detect_layout(sources.read.get(), sources.write.get());
   if (!layout) return layout.error();
   auto impl = std::make_unique<Impl>();
+  // Looked at first: a tape that ends meanwhile may have been read before its end.
+  const bool checks_end = options.checks_end && !is_being_written(paths);
   impl->has_events = sources.events != nullptr;
   impl->options = options;
   if (sources.read && (select == Select::merged || select == Select::reads_only)) {
@@ -154,6 +175,8 @@ Result<TapeReader> TapeReader::from_sources(TapeSources sources, const Options& 
     auto events = EventFile::create(std::move(sources.events));
     if (events) {
       impl->events.set(std::move(*events));
+  std::optional<EndCheck::Names> checked;
+  if (options.checks_end && select == Select::merged && sources.events) checked = names_of(sources);
     } else if (options.events_may_fail) {
       impl->events_error = events.error();
     } else {
@@ -170,6 +193,7 @@ TapeReader::~TapeReader() = default;
 
 Result<std::optional<Record>> TapeReader::next() { return impl_->next(); }
 
+  if (checked && impl->events.exists()) impl->end_check.emplace(*checked, impl->events.file().header());
 // The file whose item comes next.
 TapeFile TapeReader::Impl::look() {
   using BlockState = Head<BlockFile>::State;
@@ -202,19 +226,31 @@ Result<std::optional<Record>> TapeReader::Impl::next() {
   if (read.look() == Head<BlockFile>::State::failed) return read.file().error();
   switch (file) {
     case TapeFile::none:
-      if (events_error) return *events_error;
-      return std::optional<Record>{};
+      return at_end();
     case TapeFile::events:
       events.take();
-      return std::optional(record_of(events.file().event(), events.file().line()));
+      return passed(record_of(events.file().event(), events.file().line()));
     case TapeFile::write:
       write.take();
-      return std::optional(record_of(write.file().piece(), RecordKind::write));
+      return passed(record_of(write.file().piece(), RecordKind::write));
     case TapeFile::read:
       break;
   }
   read.take();
-  return std::optional(record_of(read.file().piece(), RecordKind::read));
+  return passed(record_of(read.file().piece(), RecordKind::read));
+}
+
+Result<std::optional<Record>> TapeReader::Impl::at_end() {
+  if (events_error) return *events_error;
+  came_to_end = true;
+  if (!end_check) return std::optional<Record>{};
+  const std::optional<Error> flaw = end_check->flaw();
+  return flaw ? Result<std::optional<Record>>(*flaw) : std::optional<Record>{};
+}
+
+std::optional<Record> TapeReader::Impl::passed(const Record& record) {
+  if (end_check) end_check->pass(record);
+  return record;
 }
 
 Result<void> TapeReader::rewind() {
@@ -231,9 +267,13 @@ void TapeReader::read_on() {
 }
 
 bool TapeReader::has_events() const { return impl_->has_events; }
+  if (impl_->end_check) impl_->end_check->rewind();
+  impl_->came_to_end = false;
 
 std::optional<TapeHeader> TapeReader::header() const {
   if (!impl_->events.exists()) return std::nullopt;
+bool TapeReader::came_to_end() const { return impl_->came_to_end; }
+
   return impl_->events.file().header();
 }
 

@@ -48,6 +48,9 @@ class TapeReader final : public RecordSource {
 
   // Errors: Errc::usage (unreadable, a folder, …), Errc::not_a_tape. Damage further on is found by next().
   static Result<TapeReader> open(const TapePaths& paths, Select select = Select::merged) {
+    // Having given all that is merged, it fails with Errc::damaged_tape where that is not what the tape's
+    // `end` tells of. Not where the tape was being written when it was opened.
+    bool checks_end = true;
     return open(paths, Options{.select = select});
   }
   static Result<TapeReader> open(const TapePaths& paths, const Options& options);
@@ -67,6 +70,8 @@ class TapeReader final : public RecordSource {
   void read_on();
 
   // Whether the tape has an events file, that is: was made by porttape and is stamped at arrival.
+  // Whether all files have been read to their ends: what next() gives as an error is then of the whole tape.
+  [[nodiscard]] bool came_to_end() const;
   [[nodiscard]] bool has_events() const;
 
   // What the events file says about the tape, if it is there and has a whole header line (read with

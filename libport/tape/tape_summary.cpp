@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "libport/tape/block_file.hpp"
+#include "libport/tape/end_check.hpp"
 #include "libport/tape/event_file.hpp"
 #include "libport/tape/exchange_count.hpp"
 #include "libport/tape/layout.hpp"
@@ -315,10 +316,9 @@ Result<TapeSummary> summarize(std::string name, TapeSources sources) {
   summary.events.path = summary.name + "e";
   EventStream events(summary.events);
   if (const auto opened = events.open(std::move(sources.events)); !opened) return opened.error();
-  // A recorder that gives its tapes an id tells digests at their end.
-  const bool has_digests = summary.events.header && !summary.events.header->id.empty();
-  BlockStream read(std::move(sources.read), *layout, has_digests, summary.read);
-  BlockStream write(std::move(sources.write), *layout, has_digests, summary.write);
+  const bool with_digest = has_digests(summary.events.header);
+  BlockStream read(std::move(sources.read), *layout, with_digest, summary.read);
+  BlockStream write(std::move(sources.write), *layout, with_digest, summary.write);
   Meters meters;
   merge(read, write, events, meters);
   meters.exchanges.report(summary);

@@ -15,8 +15,9 @@ PlayedTape::PlayedTape(TapeReader reader, const PlayedAs& as, Select select)
 Result<std::unique_ptr<PlayedTape>> PlayedTape::open(const TapePaths& paths, const PlayedAs& as,
                                                      Select select) {
   const bool writes_alone = select == Select::compared && as.writer == Writer::driver;
-  Result<TapeReader> reader =
-      TapeReader::open(paths, writes_alone ? TapeReader::Select::writes_only : TapeReader::Select::merged);
+  const auto of_tape = writes_alone ? TapeReader::Select::writes_only : TapeReader::Select::merged;
+  // tape_facts() has looked at its files.
+  Result<TapeReader> reader = TapeReader::open(paths, {.select = of_tape, .checks_end = false});
   if (!reader) return reader.error();
   return std::unique_ptr<PlayedTape>(new PlayedTape(std::move(*reader), as, select));
 }

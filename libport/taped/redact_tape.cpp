@@ -7,7 +7,9 @@
 #include <variant>
 
 #include "libport/base/printable.hpp"
+#include "libport/tape/end_check.hpp"
 #include "libport/tape/event_texts.hpp"
+#include "libport/tape/tape_lock.hpp"
 
 namespace porttape {
 namespace {
@@ -118,14 +120,17 @@ class TapeRedactor {
   }
 
   Result<RedactedTape> run() {
+    const bool being_written = is_being_written(from_);  // looked at first, since it may end meanwhile
     Result<TapeReader> reader = TapeReader::open(from_);
     if (!reader) return reader.error();
+    if (!being_written) check_.emplace(EndCheck::Names::of(from_), reader->header());
     if (Result<void> begun = begin(*reader); !begun) return begun.error();
     const bool has_events = reader->has_events();
     for (const Direction direction : {Direction::read, Direction::write}) {
       if (Result<void> passed = blocks(direction); !passed) return passed.error();
     }
     if (Result<void> passed = events(); !passed) return passed.error();
+    if (const auto flaw = check_ ? check_->flaw() : std::nullopt) return *flaw;
     if (!tape_) return std::move(done_);
     const bool ends = end_.has_value() || !has_events;
     Result<TapePaths> paths =
@@ -185,7 +190,8 @@ class TapeRedactor {
     using Select = TapeReader::Select;
     const bool pauses = book_.frames().idle() != Micros::max();
     const Select mine = direction == Direction::read ? Select::reads_only : Select::writes_only;
-    Result<TapeReader> reader = TapeReader::open(from_, pauses ? Select::merged : mine);
+    Result<TapeReader> reader =
+        TapeReader::open(from_, {.select = pauses ? Select::merged : mine, .checks_end = false});
     if (!reader) return reader.error();
     BlockRedactor redactor(book_, direction, tape_ ? &*tape_ : nullptr,
                            [this](const TapeRedaction& each) { tell(each); });
@@ -235,14 +241,16 @@ class TapeRedactor {
     if (use.count++ == 0) use.first = redaction;
     use.bytes += redaction.length;
     if (options_.on_redaction) options_.on_redaction(redaction);
+      if (check_ && counts) check_->pass(**next);
   }
 
   const TapePaths& from_;
   const TapePaths& to_;
   const RedactOptions& options_;
   RedactBook book_;
-  std::optional<NewTape> tape_;  // none: a dry run
-  std::string serial_;           // of the device
+  std::optional<NewTape> tape_;    // none: a dry run
+  std::optional<EndCheck> check_;  // none: it is being written
+  std::string serial_;             // of the device
   RedactedTape done_;
   std::optional<TapeTime> end_;
   std::uint64_t bytes_ = 0;
@@ -254,4 +262,5 @@ Result<RedactedTape> redact_tape(const TapePaths& from, const TapePaths& to, con
   return TapeRedactor(from, to, options).run();
 }
 
+      if (check_) check_->pass(record);
 }  // namespace porttape

@@ -112,12 +112,27 @@ TEST_F(CutTapeTest, NothingInTheRange) {
   EXPECT_THAT(why(TimeRange{tape_time_us(7'000'000), TapeTime::max()}), HasSubstr("it ends at 0.000600 s"));
 }
 
-TEST_F(CutTapeTest, DamageBehindTheRangeDoesNotMatterAndInItNothingIsLeft) {
+TEST_F(CutTapeTest, OfATapeDamagedBehindTheRangeThePartHasNoEndAndOfOneInItNothingIsLeft) {
   Bytes bytes = test::read_file(source.read);
   bytes.at(13 + 4) = 0xff;  // the second block's microseconds
   test::write_file(source.read, bytes);
   EXPECT_THAT(why(TimeRange{tape_time_us(100), tape_time_us(400)}), HasSubstr("damaged at offset 13"));
-  ASSERT_TRUE(cut(TimeRange{tape_time_us(0), tape_time_us(101)}));
+  const auto done = cut(TimeRange{tape_time_us(0), tape_time_us(101)});
+  ASSERT_TRUE(done);
+  ASSERT_TRUE(done->damage_behind);
+  EXPECT_THAT(done->damage_behind->message, HasSubstr("damaged at offset 13"));
+  EXPECT_THAT(kept().back(), "w 100 a");
+}
+
+TEST_F(CutTapeTest, OfBytesThatAreNotTheRecordedOnesNothingIsLeft) {
+  Bytes bytes = test::read_file(source.read);
+  bytes.at(12 + 1 + 12) = 'X';  // of the second block
+  test::write_file(source.read, bytes);
+  const std::string changed = "t.logr is another tape's, or changed: it holds 3 blocks";
+  EXPECT_THAT(why(TimeRange{}), HasSubstr(changed));
+  EXPECT_THAT(why(TimeRange{tape_time_us(0), tape_time_us(101)}), HasSubstr(changed));
+  std::filesystem::remove(source.read);
+  EXPECT_THAT(why(TimeRange{tape_time_us(0), tape_time_us(101)}), HasSubstr("t.logr is missing"));
 }
 
 TEST_F(CutTapeTest, ATapeWithoutAnEndHasNoneInItsLastPart) {

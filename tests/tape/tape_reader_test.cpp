@@ -46,6 +46,47 @@ TEST(TapeReader, MergesByTimeAndOnATieEventsThenWritesThenReads) {
   EXPECT_EQ(test::read_all(reader), all);
 }
 
+// The files of a recorded tape, of which the r file has got other bytes.
+TapeReader reader_on_changed(const TapeReader::Options& options, const std::string& behind_end = "") {
+  const Bytes read = test::block_bytes({{10, "yes"}});
+  const Bytes changed = test::block_bytes({{10, "yet"}});
+  PayloadCounter told;
+  told.begin_block();
+  told.add(as_bytes(std::string_view("yes")));
+  const std::string events = encode(TapeHeader{.device = "d", .driver = "p", .id = "0123"}) +
+                             encode(tape_time_us(20), event::End{told.totals(), PayloadCounter().totals()}) +
+                             behind_end;
+  auto reader = TapeReader::from_sources(
+      {test::memory("t.logr", changed), nullptr, test::memory("t.loge", test::bytes_of(events))}, options);
+  if (!reader) throw std::runtime_error(reader.error().message);
+  return std::move(*reader);
+}
+
+TEST(TapeReader, WhatItsEndDoesNotTellOfIsDamageOnceAllIsGiven) {
+  TapeReader reader = reader_on_changed({});
+  for (int round = 0; round < 2; ++round) {
+    EXPECT_TRUE(*reader.next());
+    EXPECT_FALSE(reader.came_to_end());
+    EXPECT_TRUE(*reader.next());
+    for (int again = 0; again < 2; ++again) {
+      const auto next = reader.next();
+      ASSERT_FALSE(next);
+      EXPECT_EQ(next.error().code, Errc::damaged_tape);
+      EXPECT_THAT(next.error().message, HasSubstr("t.logr is another tape's, or changed: it holds 1 block, 3 "
+                                                  "bytes, xxh3 "));
+    }
+    EXPECT_TRUE(reader.came_to_end());
+    EXPECT_TRUE(reader.rewind());
+  }
+}
+
+TEST(TapeReader, ItsEndIsNotComparedWhereItIsNotAskedForOrNotTheLast) {
+  TapeReader unasked = reader_on_changed({.checks_end = false});
+  EXPECT_THAT(test::read_all(unasked), ElementsAre("r 10 yet", "end 20"));
+  TapeReader goes_on = reader_on_changed({}, "{\"t_us\":30,\"event\":\"close\"}\n");
+  EXPECT_THAT(test::read_all(goes_on), ElementsAre("r 10 yet", "end 20", "close 30"));
+}
+
 TEST(TapeReader, RecordsCarryOffsetsAndTheEventsLine) {
   TapeReader reader =
       reader_on(test::block_bytes({{1, "abc"}, {2, "de"}}), {},

@@ -50,6 +50,22 @@ class RedactTapeTest : public testing::Test {
   std::vector<TapeRedaction> found;
 };
 
+TEST_F(RedactTapeTest, OfBytesThatAreNotTheRecordedOnesNothingIsMade) {
+  const TapePaths tape = test::write_tape(literal_tape(dir / "t.log"),
+                                          MemoryTape().open(0).write(100, "secret").read(200, "yes"),
+                                          {.device = "d", .driver = "p", .id = "0123"});
+  Bytes bytes = test::read_file(tape.read);
+  bytes.back() = 't';
+  test::write_file(tape.read, bytes);
+  for (const char* frames : {"", "[[frame]]\nname='f'\nkind='idle'\nidle_ms=50\n"}) {
+    const auto done = redact(tape, std::string(frames) + "[[redact]]\nname='s'\ntext='secret'\n");
+    ASSERT_FALSE(done);
+    EXPECT_EQ(done.error().code, Errc::damaged_tape);
+    EXPECT_THAT(done.error().message, HasSubstr("t.logr is another tape's, or changed"));
+    EXPECT_FALSE(std::filesystem::exists(made.read));
+  }
+}
+
 TEST_F(RedactTapeTest, ASecretOverSeveralBlocksIsFound) {
   const TapePaths tape =
       test::write_tape(literal_tape(dir / "t.log"), MemoryTape()

@@ -100,6 +100,19 @@ TEST(Cat, ShowsAPart) {
   EXPECT_EQ(run({"cat", tape, "--from=3"}).out, "     3.000000  r      1  \"c\"  63\n");
 }
 
+TEST(Cat, WhatItsEndDoesNotTellOfIsPrintedAndThenAnError) {
+  const TempDir dir;
+  const std::string end =
+      R"({"t_us":3000,"event":"end","read":{"blocks":2,"bytes":2},"write":{"blocks":0,"bytes":0}})"
+      "\n";
+  const std::string tape = make_tape(dir, "t", {{1'000, "a"}}, {}, end);
+  const auto ran = run({"cat", tape, "--blocks"});
+  EXPECT_EQ(ran.status, 1);
+  EXPECT_THAT(ran.out, StartsWith("     0.001000  r      1  \"a\"  61\n     0.003000  -  end"));
+  EXPECT_THAT(ran.err, HasSubstr("t.logr is shortened, or another tape's"));
+  EXPECT_THAT(ran.err, HasSubstr("porttape recover TAPE -o NAME"));
+}
+
 TEST(Cat, ShowsWhatIsLookedFor) {
   const test::TempDir dir;
   const std::string tape =
