@@ -203,17 +203,21 @@ Result<void> check_places(const RedactRequest& request) {
   for (const TapePaths* const tape : {&request.from, &request.to.paths}) {
     if (const auto apart = check_report_apart(*request.report, *tape); !apart) return apart;
   }
-  return check_report_place(*request.report);
+  if (const auto place = check_report_place(*request.report); !place) return place;
+  return check_report_free(*request.report, request.overwrite, request.rules.file);
+  bool overwrite = false;
 }
 
 }  // namespace
 
 int run_redact(Arguments args, std::ostream& out, std::ostream& err) {
+  request.overwrite = line.has("overwrite");
   CommandLine line(kRedactHelp);
   line.value("rules", "FILE", "what is secret: its [[redact]] tables")
       .flag("identity", "leave out host, boot and the device's identity, too")
       .flag("dry-run", "only say what would be replaced, each of it")
-      .value("report", "FILE", "all that was replaced, where and by which rule, as JSON")
+      .value("report", "FILE",
+             "all that was replaced, where and by which rule, as JSON; replaces a file only with --overwrite")
       .flag("json", "that report on stdout");
   add_new_tape_options(line);
   line.color();

@@ -107,6 +107,22 @@ Result<void> check_report_place(const std::string& path, std::string_view what) 
                                              in_quotes(path), errno_text(why)));
 }
 
+Result<void> check_report_free(const std::string& path, bool overwrite, const std::string& input) {
+  if (path == "-") return {};
+  const Result<ReportPlace> place = find_report_place(path);
+  std::error_code error;
+  // Any other trouble is check_report_place()'s.
+  if (!place || place->kind != ReportPlace::Kind::replaced || !fs::exists(place->file, error)) return {};
+  if (fs::equivalent(place->file, input, error))
+    return make_error(Errc::usage, fmt::format("report {} is {}, which is read; name another file",
+                                               in_quotes(path), in_quotes(input)));
+  if (!overwrite)
+    return make_error(Errc::usage,
+                      fmt::format("report {} exists already; name another, or --overwrite", in_quotes(path)));
+  const Result<NewFile> replaceable = NewFile::create(place->file, true);
+  return replaceable ? Result<void>() : Result<void>(replaceable.error());
+}
+
 Result<void> check_report_apart(const std::string& path, const TapePaths& tape) {
   const auto plain = [](const std::string& name) {
     std::error_code error;

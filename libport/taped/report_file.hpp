@@ -21,6 +21,10 @@ namespace porttape {
 // `what` it is, for messages.
 Result<void> check_report_place(const std::string& path, std::string_view what = "report");
 
+// Whether a report would replace nothing there but what the user lets it: without `overwrite` no file, and
+// never a tape that is being written, nor `input`, which the program reads. Errc::usage.
+Result<void> check_report_free(const std::string& path, bool overwrite, const std::string& input);
+
 // Whether a report there would leave the tape alone, whatever name leads to its files. Errc::usage.
 Result<void> check_report_apart(const std::string& path, const TapePaths& tape);
 

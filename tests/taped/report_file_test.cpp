@@ -46,6 +46,27 @@ TEST(ReportFile, AFailedWriteLeavesTheOldReport) {
   EXPECT_FALSE(write_report((dir.path() / "no" / "report.json").string(), "x").has_value());
 }
 
+TEST(ReportFile, ReplacesAFileOnlyWhereItMayAndNeverWhatIsRead) {
+  const test::TempDir dir;
+  const std::string report = dir / "report.json";
+  const std::string rules = dir / "my.rules";
+  std::ofstream(rules) << "secret\n";
+  EXPECT_TRUE(check_report_free(report, false, rules));
+  EXPECT_TRUE(check_report_free("-", false, rules));
+  EXPECT_TRUE(check_report_free("/dev/null", false, rules));
+  std::ofstream(report) << "old\n";
+  const auto taken = check_report_free(report, false, rules);
+  ASSERT_FALSE(taken);
+  EXPECT_NE(taken.error().message.find("exists already; name another, or --overwrite"), std::string::npos);
+  EXPECT_TRUE(check_report_free(report, true, rules));
+  fs::create_symlink(rules, dir / "link");
+  for (const std::string& name : {rules, dir / "link"}) {
+    const auto same = check_report_free(name, true, rules);
+    ASSERT_FALSE(same);
+    EXPECT_NE(same.error().message.find("which is read"), std::string::npos);
+  }
+}
+
 class ReportFileLinks : public testing::Test {
  protected:
   ReportFileLinks() { std::ofstream(victim) << "precious\n"; }

@@ -388,6 +388,8 @@ TOOL_ROWS = [
     ("redact good -o new --dry-run --rules none.rules", ["'dry-run' and 'output' do not go together"]),
     ("redact nothing -o new --rules none.rules", ["no tape 'nothing'"]),
     ("redact good other -o new --rules none.rules", ["more than one tape given"]),
+    ("redact good -o new --rules any.rules --report file", ["report 'file' exists already", "--overwrite"]),
+    ("redact good -o new --rules any.rules --report any.rules --overwrite", ["'any.rules' is 'any.rules', which is read"]),
     ("redact good -o new --dry-rnu", ["'--dry-rnu'", near("--dry-run")]),
     ("pack good", ["'output' is missing: -o FILE"]),
     ("pack nothing -o new.tar.zst", ["no tape 'nothing'"]),
