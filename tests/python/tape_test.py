@@ -130,6 +130,25 @@ class TapeTest(unittest.TestCase):
                 seen[status] += 1
         self.assertTrue(seen[0] > 10 and seen[1] > 10, seen)
 
+    def test_unfinished_blocks_as_the_format_has_them(self):
+        def block(second, data, length=None):
+            return struct.pack(">III", second, 0, len(data) if length is None else length) + data
+
+        early = block(100, block(50, b"no block of this chain"), 1000)
+        cases = {
+            "a chain that begins before the block with the long length": (block(5, b"a") + early, b""),
+            "a chain behind it": (block(5, b"a") + block(100, block(150, b"of the chain"), 1000), b""),
+            "up to eight bytes that do not begin with 0": (b"\1\2\3\4\5", b""),
+            "the same beside a block": (b"\1\2\3\4\5", block(1, b"b")),
+            "three bytes that begin with 0": (b"\0\0\1", b""),
+            "microseconds that cannot be": (b"\0\0\0\1\xff\xff\xff", b""),
+        }
+        for name, (read, write) in cases.items():
+            (self.folder / "odd.logr").write_bytes(read)
+            (self.folder / "odd.logw").write_bytes(write)
+            with self.subTest(name):
+                self.assertEqual(in_python(self.folder / "odd"), cat(self.folder / "odd"))
+
     def test_a_tape_appears_whole_or_not_at_all(self):
         made = tape.Writer(self.folder / "new.log")
         made.read(5, b"a")

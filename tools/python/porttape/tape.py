@@ -130,7 +130,7 @@ def _blocks_follow(file: BinaryIO, layout: _Layout, start: int, not_before_us: i
     file.seek(start)
     data = file.read(_SEARCH + layout.size)
     tries = 0
-    for at in range(max(0, min(_SEARCH, len(data) - layout.size + 1))):
+    for at in range(max(0, min(_SEARCH + 1, len(data) - layout.size + 1))):
         header = layout.header(data, at)
         if header[1] >= 1_000_000 or header[2] == 0:
             continue
@@ -169,33 +169,34 @@ def _look_at(path: pathlib.Path, layout: _Layout) -> _Look:
     with file:
         size = os.fstat(file.fileno()).st_size
         data = file.read(_LOOK)
-        at, last_us, any_block = 0, 0, False
-        while at < size:
-            if at + layout.size > size:  # a part of a header
-                look.rank = _TORN
-                if not any_block:
-                    look.needs_other = size - at < (8 if layout is _NATIVE64 else 4)
-                    microseconds = struct.unpack_from(">I", data, at + 4)[0] if size - at >= 8 else 0
-                    if layout is _BIG_ENDIAN and microseconds >= 1_000_000:
-                        look.rank = _NO_TAPE
-                return look
-            if at + layout.size > len(data):
-                look.rank = _GOES_ON
-                return look
+        at, last_us = 0, 0
+        while at + layout.size <= len(data):
             header = layout.header(data, at)
             if layout.fault(header, last_us) is not None:
                 look.rank = _DAMAGED if look.blocks else _NO_TAPE
                 return look
-            if at + layout.size + header[2] > size:
-                look.claims = header[2]
-                likely = any_block or (header[2] <= _MOST_CLAIMED and header[0] <= _LATEST_FIRST_S)
-                follows = _blocks_follow(file, layout, at + layout.size, last_us, size)
-                look.rank = _DAMAGED if follows else _TORN if likely else _NO_TAPE
-                return look
             last_us = header[0] * 1_000_000 + header[1]
-            any_block = True
+            if header[2] > size - at - layout.size:
+                look.claims = header[2]
+                if look.blocks or (header[2] <= _MOST_CLAIMED and header[0] < _LATEST_FIRST_S):
+                    look.rank = _TORN
+                else:
+                    follows = _blocks_follow(file, layout, at + layout.size, last_us, size)
+                    look.rank = _DAMAGED if follows else _NO_TAPE
+                return look
             look.blocks += header[2] > 0
             at += layout.size + header[2]
+        if at == size:
+            return look
+        if len(data) < size:
+            look.rank = _GOES_ON
+        elif look.blocks:
+            look.rank = _TORN
+        else:  # a part of a header
+            part = data[at:]
+            look.needs_other = len(part) < 8 if layout is _NATIVE64 else part[0] != 0 and len(part) <= 8
+            whole = part + bytes(layout.size - len(part))
+            look.rank = _TORN if layout.fault(layout.header(whole), 0) is None else _NO_TAPE
     return look
 
 
@@ -211,7 +212,7 @@ def _layout_of(base: pathlib.Path) -> _Layout:
         if possible:
             damaged = any(look.rank == _DAMAGED for look in looks)
             found.append(
-                ((-blocks, damaged, sum(look.rank for look in looks), sum(look.claims for look in looks)), layout)
+                ((-blocks, damaged, sum(look.rank for look in looks), max(look.claims for look in looks)), layout)
             )
     if not found:
         raise Error(f"{base} is not a tape: its files are no blocks of either layout")
@@ -238,14 +239,20 @@ class _Files:
 class Reader:
     """A tape in its order: by time; of equal times events, then writes, then reads. Begins anew with each `for`.
 
-    Raises Error where there is none, and while it is read Damage. `notes` tells of torn tails once they were met.
+    Raises Error where there is none, and while it is read Damage: also, once all was given, where there are not as many
+    blocks and bytes as the tape's `end` tells of (digests are porttape verify's). `notes` tells of torn tails once they were met.
     """
 
     def __init__(self, name: str | os.PathLike[str]) -> None:
         self.path = find(name)
         self.notes: list[str] = []
         self._files = _Files()
-        self._layout = _layout_of(self.path)
+        try:
+            self._layout = _layout_of(self.path)
+        except Error as error:
+            if self._header() is not None:
+                raise Damage(str(error)) from None
+            raise
         self.header: dict[str, Any] | None = self._header()
         """Of the events file; None without one."""
 
@@ -271,17 +278,31 @@ class Reader:
         self.notes.clear()
         streams: list[Iterator[Item]] = [self._events(), self._blocks("w"), self._blocks("r")]
         heads = [next(stream, None) for stream in streams]
+        end: Event | None = None
+        held = {letter: {"blocks": 0, "bytes": 0} for letter in "rw"}
         while True:
             chosen = None
             for index, head in enumerate(heads):
                 if head is not None and (chosen is None or head.t_us < heads[chosen].t_us):  # type: ignore[union-attr]
                     chosen = index
             if chosen is None:
-                return
+                break
             head = heads[chosen]
             assert head is not None
+            if isinstance(head, Event):
+                end = head if head.kind == "end" else None
+            else:
+                held[head.direction]["blocks"] += 1
+                held[head.direction]["bytes"] += len(head.data)
             yield head
             heads[chosen] = next(streams[chosen], None)
+        for letter, key in (("r", "read"), ("w", "write")):
+            told = end.keys.get(key) if end is not None else None
+            if isinstance(told, dict) and any(told.get(count, found) != found for count, found in held[letter].items()):
+                raise Damage(
+                    f"{self._file(letter)} is not what the tape's end tells of: it holds {held[letter]['blocks']} "
+                    f"blocks, {held[letter]['bytes']} bytes; porttape verify says more"
+                )
 
     def _file(self, letter: str) -> pathlib.Path:
         return pathlib.Path(f"{self.path}{letter}")
@@ -295,10 +316,12 @@ class Reader:
             line = file.readline(_LINE + 1)
         if not line.endswith(b"\n"):
             if len(line) > _LINE:
-                raise Error(f"{self._file('e')} is no events file: its first line is too long")
+                raise Damage(f"{self._file('e')} is no events file: its first line is too long")
             return None  # torn
         header = _object(line)
-        if header is None or header.get("format") != "porttape-events" or header.get("version") != 1:
+        if header is None or header.get("format") != "porttape-events":
+            raise Damage(f"{self._file('e')} is no events file: its first line is no porttape-events header")
+        if header.get("version") != 1:
             raise Error(f"{self._file('e')} is no events file of version 1")
         return header
 
@@ -321,12 +344,12 @@ class Reader:
             fault = layout.fault(header, last_us)
             if fault is not None:
                 raise Damage(f"{path}: damaged at byte {at}: {fault}")
+            last_us = header[0] * 1_000_000 + header[1]
             if at + layout.size + header[2] > size:
                 if _blocks_follow(file, layout, at + layout.size, last_us, size):
                     raise Damage(f"{path}: damaged at byte {at}: a length of {header[2]} runs past the end of the file")
                 self.notes.append(f"{path}: an unfinished block at byte {at}, which does not count")
                 return
-            last_us = header[0] * 1_000_000 + header[1]
             at += layout.size + header[2]
             yield Block(last_us, letter, file.read(header[2]))
 
