@@ -28,10 +28,10 @@ constexpr VerbHelp kRedactHelp{
     "Makes a tape of another without its secrets: what the [[redact]] tables of a rules file say\n"
     "(texts, patterns, parts of frames, ranges of bytes; libport/rules/RULES.md) is replaced by\n"
     "fillers of the same length, the same secret everywhere by the same one. Blocks and times\n"
-    "stay; checksums of the file's frames follow. Texts of marks and of the header are looked\n"
-    "through too. Look at what is left before you give a tape away. Exit status: 0 done (a rule\n"
-    "that finds nothing is warned of), 1 the tape is damaged or a file cannot be read or written,\n"
-    "2 wrong use.\n",
+    "stay; checksums of the file's frames follow. Texts of events and of the header are looked\n"
+    "through too; what cannot be replaced there (a number, the name of a key) is warned of. Look at\n"
+    "what is left before you give a tape away. Exit status: 0 done (a rule that finds nothing is\n"
+    "warned of), 1 the tape is damaged or a file cannot be read or written, 2 wrong use.\n",
     "  porttape redact laser.log --rules secrets.rules --dry-run\n"
     "  porttape redact laser.log --rules secrets.rules --identity -o clean\n"};
 
@@ -70,6 +70,28 @@ JsonObject json_of(const RuleSet& rules, const TapeRedaction& redaction) {
   return object.add("rule", rules.redactions[static_cast<std::size_t>(redaction.rule)].name);
 }
 
+std::string_view word_for(FixedText what) {
+  switch (what) {
+    case FixedText::number:
+      return "number";
+    case FixedText::key:
+      return "key";
+    case FixedText::kind:
+      break;
+  }
+  return "kind";
+}
+
+JsonObject json_of(const RuleSet& rules, const UnredactedText& left) {
+  JsonObject object;
+  object.add("dir", where_text(left.where));
+  if (left.where != Where::header) object.add("t_us", to_us(left.first));
+  return object.add("what", word_for(left.what))
+      .add("key", left.key)
+      .add("rule", rules.redactions[static_cast<std::size_t>(left.rule)].name)
+      .add("count", left.count);
+}
+
 // All that was replaced, as JSON, with the sums behind it.
 class RedactionReport {
  public:
@@ -90,11 +112,14 @@ class RedactionReport {
                    .add("count", tape.rules[i].count)
                    .add("bytes", tape.rules[i].bytes));
     }
+    JsonList left;
+    for (const UnredactedText& each : tape.left) left.add(json_of(rules_, each));
     spool_.add("\n],");
     spool_.add(JsonObject()
                    .add("tape", dry_run ? from.file_name() : tape.paths.file_name())
                    .add_raw("dry_run", dry_run ? "true" : "false")
                    .add("rules", uses)
+                   .add("left", left)
                    .add("checksums_mended", tape.follows.count)
                    .add("checksums_left_wrong", tape.wrong_checksums)
                    .add_raw("identity_removed", identity ? "true" : "false")
@@ -148,6 +173,18 @@ void warn(const RedactedTape& tape, const RuleSet& rules, std::ostream& err) {
     fmt::print(err, "porttape redact: warning: {}:{}: [[redact]] {} is found nowhere on the tape\n",
                printable_line(rules.file), rules.redactions[i].line.number,
                in_quotes(rules.redactions[i].name));
+  }
+  for (const UnredactedText& left : tape.left) {
+    const RedactRule& rule = rules.redactions[static_cast<std::size_t>(left.rule)];
+    const bool header = left.where == Where::header;
+    const std::string when =
+        header ? "" : fmt::format(" at {} s, {} in all", seconds_number(to_us(left.first)), left.count);
+    const std::string_view what = left.what == FixedText::number ? "the number"
+                                  : left.what == FixedText::key  ? "the name of the key"
+                                                                 : "an event's kind,";
+    fmt::print(err, "porttape redact: warning: {}:{}: {} is found in the {}{} in {} {}; it stays\n",
+               printable_line(rules.file), rule.line.number, in_quotes(rule.name),
+               header ? "header" : "events", when, what, in_quotes(left.key));
   }
   if (tape.wrong_checksums > 0)
     fmt::print(err,

@@ -170,20 +170,60 @@ class TapeRedactor {
     return less;
   }
 
+  struct RedactedText {
+    std::string text;
+    std::vector<Redaction> redactions;
+  };
+  Result<RedactedText> redacted_text(std::string_view text) const {
+    RedactStream stream(book_, RedactStream::Of::text);
+    Result<void> done = stream.add(as_bytes(text));
+    if (done) done = stream.finish();
+    if (!done) return done.error();
+    RedactStream::Ready ready = stream.take();
+    return RedactedText{std::string(as_text(ready.bytes)), std::move(ready.redactions)};
+  }
+  // A key may say what is to be hidden, too.
+  [[nodiscard]] std::string hidden_key(std::string_view key) const {
+    const Result<RedactedText> hidden = redacted_text(key);
+    return hidden ? hidden->text : std::string();
+  }
+
   Result<std::string> redacted(std::string_view line, Where where, TapeTime at) {
     std::optional<Error> failed;
-    std::string changed = change_texts(line, [&](std::string_view key, std::string_view text) {
-      RedactStream stream(book_, RedactStream::Of::text);
-      Result<void> done = stream.add(as_bytes(text));
-      if (done) done = stream.finish();
-      if (!done) failed = done.error();
-      const RedactStream::Ready ready = stream.take();
-      for (const Redaction& each : ready.redactions)
-        tell({where, at, each.offset, each.length, each.rule, std::string(key)});
-      return std::string(as_text(ready.bytes));
-    });
+    const auto change = [&](std::string_view key, std::string_view text) {
+      Result<RedactedText> changed = redacted_text(text);
+      if (!changed) failed = changed.error();
+      if (!changed) return std::string();
+      for (const Redaction& each : changed->redactions)
+        tell({where, at, each.offset, each.length, each.rule, hidden_key(key)});
+      return std::move(changed->text);
+    };
+    const auto look = [&](FixedText what, std::string_view key, std::string_view text) {
+      const Result<RedactedText> changed = redacted_text(text);
+      if (!changed) failed = changed.error();
+      if (!changed || changed->redactions.empty()) return;
+      const std::string above = key.empty() ? "" : hidden_key(key) + ".";
+      const std::string name = what == FixedText::number ? hidden_key(key)
+                               : what == FixedText::key  ? above + changed->text
+                                                         : changed->text;
+      for (const Redaction& each : changed->redactions) note_left({where, at, 1, what, name, each.rule});
+    };
+    std::string changed = change_texts(line, change, look);
     if (failed) return *failed;
     return changed;
+  }
+
+  void note_left(UnredactedText left) {
+    constexpr std::size_t most = 64;
+    const auto same = std::ranges::find_if(done_.left, [&](const UnredactedText& each) {
+      return each.where == left.where && each.what == left.what && each.key == left.key &&
+             each.rule == left.rule;
+    });
+    if (same != done_.left.end()) {
+      ++same->count;
+    } else if (done_.left.size() < most) {
+      done_.left.push_back(std::move(left));
+    }
   }
 
   Result<void> blocks(Direction direction) {
@@ -201,6 +241,7 @@ class TapeRedactor {
       if (!*next) break;
       const bool counts =
           (*next)->kind == (direction == Direction::read ? RecordKind::read : RecordKind::write);
+      if (check_ && counts) check_->pass(**next);
       if (options_.progress && counts) options_.progress(bytes_ += bytes_in_file(**next));
       if (Result<void> passed = redactor.pass(**next); !passed) return passed;
     }
@@ -220,6 +261,7 @@ class TapeRedactor {
       const Record& record = **next;
       if (options_.progress) options_.progress(bytes_ += bytes_in_file(record));
       if (record.event == nullptr) continue;
+      if (check_) check_->pass(record);
       // Without another event behind it: the tape's end.
       end_.reset();
       if (std::holds_alternative<event::End>(*record.event)) {
@@ -241,7 +283,6 @@ class TapeRedactor {
     if (use.count++ == 0) use.first = redaction;
     use.bytes += redaction.length;
     if (options_.on_redaction) options_.on_redaction(redaction);
-      if (check_ && counts) check_->pass(**next);
   }
 
   const TapePaths& from_;
@@ -262,5 +303,4 @@ Result<RedactedTape> redact_tape(const TapePaths& from, const TapePaths& to, con
   return TapeRedactor(from, to, options).run();
 }
 
-      if (check_) check_->pass(record);
 }  // namespace porttape

@@ -8,6 +8,7 @@
 
 #include "libport/rules/filler.hpp"
 #include "libport/rules/redact_stream.hpp"
+#include "libport/tape/event_texts.hpp"
 #include "libport/tape/part_writer.hpp"
 #include "libport/tape/tape_writer.hpp"
 
@@ -21,7 +22,17 @@ struct TapeRedaction {
   std::uint64_t offset = 0;  // read, write: in the stream; event, header: in the text
   std::uint64_t length = 0;
   int rule = Redaction::kFollows;  // of the set's redactions
-  std::string key{};               // event, header: the text's
+  std::string key{};               // event, header: the text's, redacted itself
+};
+
+// What holds something to be hidden and cannot be replaced: a number, a key's name, an event's kind.
+struct UnredactedText {
+  TapeRedaction::Where where = TapeRedaction::Where::event;  // or header
+  TapeTime first{};                                          // of its event
+  std::uint64_t count = 0;
+  FixedText what = FixedText::number;
+  std::string key{};  // the number's, the name itself or the kind: redacted
+  int rule = 0;
 };
 
 struct RedactOptions {
@@ -44,6 +55,7 @@ struct RedactedTape {
   std::vector<Use> rules;  // as in the set
   Use follows;             // checksums and lengths of frames
   std::uint64_t wrong_checksums = 0;
+  std::vector<UnredactedText> left{};  // each once, the first 64
   bool identity_gone = false;
   std::optional<std::string> torn_tail{};
 };

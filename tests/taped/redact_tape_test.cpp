@@ -126,13 +126,65 @@ TEST_F(RedactTapeTest, HeaderAndIdentityToo) {
   EXPECT_THAT(header(), HasSubstr("2024-05-06T07:08:09"));
 }
 
+// A tape with these lines of events.
+TapePaths tape_of_lines(const TapePaths& paths, const std::string& header,
+                        const std::vector<std::string>& lines) {
+  auto tape = NewTape::create(paths, std::string_view(header), {.sync = false});
+  if (!tape) throw std::runtime_error(tape.error().message);
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    if (!tape->event_line(tape_time_us(static_cast<std::int64_t>(i)), lines[i]))
+      throw std::runtime_error(lines[i]);
+  }
+  if (!tape->finish(tape->latest())) throw std::runtime_error("no tape");
+  return paths;
+}
+
+TEST_F(RedactTapeTest, OnlyWordsOfTheFormatInTheirPlaceAreLeftAlone) {
+  const std::string header =
+      R"({"format":"porttape-events","version":1,"transport":"driver","tool":"made by driver","state":"on"})";
+  const TapePaths tape =
+      tape_of_lines(literal_tape(dir / "t.log"), header,
+                    {R"({"t_us":0,"event":"modem","line":"dtr","state":"on","by":"driver"})",
+                     R"({"t_us":1,"event":"modem","line":"driver","state":"driver","by":"on"})",
+                     R"({"t_us":2,"event":"snow","line":"dtr","state":"on","by":"driver"})",
+                     R"({"t_us":3,"event":"mark","text":"x","id":"driver","kind":"drop"})"});
+  ASSERT_TRUE(redact(tape, "[[redact]]\nname='a'\npattern='driver|on|dtr|drop'\nwith='-'\n"));
+  EXPECT_THAT(RedactTapeTest::header(), HasSubstr(R"("transport":"------")"));
+  EXPECT_THAT(RedactTapeTest::header(), HasSubstr(R"("tool":"made by ------")"));
+  EXPECT_THAT(RedactTapeTest::header(), HasSubstr(R"("state":"--")"));
+  EXPECT_THAT(test::lines_on(made),
+              ElementsAre(R"({"t_us":0,"event":"modem","line":"dtr","state":"on","by":"driver"})",
+                          R"({"t_us":1,"event":"modem","line":"------","state":"------","by":"--"})",
+                          R"({"t_us":2,"event":"snow","line":"---","state":"--","by":"------"})",
+                          R"({"t_us":3,"event":"mark","text":"x","id":"------","kind":"----"})"));
+}
+
+TEST_F(RedactTapeTest, WhatCannotBeReplacedIsToldWithoutIt) {
+  const std::string header = R"({"format":"porttape-events","version":1,"badge":4711})";
+  const TapePaths tape =
+      tape_of_lines(literal_tape(dir / "t.log"), header,
+                    {R"({"t_us":0,"event":"settings","baud":4711})",
+                     R"({"t_us":1,"event":"is4711","list":[{"my4711":"the 4711"}],"n":14711.5})",
+                     R"({"t_us":2,"event":"is4711"})"});
+  const auto done = redact(tape, "[[redact]]\nname='a'\ntext='4711'\nwith='-'\n");
+  ASSERT_TRUE(done) << done.error().message;
+  std::vector<std::string> left;
+  for (const UnredactedText& each : done->left)
+    left.push_back(std::to_string(static_cast<int>(each.what)) + " " + each.key + " " +
+                   std::to_string(to_us(each.first)) + " " + std::to_string(each.count));
+  EXPECT_THAT(left, ElementsAre("0 badge 0 1", "2 is---- 1 2", "1 list.my---- 1 1", "0 n 1 1"));
+  EXPECT_THAT(test::lines_on(made)[1], HasSubstr(R"("my4711":"the ----")"));
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].key, "list.my----");
+}
+
 TEST_F(RedactTapeTest, ADryRunTellsTheSameAndMakesNothing) {
   const TapePaths tape =
       test::write_tape(literal_tape(dir / "t.log"), MemoryTape().write(1, "abc").read(2, "cab"));
   const std::string rules = "[[redact]]\nname='a'\npattern='a.'\n[[redact]]\nname='none'\ntext='zzz'\n";
   ASSERT_TRUE(redact(tape, rules));
   const std::size_t count = found.size();
-  EXPECT_EQ(count, 2U);
+  EXPECT_EQ(count, 3U);  // the header's tool is porttape
   const auto dry = redact(tape, rules, false, true);
   ASSERT_TRUE(dry);
   EXPECT_EQ(found.size(), count);
