@@ -7,12 +7,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 #include <utility>
-#include <vector>
 
 #include "libport/base/json_text.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/tape/judgement.hpp"
+#include "libport/tape/leftover.hpp"
 
 namespace porttape {
 namespace {
@@ -39,49 +39,37 @@ class FolderSink final : public PackSink {
     return sink;
   }
 
-  FolderSink(FolderSink&& other) noexcept
-      : final_(std::move(other.final_)),
-        hidden_(std::exchange(other.hidden_, {})),
-        fd_(std::move(other.fd_)),
-        names_(std::move(other.names_)) {}
-  FolderSink& operator=(FolderSink&&) = delete;
-  ~FolderSink() override {
-    if (hidden_.empty()) return;
-    for (const std::string& name : names_) (void)::unlinkat(fd_.get(), name.c_str(), 0);
-    (void)::rmdir(hidden_.c_str());
-  }
-
   Result<void> begin_file(const std::string& name, std::uint64_t) override {
     constexpr mode_t mode = 0640;
     file_.reset(
         ::openat(fd_.get(), name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode));
     if (!file_) return failed(name, errno);
-    names_.push_back(name);
+    name_ = name;
     return {};
   }
   Result<void> write(ByteView bytes) override {
     while (!bytes.empty()) {
       const ssize_t done = ::write(file_.get(), bytes.data(), bytes.size());
       if (done < 0 && errno == EINTR) continue;
-      if (done < 0) return failed(names_.back(), errno);
+      if (done < 0) return failed(name_, errno);
       bytes = bytes.subspan(static_cast<std::size_t>(done));
     }
     return {};
   }
   Result<void> end_file() override {
-    if (::fsync(file_.get()) != 0) return failed(names_.back(), errno);
-    if (::close(file_.release()) != 0) return failed(names_.back(), errno);
+    if (::fsync(file_.get()) != 0) return failed(name_, errno);
+    if (::close(file_.release()) != 0) return failed(name_, errno);
     return {};
   }
 
-  [[nodiscard]] fs::path path() const { return hidden_; }
+  [[nodiscard]] fs::path path() const { return hidden_.path(); }
   Result<void> publish() {
     constexpr mode_t mode = 0750;
     if (::fchmod(fd_.get(), mode) != 0 || ::fsync(fd_.get()) != 0 ||
-        ::renameat2(AT_FDCWD, hidden_.c_str(), AT_FDCWD, final_.c_str(), RENAME_NOREPLACE) != 0)
+        ::renameat2(AT_FDCWD, hidden_.path().c_str(), AT_FDCWD, final_.c_str(), RENAME_NOREPLACE) != 0)
       return make_error(Errc::io,
                         "cannot make the folder " + in_quotes(final_.string()) + ": " + errno_text(errno));
-    hidden_.clear();
+    hidden_.keep();
     return {};
   }
 
@@ -94,10 +82,10 @@ class FolderSink final : public PackSink {
   }
 
   fs::path final_;
-  std::string hidden_;  // its name until then
+  Leftover hidden_;  // what it is called until then
   UniqueFd fd_;
   UniqueFd file_;
-  std::vector<std::string> names_;
+  std::string name_;  // of the file that is written
 };
 
 Result<void> check_tapes(const PackManifest& manifest, const fs::path& folder) {

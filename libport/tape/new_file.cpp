@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "libport/base/printable.hpp"
+#include "libport/tape/tape_lock.hpp"
 
 namespace porttape {
 namespace {
@@ -19,16 +20,38 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kBuffered = std::size_t{256} * 1024;
 
-// Nothing: none can be made there, and errno.
-UniqueFd create_beside_name(const std::string& path, std::string& name) {
-  constexpr int attempts = 100;
+std::string hidden_name(const std::string& path) {
   std::random_device random;
+  return (fs::path(path).parent_path() / fmt::format(".new-{:08x}{:08x}", random(), random())).string();
+}
+
+// Nothing: none can be made there, and errno.
+UniqueFd create_beside_name(const std::string& path, Leftover& hidden) {
+  constexpr int attempts = 100;
   for (int n = 0; n < attempts; ++n) {
-    name = (fs::path(path).parent_path() / fmt::format(".new-{:08x}{:08x}", random(), random())).string();
+    const std::string name = hidden_name(path);
     UniqueFd fd(::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644));
+    if (fd) hidden = Leftover(name);
     if (fd || errno != EEXIST) return fd;
   }
   return {};
+}
+
+UniqueFd create_unnamed(const std::string& path) {
+  const fs::path parent = fs::path(path).parent_path();
+  return UniqueFd(::open(parent.empty() ? "." : parent.c_str(), O_WRONLY | O_TMPFILE | O_CLOEXEC, 0644));
+}
+
+// 0 or the errno.
+int name_file(const UniqueFd& unnamed, const std::string& name) {
+  const std::string own = fmt::format("/proc/self/fd/{}", unnamed.get());
+  return ::linkat(AT_FDCWD, own.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) == 0 ? 0 : errno;
+}
+
+Error is_live_tape(const std::string& path) {
+  return make_error(Errc::usage, in_quotes(path) +
+                                     " is being written by a recording, which cannot be "
+                                     "replaced; end that one first, or name another file");
 }
 
 }  // namespace
@@ -42,13 +65,16 @@ Result<NewFile> NewFile::create(const std::string& path, bool overwrite) {
       return make_error(Errc::usage, in_quotes(path) + " is no regular file; name another");
     if (!overwrite)
       return make_error(Errc::usage, in_quotes(path) + " exists already; name another, or --overwrite");
+    if (is_being_written(path)) return is_live_tape(path);
   }
   NewFile file(Kind::file, path);
   file.overwrite_ = overwrite;
-  file.fd_ = create_beside_name(path, file.beside_);
+  file.fd_ = create_unnamed(path);
+  // What kernels and file systems without such files say.
+  if (!file.fd_ && (errno == EOPNOTSUPP || errno == EISDIR || errno == EINVAL))
+    file.fd_ = create_beside_name(path, file.beside_);
   if (!file.fd_) {
     const int error = errno;
-    file.beside_.clear();
     if (error == ENOENT)
       return make_error(Errc::usage,
                         fmt::format("{}: its folder does not exist; type mkdir -p {}", in_quotes(path),
@@ -60,37 +86,6 @@ Result<NewFile> NewFile::create(const std::string& path, bool overwrite) {
 }
 
 NewFile NewFile::in_memory() { return {Kind::memory, "memory"}; }
-
-NewFile::NewFile(NewFile&& other) noexcept
-    : kind_(other.kind_),
-      path_(std::move(other.path_)),
-      beside_(std::exchange(other.beside_, {})),
-      fd_(std::move(other.fd_)),
-      overwrite_(other.overwrite_),
-      buffer_(std::move(other.buffer_)),
-      size_(other.size_),
-      trouble_(std::move(other.trouble_)) {}
-
-NewFile& NewFile::operator=(NewFile&& other) noexcept {
-  if (this == &other) return *this;
-  discard();
-  kind_ = other.kind_;
-  path_ = std::move(other.path_);
-  beside_ = std::exchange(other.beside_, {});
-  fd_ = std::move(other.fd_);
-  overwrite_ = other.overwrite_;
-  buffer_ = std::move(other.buffer_);
-  size_ = other.size_;
-  trouble_ = std::move(other.trouble_);
-  return *this;
-}
-
-NewFile::~NewFile() { discard(); }
-
-void NewFile::discard() {
-  if (!beside_.empty()) (void)::unlink(beside_.c_str());
-  beside_.clear();
-}
 
 Result<void> NewFile::failed(int error) {
   trouble_ = fmt::format("{} cannot be written: {}", in_quotes(path_), errno_text(error));
@@ -126,18 +121,50 @@ Result<void> NewFile::finish() {
   if (Result<void> flushed = flush(); !flushed) return flushed;
   if (kind_ != Kind::file) return {};
   if (::fsync(fd_.get()) != 0 && errno != EINVAL) return failed(errno);
-  if (::close(fd_.release()) != 0) return failed(errno);
-  const unsigned flags = overwrite_ ? 0 : RENAME_NOREPLACE;
-  if (::renameat2(AT_FDCWD, beside_.c_str(), AT_FDCWD, path_.c_str(), flags) != 0) {
-    if (errno == EEXIST)
-      return make_error(Errc::usage,
-                        in_quotes(path_) + " has been made by somebody else meanwhile; name another");
-    // Not all file systems have the flag.
-    if (errno != EINVAL || ::link(beside_.c_str(), path_.c_str()) != 0) return failed(errno);
-    discard();
+  UniqueFd existing;
+  if (overwrite_) {
+    if (Result<void> locked = lock_existing(existing); !locked) return locked;
   }
-  beside_.clear();
-  return {};
+  const int error = publish();
+  if (error == EEXIST)
+    return make_error(Errc::usage,
+                      in_quotes(path_) + " has been made by somebody else meanwhile; name another");
+  if (error != 0) return failed(error);
+  return ::close(fd_.release()) == 0 ? Result<void>() : failed(errno);
+}
+
+// A tape's file is only ever replaced by the one who holds its lock. One that cannot be opened to be written
+// has none.
+Result<void> NewFile::lock_existing(UniqueFd& existing) const {
+  constexpr int rounds = 100;
+  for (int round = 0; round < rounds; ++round) {
+    existing.reset(::open(path_.c_str(), O_WRONLY | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC));
+    if (!existing) return {};
+    const TapeLock lock = lock_tape_file(existing.get(), AT_FDCWD, path_);
+    if (lock == TapeLock::taken) return is_live_tape(path_);
+    if (lock != TapeLock::moved) return {};
+  }
+  return is_live_tape(path_);
+}
+
+// 0 or the errno; EEXIST: the name has been taken meanwhile.
+int NewFile::publish() {
+  if (beside_.path().empty()) {
+    const std::string first = overwrite_ ? hidden_name(path_) : path_;
+    if (const int error = name_file(fd_, first); error != 0) return error;
+    if (!overwrite_) return 0;
+    beside_ = Leftover(first);
+  }
+  const std::string& hidden = beside_.path();
+  const unsigned flags = overwrite_ ? 0 : RENAME_NOREPLACE;
+  if (::renameat2(AT_FDCWD, hidden.c_str(), AT_FDCWD, path_.c_str(), flags) == 0) {
+    beside_.keep();
+    return 0;
+  }
+  // Not all file systems have the flag.
+  if (errno != EINVAL || ::link(hidden.c_str(), path_.c_str()) != 0) return errno;
+  beside_.remove();
+  return 0;
 }
 
 }  // namespace porttape

@@ -7,28 +7,30 @@
 #include "libport/base/bytes.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/unique_fd.hpp"
+#include "libport/tape/leftover.hpp"
 
 namespace porttape {
 
 // A file that appears under its name by finish(), whole, or not at all; `-` is stdout, which gets what is
-// added as it comes. Owns its descriptor, and until then a file beside that name. After an error nothing more
-// is written, and every further call gives it again. Not thread-safe.
+// added as it comes. Owns its descriptor. Until then the file has no name, or where the file system knows no
+// such files a hidden one beside its own. A tape that is being written is never replaced. After an error
+// nothing more is written, and every further call gives it again. Not thread-safe.
 class NewFile {
  public:
-  // Errc::usage: something has that name already (and is not to be replaced, or is no regular file), or no
-  // file can be made there.
+  // Errc::usage: something has that name already (and is not to be replaced, is no regular file, or a tape
+  // that is being written), or no file can be made there.
   static Result<NewFile> create(const std::string& path, bool overwrite);
   // Keeps all in memory, for take().
   static NewFile in_memory();
 
-  NewFile(NewFile&& other) noexcept;
-  NewFile& operator=(NewFile&& other) noexcept;
-  ~NewFile();  // without finish(): nothing is left
+  NewFile(NewFile&& other) noexcept = default;
+  NewFile& operator=(NewFile&& other) noexcept = default;
+  ~NewFile() = default;  // without finish(): nothing is left
 
   // Errc::io.
   Result<void> add(std::string_view text);
   Result<void> add(ByteView bytes);
-  // Errc::io; Errc::usage: somebody else has made a file of that name meanwhile.
+  // Errc::io; Errc::usage: somebody else has made a file of that name meanwhile, or begun to write a tape.
   Result<void> finish();
 
   [[nodiscard]] std::uint64_t size() const { return size_; }  // added so far
@@ -40,11 +42,12 @@ class NewFile {
   NewFile(Kind kind, std::string path) : kind_(kind), path_(std::move(path)) {}
   Result<void> flush();
   Result<void> failed(int error);
-  void discard();
+  Result<void> lock_existing(UniqueFd& existing) const;
+  int publish();
 
   Kind kind_;
   std::string path_;
-  std::string beside_;  // what it is called until then
+  Leftover beside_;  // the hidden name, if it has one
   UniqueFd fd_;
   bool overwrite_ = false;
   std::string buffer_;

@@ -10,6 +10,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "libport/tape/tape_lock.hpp"
+#include "libport/tape/tape_writer.hpp"
 #include "tests/support/tape_bytes.hpp"
 #include "tests/support/temp_dir.hpp"
 
@@ -64,6 +66,37 @@ TEST(NewFileTest, SomebodyElsesFileOfThatNameStays) {
   test::write_file(dir / "x", test::bytes_of("theirs"));
   EXPECT_THAT(file->finish().error().message, HasSubstr("somebody else"));
   EXPECT_EQ(content_of(dir / "x"), "theirs");
+}
+
+TEST(NewFileTest, HasNoNameUntilItIsWhole) {
+  const test::TempDir dir;
+  test::write_file(dir / "x", test::bytes_of("old"));
+  for (const bool overwrite : {false, true}) {
+    auto file = NewFile::create(dir / (overwrite ? "x" : "y"), overwrite);
+    ASSERT_TRUE(file && file->add(std::string(1'000'000, 'x')));
+    EXPECT_EQ(std::distance(fs::directory_iterator(dir.path()), fs::directory_iterator()), 1);
+  }
+}
+
+TEST(NewFileTest, ATapeThatIsBeingWrittenIsNotReplaced) {
+  const test::TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  auto before = NewFile::create(paths.read.string(), false);
+  ASSERT_TRUE(before);
+  test::write_file(dir / "other", test::bytes_of("old"));
+  auto meanwhile = NewFile::create(dir / "other", true);
+  ASSERT_TRUE(meanwhile);
+  auto tape = TapeWriter::create(paths, TapeHeader{}, {.sync = false});
+  ASSERT_TRUE(tape);
+  for (const fs::path& path : {paths.read, paths.write, paths.events}) {
+    const auto file = NewFile::create(path.string(), true);
+    ASSERT_FALSE(file);
+    EXPECT_EQ(file.error().code, Errc::usage);
+    EXPECT_THAT(file.error().message, HasSubstr("is being written by a recording"));
+  }
+  fs::rename(paths.read, std::string(dir / "other"));
+  EXPECT_THAT(meanwhile->finish().error().message, HasSubstr("is being written by a recording"));
+  EXPECT_TRUE(is_being_written(fs::path(dir / "other")));
 }
 
 TEST(NewFileTest, AFullDiskIsTold) {

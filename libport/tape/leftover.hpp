@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+namespace porttape {
+
+// A hidden file or folder of our own that is to be gone when this object is, also where SIGINT, SIGTERM or
+// SIGHUP ends the program meanwhile: a folder with the files in it. Only signals that nobody handles yet, and
+// of the first kMost at one time. SIGKILL leaves it.
+class Leftover {
+ public:
+  static constexpr std::size_t kMost = 16;
+
+  Leftover() = default;
+  explicit Leftover(std::string path);
+  Leftover(Leftover&& other) noexcept;
+  Leftover& operator=(Leftover&& other) noexcept;
+  ~Leftover() { remove(); }
+
+  [[nodiscard]] const std::string& path() const { return path_; }
+  void remove();
+  // It stays, or has another name by now.
+  void keep();
+
+ private:
+  std::string path_;  // empty: nothing
+  std::size_t slot_ = kMost;
+};
+
+}  // namespace porttape
