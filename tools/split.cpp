@@ -24,8 +24,9 @@ constexpr VerbHelp kSplitHelp{
     "Makes tapes NAME.1.log, NAME.2.log, ... of the parts of a tape: by default of its sessions,\n"
     "from one open of the driver's to the next. Each block and event is in one of them, and each\n"
     "part replays: what held on the line stands at its beginning, which is its time 0. porttape\n"
-    "merge makes one tape of them again. Exit status: 0, 1 the tape is damaged or a file cannot\n"
-    "be read or written (then no part is left), 2 wrong use.\n",
+    "merge makes one tape of them again. The parts appear when all are whole, and replace earlier\n"
+    "ones only then. Exit status: 0, 1 the tape is damaged or a file cannot be read or written\n"
+    "(then no part is made), 2 wrong use.\n",
     "  porttape split laser.log -o laser.session\n"
     "  porttape split night.log --every 3600 -o night.hour\n"
     "  porttape split laser.log --gap 30 -o laser.part\n"};
@@ -64,6 +65,22 @@ void tell_split(const std::vector<SplitPart>& parts, const TapePaths& to, const 
   }
 }
 
+// A merge of NAME.*.log would take them for parts of this tape.
+void tell_earlier_parts(const TapePaths& to, std::uint64_t first, std::ostream& out, std::ostream& err) {
+  std::uint64_t last = first;
+  std::error_code ignored;
+  while (std::filesystem::exists(part_tape(to, last).read, ignored)) ++last;
+  if (last == first) return;
+  const std::string name = printable_line(part_tape(to, first).name());
+  out.flush();
+  if (--last == first) {
+    fmt::print(err, "porttape split: {} is not of this tape; it was there before\n", name);
+  } else {
+    fmt::print(err, "porttape split: {} to {} are not of this tape; they were there before\n", name,
+               printable_line(part_tape(to, last).name()));
+  }
+}
+
 }  // namespace
 
 int run_split(Arguments args, std::ostream& out, std::ostream& err) {
@@ -89,12 +106,7 @@ int run_split(Arguments args, std::ostream& out, std::ostream& err) {
   progress.clear();
   if (!parts) return fail_verb("split", parts.error(), out, err);
   tell_split(*parts, to->paths, *from, out);
-  std::error_code ignored;
-  const TapePaths next = part_tape(to->paths, parts->size() + 1);
-  if (std::filesystem::exists(next.read, ignored)) {
-    out.flush();
-    err << "porttape split: " << printable_line(next.name()) << " is not of this tape; it was there before\n";
-  }
+  tell_earlier_parts(to->paths, parts->size() + 1, out, err);
   return exit_status::kPass;
 }
 

@@ -1,14 +1,13 @@
 #include "libport/tape/split_tape.hpp"
 
 #include <algorithm>
-#include <filesystem>
 #include <optional>
 #include <string>
-#include <system_error>
 #include <utility>
 #include <variant>
 
 #include "libport/base/printable.hpp"
+#include "libport/tape/tape_set.hpp"
 
 namespace porttape {
 namespace {
@@ -65,12 +64,13 @@ class TapeSplitter {
         options_(options),
         places_(options.at, options.span) {}
 
+    Result<TapeSet> set = TapeSet::begin(to_, options_.writer.on_existing);
+    if (!set) return set.error();
+    made_.emplace(std::move(*set));
   Result<std::vector<SplitPart>> run() {
     Result<void> done = all();
-    if (!done) {
-      remove_made();
-      return done.error();
-    }
+    if (done) done = made_->publish();
+    if (!done) return done.error();
     return std::move(parts_);
   }
 
@@ -114,9 +114,11 @@ class TapeSplitter {
       if (Result<void> finished = finish(part_->latest()); !finished) return finished;
     } else if (const auto header = reader_.header()) {
       previous = header->previous;
+    const Result<TapePaths> place = made_->place(part_tape(to_, parts_.size() + 1));
+    if (!place) return place.error();
     }
     Result<PartWriter> part = PartWriter::begin(reader_, state_,
-                                                {.to = part_tape(to_, parts_.size() + 1),
+                                                {.to = *place,
                                                  .writer = options_.writer,
                                                  .by = "split",
                                                  .name = name_,
@@ -131,18 +133,7 @@ class TapeSplitter {
 
   Result<void> finish(std::optional<TapeTime> end) {
     const Result<TapePaths> finished = part_->finish(end);
-    if (!finished) return finished.error();
-    made_ = parts_.size();
-    return {};
-  }
-
-  void remove_made() const {
-    for (std::size_t number = 1; number <= made_; ++number) {
-      const TapePaths part = part_tape(to_, number);
-      std::error_code ignored;
-      for (const std::filesystem::path& file : {part.read, part.write, part.events})
-        std::filesystem::remove(file, ignored);
-    }
+    return finished ? Result<void>() : Result<void>(finished.error());
   }
 
   TapeReader& reader_;
@@ -153,7 +144,7 @@ class TapeSplitter {
   LineState state_;
   std::optional<PartWriter> part_;
   std::vector<SplitPart> parts_;
-  std::size_t made_ = 0;
+  std::optional<TapeSet> made_;
   std::uint64_t bytes_ = 0;
 };
 

@@ -28,8 +28,9 @@ struct SplitPart {
 };
 
 // Makes tapes of the parts of a tape, part_tape(to, 1) and so on: each record is in one of them. Each part's
-// zero is its own beginning, and each knows the one before it. On an error those that were made are removed.
-// Errors as TapeReader and NewTape; Errc::usage: the tape is empty.
+// zero is its own beginning, the first one's that of the tape, and each knows the one before it. They appear
+// together when all are whole (TapeSet). Errors as TapeReader, NewTape and TapeSet; Errc::usage: the tape is
+// empty.
 Result<std::vector<SplitPart>> split_tape(const TapePaths& from, const TapePaths& to,
                                           const SplitOptions& options);
 

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <filesystem>
 #include <optional>
 #include <random>
@@ -119,6 +120,54 @@ TEST_F(SplitMergeTest, DamageLeavesNoPart) {
   EXPECT_FALSE(std::filesystem::exists(part_tape(parts, 1).read));
   const TapePaths empty = tape("u", MemoryTape());
   EXPECT_THAT(split(empty, At::session).error().message, HasSubstr("'u' is empty"));
+}
+
+TEST_F(SplitMergeTest, EarlierPartsAreReplacedByAllOrStay) {
+  const auto files = [&] {
+    std::vector<std::string> names;
+    for (const auto& each : std::filesystem::directory_iterator(dir.path()))
+      names.push_back(each.path().filename().string());
+    std::sort(names.begin(), names.end());
+    return names;
+  };
+  const SplitOptions options{.at = At::session,
+                             .span = {},
+                             .writer = {.on_existing = OnExisting::overwrite, .sync = false},
+                             .progress = {}};
+  const TapePaths source = tape("t", MemoryTape().open(0).write(1, "a").close(2).open(3).write(4, "b"));
+  const TapePaths to = literal_tape(dir / "p.log");
+  ASSERT_TRUE(split_tape(source, to, options));
+  const auto before = files();
+  const std::string id = header_of(part_tape(to, 1))->id;
+  const TapePaths other = tape("u", MemoryTape().open(0).write(1, "c").close(2).open(3).write(4, "d"));
+  ASSERT_TRUE(split_tape(other, to, options));
+  EXPECT_NE(header_of(part_tape(to, 1))->id, id);
+  EXPECT_THAT(records_of(part_tape(to, 1)), ElementsAre("open 0", "w 1 c", "close 2", "end 2"));
+  Bytes bytes = test::read_file(source.write);
+  bytes.at(13 + 4) = 0xff;
+  test::write_file(source.write, bytes);
+  EXPECT_FALSE(split_tape(source, to, options));
+  EXPECT_THAT(records_of(part_tape(to, 1)), ElementsAre("open 0", "w 1 c", "close 2", "end 2"));
+  for (const char letter : {'r', 'w', 'e'}) std::filesystem::remove(dir / (std::string("u") + letter));
+  EXPECT_EQ(files(), before);
+}
+
+TEST_F(SplitMergeTest, NoPartAppearsWhereOneCannot) {
+  const TapePaths source = tape("t", MemoryTape().open(0).write(1, "a").close(2).open(3).write(4, "b"));
+  const TapePaths to = literal_tape(dir / "p.log");
+  test::write_file(part_tape(to, 2).write.string(), {});
+  SplitOptions options{.at = At::session, .span = {}, .writer = {.sync = false}, .progress = {}};
+  const auto taken = split_tape(source, to, options);
+  ASSERT_FALSE(taken);
+  EXPECT_THAT(taken.error().message, HasSubstr("p.2.log' already; take another name, or --overwrite"));
+  EXPECT_FALSE(std::filesystem::exists(part_tape(to, 1).events));
+  options.writer.on_existing = OnExisting::overwrite;
+  auto live = TapeWriter::create(part_tape(to, 2), TapeHeader{}, options.writer);
+  ASSERT_TRUE(live);
+  const auto being_written = split_tape(source, to, options);
+  ASSERT_FALSE(being_written);
+  EXPECT_THAT(being_written.error().message, HasSubstr("is being written"));
+  EXPECT_FALSE(std::filesystem::exists(part_tape(to, 1).events));
 }
 
 TEST_F(SplitMergeTest, MergedByTheClockTheEarliestGivesTheHeader) {

@@ -1,0 +1,141 @@
+#include "libport/tape/tape_set.hpp"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <fcntl.h>
+#include <filesystem>
+#include <ranges>
+#include <signal.h>
+#include <string>
+#include <system_error>
+#include <unistd.h>
+#include <utility>
+
+#include "libport/base/printable.hpp"
+#include "libport/base/unique_fd.hpp"
+#include "libport/tape/tape_files.hpp"
+#include "libport/tape/tape_lock.hpp"
+
+namespace porttape {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Who is ended in between would leave some of the tapes.
+class SignalsHeld {
+ public:
+  SignalsHeld() {
+    sigset_t ends{};
+    ::sigemptyset(&ends);
+    for (const int number : {SIGINT, SIGTERM, SIGHUP}) ::sigaddset(&ends, number);
+    (void)::pthread_sigmask(SIG_BLOCK, &ends, &before_);
+  }
+  SignalsHeld(const SignalsHeld&) = delete;
+  SignalsHeld& operator=(const SignalsHeld&) = delete;
+  ~SignalsHeld() { (void)::pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+
+ private:
+  sigset_t before_{};
+};
+
+int exchange_files(const fs::path& one, const fs::path& other) {
+  return ::renameat2(AT_FDCWD, one.c_str(), AT_FDCWD, other.c_str(), RENAME_EXCHANGE) == 0 ? 0 : errno;
+}
+
+// 0 or the errno.
+int move_to_free_name(const fs::path& from, const fs::path& to) {
+  if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
+  // Not all file systems have the flag.
+  if (errno != EINVAL || ::link(from.c_str(), to.c_str()) != 0) return errno;
+  (void)::unlink(from.c_str());
+  return 0;
+}
+
+}  // namespace
+
+Result<TapeSet> TapeSet::begin(const TapePaths& first, OnExisting on_existing) {
+  const fs::path parent = first.read.has_parent_path() ? first.read.parent_path() : fs::path(".");
+  std::string name = (parent / ("." + first.file_name() + ".XXXXXX")).string();
+  if (::mkdtemp(name.data()) == nullptr)
+    return make_error(Errc::usage, "cannot make tapes in the folder " + in_quotes(parent.string()) + ": " +
+                                       errno_text(errno));
+  return TapeSet(Leftover(std::move(name)), on_existing);
+}
+
+TapePaths TapeSet::hidden(const TapePaths& tape) const {
+  return literal_tape((fs::path(folder_.path()) / tape.file_name()).string());
+}
+
+Result<void> TapeSet::check_free(const TapePaths& tape) const {
+  std::error_code ignored;
+  for (const fs::path& path : {tape.read, tape.write, tape.events}) {
+    if (on_existing_ == OnExisting::refuse && fs::is_regular_file(fs::symlink_status(path, ignored)))
+      return make_error(Errc::usage, "there is a tape " + in_quotes(tape.name()) +
+                                         " already; take another name, or --overwrite to replace it");
+  }
+  return check_tape_files(tape, on_existing_);
+}
+
+Result<TapePaths> TapeSet::place(const TapePaths& tape) {
+  if (Result<void> free = check_free(tape); !free) return free.error();
+  tapes_.push_back(tape);
+  return hidden(tape);
+}
+
+// The events first: who finds the blocks finds them, too.
+Result<void> TapeSet::publish() {
+  for (const TapePaths& tape : tapes_) {
+    if (Result<void> free = check_free(tape); !free) return free;
+  }
+  const SignalsHeld held;
+  for (const TapePaths& tape : tapes_) {
+    const TapePaths from = hidden(tape);
+    for (const auto& [one, other] :
+         {std::pair(&from.events, &tape.events), std::pair(&from.write, &tape.write),
+          std::pair(&from.read, &tape.read)}) {
+      Result<void> moved = move(*one, *other);
+      if (moved) continue;
+      undo();
+      return moved;
+    }
+  }
+  return {};
+}
+
+// Who takes a file's name away from it holds its lock.
+Result<void> TapeSet::move(const fs::path& from, const fs::path& to) {
+  const auto failed = [&](int error) {
+    return make_error(error == EEXIST ? Errc::usage : Errc::io,
+                      "cannot make " + in_quotes(to.string()) + ": " + errno_text(error));
+  };
+  const UniqueFd existing(::open(to.c_str(), O_WRONLY | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC));
+  if (!existing && errno != ENOENT) return failed(errno);
+  if (!existing) {
+    if (const int error = move_to_free_name(from, to); error != 0) return failed(error);
+    moved_.push_back({from, to});
+    return {};
+  }
+  if (on_existing_ != OnExisting::overwrite) return failed(EEXIST);
+  if (lock_tape_file(existing.get(), AT_FDCWD, to) == TapeLock::taken)
+    return make_error(Errc::usage, in_quotes(to.string()) + " is being written by a recording");
+  const int error = exchange_files(from, to);
+  if (error == 0) {
+    moved_.push_back({from, to, true});
+    return {};
+  }
+  return ::rename(from.c_str(), to.c_str()) == 0 ? Result<void>() : Result<void>(failed(errno));
+}
+
+void TapeSet::undo() {
+  for (const Moved& each : moved_ | std::views::reverse) {
+    if (each.exchanged) {
+      (void)exchange_files(each.from, each.to);
+    } else {
+      (void)::unlink(each.to.c_str());
+    }
+  }
+  moved_.clear();
+}
+
+}  // namespace porttape
