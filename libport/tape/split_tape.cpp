@@ -21,11 +21,10 @@ class SplitPlaces {
   std::optional<TapeTime> begins(const Record& record) {
     const TapeTime before = std::exchange(last_, record.at);
     const bool first = !std::exchange(any_, true);
-    const TapeTime begin = begin_of(record);
     const bool another = begins_another(record, before);
-    if (first) return at_ == SplitOptions::At::every ? begin : TapeTime{};
+    if (first) return TapeTime{};
     if (!another) return std::nullopt;
-    return begin;
+    return begin_of(record);
   }
 
  private:
@@ -64,10 +63,10 @@ class TapeSplitter {
         options_(options),
         places_(options.at, options.span) {}
 
+  Result<std::vector<SplitPart>> run() {
     Result<TapeSet> set = TapeSet::begin(to_, options_.writer.on_existing);
     if (!set) return set.error();
     made_.emplace(std::move(*set));
-  Result<std::vector<SplitPart>> run() {
     Result<void> done = all();
     if (done) done = made_->publish();
     if (!done) return done.error();
@@ -114,9 +113,9 @@ class TapeSplitter {
       if (Result<void> finished = finish(part_->latest()); !finished) return finished;
     } else if (const auto header = reader_.header()) {
       previous = header->previous;
+    }
     const Result<TapePaths> place = made_->place(part_tape(to_, parts_.size() + 1));
     if (!place) return place.error();
-    }
     Result<PartWriter> part = PartWriter::begin(reader_, state_,
                                                 {.to = *place,
                                                  .writer = options_.writer,

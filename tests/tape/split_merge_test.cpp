@@ -170,6 +170,15 @@ TEST_F(SplitMergeTest, NoPartAppearsWhereOneCannot) {
   EXPECT_FALSE(std::filesystem::exists(part_tape(to, 1).events));
 }
 
+TEST_F(SplitMergeTest, PartsByTimeKeepTheSilenceBeforeTheFirst) {
+  const TapePaths source = tape("t", MemoryTape().open(2'500).write(2'600, "a").read(4'100, "b"));
+  const auto done = split(source, At::every, 1'000);
+  ASSERT_TRUE(done);
+  ASSERT_EQ(done->size(), 2U);
+  ASSERT_TRUE(merge(part_list(2)));
+  EXPECT_THAT(records_of(merged), ElementsAre("open 2500", "w 2600 a", "r 4100 b", "end 4101"));
+}
+
 TEST_F(SplitMergeTest, MergedByTheClockTheEarliestGivesTheHeader) {
   const TapePaths late = tape("late", MemoryTape().open(0).write(100, "b").read(100, "B"), zero_at(500));
   const TapePaths early = tape("early", MemoryTape().open(0).read(600, "a").close(700), zero_at(0));
