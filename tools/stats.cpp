@@ -26,8 +26,8 @@ constexpr VerbHelp kStatsHelp{
     "slowest, the busiest second of each direction, silent periods, and of each command how often it\n"
     "was sent and how it was answered. Commands are told apart by the frames of a protocol or of a\n"
     "rules file (libport/rules/RULES.md), then what the device says is counted too; else by how the\n"
-    "writes of an exchange begin. Exit status: 0, 1 the tape is damaged or cannot be read, 2 wrong\n"
-    "use, no such tape.\n",
+    "writes of an exchange begin. Unanswered is what nothing was read behind before the next one.\n"
+    "Exit status: 0, 1 the tape is damaged or cannot be read, 2 wrong use, no such tape.\n",
     "  porttape stats laser.log --protocol scip\n"
     "  porttape stats gps.log --protocol nmea --silence 2\n"
     "  porttape stats laser.log --exchanges --json | jq 'select(.answer_us > 50000)'\n"};

@@ -139,6 +139,7 @@ class StatsCount {
   TapeStats finish() {
     end_exchange();
     write_.end(written());
+    count_unanswered();
     read_.end(received(last_.value_or(TapeTime{})));
     stats_.exchanges = exchanges_.count();
     stats_.answered = answers_.count();
@@ -159,6 +160,7 @@ class StatsCount {
   void on_border(const Record& record) {
     stats_.duration = record.at - TapeTime{};
     end_exchange();
+    count_unanswered();
     exchanges_.on_open_or_close();
     if (record.kind == RecordKind::open) {
       last_ = record.at;
@@ -186,6 +188,7 @@ class StatsCount {
 
   void on_read(const Record& record) {
     write_.turn(written());
+    waiting_.reset();
     if (exchanges_.on_read() && exchange_) {
       exchange_->answer = record.at - asked_;
       answers_.add(exchange_->answer->count());
@@ -200,7 +203,9 @@ class StatsCount {
   FrameStream::Visit written() {
     return [this](int format, ByteView bytes) {
       if (format < 0) return write_.add_stray(bytes.size());
+      count_unanswered();
       command_ = frame_command(write_.format(format), bytes);
+      waiting_ = command_;
       CommandTable::Row& row = write_.commands().row(command_);
       ++row.count;
       row.bytes += bytes.size();
@@ -218,6 +223,12 @@ class StatsCount {
     };
   }
 
+  // The last frame written, which nothing was read behind.
+  void count_unanswered() {
+    if (waiting_) ++write_.commands().row(*waiting_).unanswered;
+    waiting_.reset();
+  }
+
   void end_exchange() {
     if (!exchange_) return;
     write_.turn(written());
@@ -229,11 +240,8 @@ class StatsCount {
         ++row.count;
         row.bytes += exchange_->written;
       }
-      if (exchange_->answer) {
-        row.add_span(exchange_->at, *exchange_->answer);
-      } else {
-        ++row.unanswered;
-      }
+      if (exchange_->answer) row.add_span(exchange_->at, *exchange_->answer);
+      if (!exchange_->answer && !framed_) ++row.unanswered;
     }
     if (exchange_->answer) {
       keep_greatest(stats_.slowest, options_.most, *exchange_,
@@ -263,7 +271,8 @@ class StatsCount {
   std::optional<TapeExchange> exchange_;       // that goes on
   TapeTime asked_{};
   Bytes head_;
-  std::string command_;  // of the last frame written
+  std::string command_;                 // of the last frame written
+  std::optional<std::string> waiting_;  // that, until something is read
 };
 
 }  // namespace

@@ -39,7 +39,7 @@ struct CommandStats {
   std::string command;
   std::uint64_t count = 0;
   std::uint64_t bytes = 0;
-  std::uint64_t unanswered = 0;     // writes: those that an exchange ended with, without an answer
+  std::uint64_t unanswered = 0;     // writes: nothing was read before the next frame, or exchange, or the end
   SpanStats spans;                  // writes: the answers to them; reads: from one to the next
   std::optional<TapeTime> longest;  // where the longest span begins
 };

@@ -107,6 +107,23 @@ TEST(TapeStatsTest, FramesOfBothSides) {
   EXPECT_THAT(rows(stats.write.commands), ElementsAre("PMTK000 1 13 0 500000"));
 }
 
+TEST(TapeStatsTest, AFrameThatIsSentAgainWasUnanswered) {
+  TapeStatsOptions options;
+  options.formats = protocol_formats("nmea");
+  const TapeStats stats = stats_of_tape(MemoryTape()
+                                            .write(0, "$PMTK000*32\r\n")
+                                            .write(1'000'000, "$PMTK000*32\r\n$PMTK1")
+                                            .write(1'000'100, "01*32\r\n")
+                                            .read(1'000'200, "$GPGGA,2*00\r\n")
+                                            .write(2'000'000, "$PMTK101*32\r\n")
+                                            .close(3'000'000)
+                                            .open(4'000'000)
+                                            .write(4'000'100, "$PMTK000*32\r\n"),
+                                        options);
+  EXPECT_EQ(stats.exchanges, 3U);
+  EXPECT_THAT(rows(stats.write.commands), ElementsAre("PMTK000 3 39 3 0", "PMTK101 2 26 1 100"));
+}
+
 TEST(TapeStatsTest, FramesThatAPauseEnds) {
   using namespace std::string_literals;
   TapeStatsOptions options;
@@ -121,7 +138,7 @@ TEST(TapeStatsTest, FramesThatAPauseEnds) {
                                             .write(40'000, three),
                                         options);
   EXPECT_THAT(rows(stats.write.commands),
-              ElementsAre("unit 1 function 3 2 16 1 0", "unit 2 function 6 1 8 0 9500"));
+              ElementsAre("unit 1 function 3 2 16 2 0", "unit 2 function 6 1 8 0 9500"));
   EXPECT_THAT(rows(stats.read.commands), ElementsAre("unit 2 function 6 1 8 0 0"));
 }
 
