@@ -29,6 +29,9 @@ int verify_tape(const std::string& argument, bool colors, std::ostream& out, std
     const Error& error = summary.error();
     if (error.code == Errc::not_a_tape) {
       out << printable_line(paths->name()) << ": not a tape: " << printable_line(error.message) << '\n';
+    } else if (error.code == Errc::damaged_tape) {
+      out << printable_line(paths->name()) << ": damaged: " << printable_line(error.message)
+          << "; porttape recover TAPE -o NAME keeps what is sound of it\n";
     } else {
       out.flush();
       err << "porttape verify: " << printable_line(error.message) << '\n';

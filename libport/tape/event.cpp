@@ -459,7 +459,7 @@ Result<TapeHeader> decode_header(std::string_view line) {
   const json::value value = parse_json_line(line);
   const json::object* object = value.if_object();
   if (object == nullptr || text_of(*object, "format") != kFormat) {
-    return make_error(Errc::not_a_tape, "not an events file: its first line is no porttape-events header");
+    return make_error(Errc::damaged_tape, "not an events file: its first line is no porttape-events header");
   }
   if (const auto number = number_of(*object, "version"); number != kVersion) {
     return make_error(Errc::not_a_tape, "an events file of version " +

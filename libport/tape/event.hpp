@@ -175,8 +175,8 @@ bool is_carried(std::string_view line);
 std::string encode_again(std::string_view line, const TapeHeader& changed);
 
 // A line without its newline. Unknown kinds and keys are no error. The error's message says what is wrong
-// with the line, without its file and number: Errc::damaged_tape; for the header Errc::not_a_tape, as in "an
-// events file of version 2".
+// with the line, without its file and number: Errc::damaged_tape; a header of another version:
+// Errc::not_a_tape, as in "an events file of version 2".
 Result<TapeEvent> decode_event(std::string_view line);
 Result<TapeHeader> decode_header(std::string_view line);
 

@@ -80,7 +80,7 @@ Result<void> EventFile::read_header() {
   const auto line = next_line();
   if (!line) {
     if (line.error().code == Errc::io) return line.error();
-    return make_error(Errc::not_a_tape, name() + " is not an events file: its first line has no end");
+    return make_error(Errc::damaged_tape, name() + " is not an events file: its first line has no end");
   }
   if (!*line) {
     ended_ = true;

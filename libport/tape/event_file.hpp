@@ -22,7 +22,8 @@ class EventFile {
 
   enum class Step : std::uint8_t { event, end, failed };
 
-  // Errc::not_a_tape: the first line is whole and is not a header this version reads. Errc::io.
+  // Errc::damaged_tape: the first line is whole and no header. Errc::not_a_tape: it is one of another
+  // version. Errc::io.
   static Result<EventFile> create(std::unique_ptr<ByteSource> source);
 
   Step next();

@@ -148,7 +148,19 @@ Result<TapeSources> TapeSources::open(const TapePaths& paths) {
   return TapeSources{std::move(*read), std::move(*write), std::move(*events)};
 }
 
+Result<Layout> TapeSources::layout() const {
+  Result<Layout> found = detect_layout(read.get(), write.get());
+  if (found || found.error().code != Errc::not_a_tape || !events) return found;
+  std::string head(EventFile::kMaxLine, '\0');
+  const auto size = events->read_at(0, {reinterpret_cast<Byte*>(head.data()), head.size()});
+  head.resize(size ? *size : 0);
+  if (!decode_header(std::string_view(head).substr(0, head.find('\n')))) return found;
+  return make_error(Errc::damaged_tape, found.error().message);
+}
+
 Result<TapeReader> TapeReader::open(const TapePaths& paths, const Options& options) {
+  // Looked at first: a tape that ends meanwhile may have been read before its end.
+  const bool checks_end = options.checks_end && !is_being_written(paths);
   auto sources = TapeSources::open(paths);
   if (!sources) return sources.error();
   Options known = options;
@@ -158,13 +170,13 @@ Result<TapeReader> TapeReader::open(const TapePaths& paths, const Options& optio
 
 Result<TapeReader> TapeReader::from_sources(TapeSources sources, const Options& options) {
   const Select select = options.select;
-  const auto layout = detect_layout(sources.read.get(), sources.write.get());
+  const auto layout = sources.layout();
   if (!layout) return layout.error();
   auto impl = std::make_unique<Impl>();
-  // Looked at first: a tape that ends meanwhile may have been read before its end.
-  const bool checks_end = options.checks_end && !is_being_written(paths);
   impl->has_events = sources.events != nullptr;
   impl->options = options;
+  std::optional<EndCheck::Names> checked;
+  if (options.checks_end && select == Select::merged && sources.events) checked = names_of(sources);
   if (sources.read && (select == Select::merged || select == Select::reads_only)) {
     impl->read.set(BlockFile(std::move(sources.read), *layout, BlockFile::Blocks::whole));
   }
@@ -175,14 +187,13 @@ Result<TapeReader> TapeReader::from_sources(TapeSources sources, const Options& 
     auto events = EventFile::create(std::move(sources.events));
     if (events) {
       impl->events.set(std::move(*events));
-  std::optional<EndCheck::Names> checked;
-  if (options.checks_end && select == Select::merged && sources.events) checked = names_of(sources);
     } else if (options.events_may_fail) {
       impl->events_error = events.error();
     } else {
       return events.error();
     }
   }
+  if (checked && impl->events.exists()) impl->end_check.emplace(*checked, impl->events.file().header());
   return TapeReader(std::move(impl));
 }
 
@@ -193,7 +204,6 @@ TapeReader::~TapeReader() = default;
 
 Result<std::optional<Record>> TapeReader::next() { return impl_->next(); }
 
-  if (checked && impl->events.exists()) impl->end_check.emplace(*checked, impl->events.file().header());
 // The file whose item comes next.
 TapeFile TapeReader::Impl::look() {
   using BlockState = Head<BlockFile>::State;
@@ -257,8 +267,12 @@ Result<void> TapeReader::rewind() {
   impl_->read.rewind();
   impl_->write.rewind();
   impl_->events.rewind();
+  if (impl_->end_check) impl_->end_check->rewind();
+  impl_->came_to_end = false;
   return {};
 }
+
+bool TapeReader::came_to_end() const { return impl_->came_to_end; }
 
 void TapeReader::read_on() {
   (void)impl_->read.read_on();
@@ -267,13 +281,9 @@ void TapeReader::read_on() {
 }
 
 bool TapeReader::has_events() const { return impl_->has_events; }
-  if (impl_->end_check) impl_->end_check->rewind();
-  impl_->came_to_end = false;
 
 std::optional<TapeHeader> TapeReader::header() const {
   if (!impl_->events.exists()) return std::nullopt;
-bool TapeReader::came_to_end() const { return impl_->came_to_end; }
-
   return impl_->events.file().header();
 }
 

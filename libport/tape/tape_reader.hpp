@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "libport/tape/block.hpp"
 #include "libport/tape/byte_source.hpp"
 #include "libport/tape/record.hpp"
 #include "libport/tape/tape_header.hpp"
@@ -21,6 +22,9 @@ struct TapeSources {
 
   // The files that exist. Errc::usage: unreadable, a folder, …, or neither an r nor a w file there.
   static Result<TapeSources> open(const TapePaths& paths);
+  // As detect_layout(). Where the events file begins with a header, what keeps the r and w files from being
+  // read is damage: Errc::damaged_tape.
+  [[nodiscard]] Result<Layout> layout() const;
 };
 
 // Reads a tape in the exact order across its files, in constant memory, whatever its size. Owns its
@@ -44,13 +48,14 @@ class TapeReader final : public RecordSource {
     bool grows = false;  // is being written: the order is exact also for what comes while it is looked at
     // Damage of the events file ends that file alone: its error follows the last block.
     bool events_may_fail = false;
-  };
-
-  // Errors: Errc::usage (unreadable, a folder, …), Errc::not_a_tape. Damage further on is found by next().
-  static Result<TapeReader> open(const TapePaths& paths, Select select = Select::merged) {
     // Having given all that is merged, it fails with Errc::damaged_tape where that is not what the tape's
     // `end` tells of. Not where the tape was being written when it was opened.
     bool checks_end = true;
+  };
+
+  // Errors: Errc::usage (unreadable, a folder, …), Errc::not_a_tape, Errc::damaged_tape. Damage further on is
+  // found by next().
+  static Result<TapeReader> open(const TapePaths& paths, Select select = Select::merged) {
     return open(paths, Options{.select = select});
   }
   static Result<TapeReader> open(const TapePaths& paths, const Options& options);
@@ -65,13 +70,13 @@ class TapeReader final : public RecordSource {
   ~TapeReader() override;
 
   Result<std::optional<Record>> next() override;
+  // Whether all files have been read to their ends: what next() gives as an error is then of the whole tape.
+  [[nodiscard]] bool came_to_end() const;
   Result<void> rewind() override;
   // When next() has given nothing: it goes on with what has been written since.
   void read_on();
 
   // Whether the tape has an events file, that is: was made by porttape and is stamped at arrival.
-  // Whether all files have been read to their ends: what next() gives as an error is then of the whole tape.
-  [[nodiscard]] bool came_to_end() const;
   [[nodiscard]] bool has_events() const;
 
   // What the events file says about the tape, if it is there and has a whole header line (read with

@@ -7,7 +7,6 @@
 #include "libport/tape/end_check.hpp"
 #include "libport/tape/event_file.hpp"
 #include "libport/tape/exchange_count.hpp"
-#include "libport/tape/layout.hpp"
 #include "libport/tape/merge_order.hpp"
 #include "libport/tape/quantiles.hpp"
 #include "libport/tape/tape_lock.hpp"
@@ -169,7 +168,8 @@ class EventStream {
     summary_.exists = true;
     summary_.path = source->name();
     auto file = EventFile::create(std::move(source));
-    if (!file) return file.error();
+    if (!file && file.error().code == Errc::damaged_tape) summary_.damage = file.error();
+    if (!file) return summary_.damage ? Result<void>() : Result<void>(file.error());
     file_.emplace(std::move(*file));
     summary_.header = file_->header();
     advance();
@@ -306,7 +306,7 @@ Result<TapeSummary> summarize(const TapePaths& paths) {
 }
 
 Result<TapeSummary> summarize(std::string name, TapeSources sources) {
-  const auto layout = detect_layout(sources.read.get(), sources.write.get());
+  const auto layout = sources.layout();
   if (!layout) return layout.error();
   TapeSummary summary;
   summary.name = std::move(name);

@@ -129,7 +129,8 @@ struct TapeSummary {
 };
 
 // Reads the whole tape once, in constant memory; what is damaged ends that file and not the others. Errors:
-// only what keeps it from being read at all (Errc::usage, Errc::not_a_tape, Errc::io).
+// only what keeps it from being read at all (Errc::usage, Errc::not_a_tape, Errc::io; Errc::damaged_tape: its
+// r and w files are in no layout).
 Result<TapeSummary> summarize(const TapePaths& paths);
 Result<TapeSummary> summarize(std::string name, TapeSources sources);
 
