@@ -163,7 +163,12 @@ int run_diff(Arguments args, std::ostream& out, std::ostream& err) {
   if (const auto shown = show_diff(*plan, *diff, line, out); !shown)
     return fail_verb("diff", shown.error(), out, err);
   note_torn_tails(*diff, out, err);
-  return diff->equal() ? exit_status::kPass : exit_status::kDataMismatch;
+  // What was not written cannot be told by "different" alone.
+  out.flush();
+  if (const int written = output_status(out, exit_status::kPass);
+      diff->equal() || written != exit_status::kPass)
+    return written;
+  return exit_status::kDataMismatch;
 }
 
 }  // namespace porttape

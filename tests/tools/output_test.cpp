@@ -51,6 +51,18 @@ TEST(Program, ADiskThatIsFullOnStandardOutputIs1) {
   EXPECT_EQ(WEXITSTATUS(status), 1);
 }
 
+TEST(Program, ADifferenceThatIsNotWrittenIs1) {
+  const test::TempDir dir;
+  const std::string one = test::make_tape(dir, "a", {{1, "a"}}, {});
+  const std::string other = test::make_tape(dir, "b", {{1, "b"}}, {});
+  const UniqueFd full(::open("/dev/full", O_WRONLY | O_CLOEXEC));
+  FdStreambuf buffer(full.get());
+  std::ostream out(&buffer);
+  std::ostringstream err;
+  const std::vector<std::string> args{"diff", one, other, "--json"};
+  EXPECT_EQ(run_porttape(args, out, err), 1);
+}
+
 TEST(Program, AReaderThatGoesAwayIsNoError) {
   const test::TempDir dir;
   std::array<int, 2> ends{};
