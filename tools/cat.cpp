@@ -9,14 +9,15 @@
 
 #include "libport/base/printable.hpp"
 #include "libport/rules/byte_pattern.hpp"
+#include "libport/tape/event_texts.hpp"
 #include "libport/tape/tape_group.hpp"
 #include "libport/tape/tape_lock.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "tools/cat_lines.hpp"
 #include "tools/command_line.hpp"
 #include "tools/follow.hpp"
-#include "tools/output.hpp"
 #include "tools/new_tape_option.hpp"
+#include "tools/output.hpp"
 #include "tools/text.hpp"
 #include "tools/verbs.hpp"
 
@@ -76,7 +77,10 @@ class BurstJoiner {
 
   void on_event(const Record& record, TapeTime at) {
     flush();
-    if (is_wanted(as_bytes(record.event_line))) printer_.event(record, at);
+    bool wanted = !wanted_;
+    if (wanted_)
+      each_text(record.event_line, [&](std::string_view text) { wanted |= wanted_->in(as_bytes(text)); });
+    if (wanted) printer_.event(record, at);
   }
 
   // What comes is of this one of several tapes.
@@ -341,6 +345,8 @@ std::optional<std::string> take_options(const CommandLine& line, CatOptions& opt
     if (!seconds) return "--" + std::string(name) + " is '" + *text + "'; it must be seconds, e.g. 1.5";
     *time = *seconds;
   }
+  if (options.to <= options.from)
+    return "--to is " + in_quotes(line.text("to").value_or("")) + "; it must be later than --from";
   if (const auto direction = line.text("dir")) {
     if (*direction != "r" && *direction != "w") return "--dir is '" + *direction + "'; it must be r or w";
     options.direction = *direction == "r" ? Direction::read : Direction::write;
@@ -365,7 +371,7 @@ int run_cat(Arguments args, std::ostream& out, std::ostream& err) {
       .value("to", "S", "up to this second, which is not included")
       .value("dir", "r|w", "one direction only, and no events")
       .value("find", "EXPR",
-             "only lines in whose bytes, and events in whose text, this regular expression is found")
+             "only lines in whose bytes, and events in whose kind or text, this regular expression is found")
       .value("as", "both|text|hex", "how bytes are shown [default both]")
       .value("time", "tape|delta|wall",
              "since the tape's begin, since the line before, or of the day "

@@ -124,6 +124,8 @@ TEST(Cat, ShowsWhatIsLookedFor) {
             "     0.004000  r      9  \"ERROR 7\\r\\n\"  4552524f5220370d0a\n");
   EXPECT_EQ(run({"cat", tape, "--find", "\\x41T\\r", "--dir", "w", "--as", "hex"}).out,
             "     0.001000  w      3  41540d\n");
+  EXPECT_THAT(run({"cat", tape, "--find", "^mark$"}).out, HasSubstr("an ERROR is near"));
+  EXPECT_EQ(run({"cat", tape, "--find", "text|t_us|2500"}).out, "");
 }
 
 TEST(Cat, OfLargeBlocksThePiecesInWhichItIsFound) {

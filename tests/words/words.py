@@ -195,6 +195,7 @@ TOOL_ROWS = [
     ("test --tape good --rules file -- true", ["file:1: this is no TOML"]),
     ("info --jsn good", ["'--jsn'", near("--json")]),
     ("cat good good", ["is given twice"]),
+    ("cat good --from 1.6 --to 1", ["--to is '1'", "later than --from"]),
     ("cat good other --follow", ["--follow takes one tape"]),
     ("cat good --form 1", ["'--form'", near("--from")]),
     ("cat good --from", ["'--from' has no value; type --from S"]),
