@@ -81,9 +81,9 @@ Facts agreed_facts(const CommandLine& line, std::ostream& err) {
 void tell_packed(const PackManifest& pack, const std::string& file, std::ostream& out) {
   std::error_code error;
   const std::uintmax_t size = std::filesystem::file_size(file, error);
-  fmt::print(out, "{}: {} and {} in {} bytes of {}\n", printable_line(file),
-             counted(pack.tapes.size(), "tape"), counted(pack.files.size() + 1, "file"), error ? 0 : size,
-             pack.bytes());
+  const std::string packed = file == "-" || error ? "" : fmt::format(" in {} bytes", size);
+  fmt::print(out, "{}: {} and {}{} of {} bytes\n", printable_line(file), counted(pack.tapes.size(), "tape"),
+             counted(pack.files.size() + 1, "file"), packed, pack.bytes());
   for (const PackedTape& tape : pack.tapes)
     fmt::print(out, "  tape {}: {}\n", printable_line(tape.name), tape.verdict);
   for (const auto& [key, value] : pack.system) fmt::print(out, "  {}: {}\n", key, printable_line(value));
@@ -121,6 +121,8 @@ int run_pack(Arguments args, std::ostream& out, std::ostream& err) {
   options.about.driver_version = line.text("driver-version").value_or("");
   options.about.driver_command = line.text("command").value_or("");
   if (const auto redaction = line.text("redaction")) options.redaction = *redaction;
+  if (options.redaction == "-")
+    return line.usage_error(err, "option 'redaction': - is no file; name the report's file");
   options.about.system = agreed_facts(line, err);
   Progress progress(err, "pack", 2 * bytes);
   options.progress = [&](std::uint64_t done) { progress.at(done); };

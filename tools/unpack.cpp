@@ -46,6 +46,8 @@ int run_unpack(Arguments args, std::ostream& out, std::ostream& err) {
   if (const auto done = line.parse(args, out, err)) return *done;
   if (line.words().empty()) return line.usage_error(err, "a pack is missing: FILE");
   if (line.words().size() > 1) return line.usage_error(err, "more than one pack given");
+  if (line.words().front() == "-")
+    return line.usage_error(err, "a pack is checked before it is unpacked, which - cannot be; name its file");
   const auto folder = line.text("output");
   if (!folder || folder->empty())
     return line.usage_error(err, "option 'output' is missing: -o DIR, the folder that is to be made");

@@ -16,6 +16,8 @@ constexpr std::size_t kLargest = std::size_t{1} << 20;
 }  // namespace
 
 Result<RuleSet> read_rules_file(const std::string& path) {
+  if (path == "-")
+    return make_error(Errc::usage, "rules file '-': name a file; standard input is /dev/stdin");
   std::error_code error;
   errno = 0;
   std::ifstream file(path, std::ios::binary);
