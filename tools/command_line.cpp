@@ -72,7 +72,7 @@ std::optional<int> CommandLine::parse(Arguments args, std::ostream& out, std::os
 
 int CommandLine::usage_error(std::ostream& err, std::string_view what) const {
   const std::string command = fmt::format("porttape {}", help_.verb);
-  err << command << ": " << printable_line(with_help(std::string(what), command)) << '\n';
+  err << command << ": " << printable_lines(with_help(std::string(what), command)) << '\n';
   return exit_status::kUsage;
 }
 

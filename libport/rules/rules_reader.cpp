@@ -92,7 +92,7 @@ class RulesReader {
       return table.wrong("name", fmt::format("is {}, as of an earlier one; accepted: a name of its own",
                                              in_quotes(format.name)));
     if (by_protocol) return read_protocol(table, std::move(format));
-    if (format.name.empty()) table.wrong("has no key 'name'");
+    if (format.name.empty()) table.wrong("lacks 'name': a name of its own");
     read_own_format(table, format);
     rules_.frames.push_back(std::move(format));
   }
@@ -220,7 +220,7 @@ class RulesReader {
   void read_rule(TomlTable& table) {
     Rule rule;
     rule.name = table.text("name").value_or("");
-    if (rule.name.empty()) table.wrong("has no key 'name'");
+    if (rule.name.empty()) table.wrong("lacks 'name': a name of its own");
     const bool twice = std::any_of(rules_.rules.begin(), rules_.rules.end(),
                                    [&](const Rule& other) { return other.name == rule.name; });
     if (twice && !rule.name.empty())
@@ -376,14 +376,14 @@ class RulesReader {
     reply.answer_frame = read_frame_name(table, "answer_frame");
     reply.answer = read_expression(table, "answer");
     reply.to = read_named_place(table, "to");
-    if (reply.name.empty()) table.wrong("has no key 'name'");
+    if (reply.name.empty()) table.wrong("lacks 'name': a name of its own");
     rules_.replies.push_back(std::move(reply));
   }
 
   void read_redaction(TomlTable& table) {
     RedactRule rule;
     rule.name = table.text("name").value_or("");
-    if (rule.name.empty()) table.wrong("has no key 'name'");
+    if (rule.name.empty()) table.wrong("lacks 'name': a name of its own");
     const bool twice = std::any_of(rules_.redactions.begin(), rules_.redactions.end(),
                                    [&](const RedactRule& other) { return other.name == rule.name; });
     if (twice && !rule.name.empty())

@@ -394,6 +394,7 @@ TOOL_ROWS = [
     ("redact good other -o new --rules none.rules", ["more than one tape given"]),
     ("redact good -o new --rules any.rules --report file", ["report 'file' exists already", "--overwrite"]),
     ("redact good -o new --rules any.rules --report any.rules --overwrite", ["'any.rules' is 'any.rules', which is read"]),
+    ("redact good -o new --rules nameless.rules", [r"nameless.rules:1: \[\[redact\]\] lacks 'name'"]),
     ("redact good -o new --dry-rnu", ["'--dry-rnu'", near("--dry-run")]),
     ("pack good", ["'output' is missing: -o FILE"]),
     ("pack nothing -o new.tar.zst", ["no tape 'nothing'"]),
@@ -627,6 +628,8 @@ def main():
     listener.listen()
     with open("file", "w", encoding="utf-8") as file:
         file.write("not ours\n")
+    with open("nameless.rules", "w", encoding="utf-8") as file:
+        file.write("[[redact]]\ntext = 'nowhere'\n")
     with open("any.rules", "w", encoding="utf-8") as file:
         file.write("[[redact]]\nname = 'any'\ntext = 'nowhere'\n")
     for program, rows in ((DAEMON, DAEMON_ROWS), (TOOL, TOOL_ROWS)):
