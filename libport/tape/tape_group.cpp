@@ -25,10 +25,18 @@ Result<std::optional<TapeHeader>> whole_header(const TapePaths& tape) {
   }
 }
 
-bool is_same(const GroupedTape& one, const GroupedTape& other) {
-  const bool same_id =
-      one.header && other.header && !one.header->id.empty() && one.header->id == other.header->id;
-  return same_id || one.paths == other.paths;
+bool has_same_id(const GroupedTape& one, const GroupedTape& other) {
+  return one.header && other.header && !one.header->id.empty() && one.header->id == other.header->id;
+}
+
+// Why the two do not go together.
+std::optional<Error> check_apart(const GroupedTape& one, const GroupedTape& other) {
+  const std::string name = in_quotes(other.paths.name());
+  if (one.paths == other.paths) return make_error(Errc::usage, name + " is given twice");
+  if (!has_same_id(one, other)) return std::nullopt;
+  return make_error(Errc::usage, name + " has the same id as " + in_quotes(one.paths.name()) +
+                                     ": one is a copy of the other; give one of them, or of one a cut, which "
+                                     "has an id of its own (porttape cut TAPE --from 0 -o NAME)");
 }
 
 int place_among_equal(const Record& record) {
@@ -43,8 +51,9 @@ Result<std::vector<GroupedTape>> grouped_tapes(const std::vector<TapePaths>& tap
     Result<std::optional<TapeHeader>> header = whole_header(tape);
     if (!header) return header.error();
     GroupedTape next{tape, std::move(*header), {}};
-    if (std::ranges::any_of(grouped, [&](const GroupedTape& each) { return is_same(each, next); }))
-      return make_error(Errc::usage, in_quotes(tape.name()) + " is given twice");
+    for (const GroupedTape& each : grouped) {
+      if (const auto wrong = check_apart(each, next)) return *wrong;
+    }
     grouped.push_back(std::move(next));
   }
   return grouped;

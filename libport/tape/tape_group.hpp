@@ -16,7 +16,7 @@ struct GroupedTape {
   Micros at{};                       // its zero on the group's time, which begins with the earliest one's
 };
 
-// Reads their headers. Errors as TapeReader; Errc::usage: a tape is given twice.
+// Reads their headers. Errors as TapeReader; Errc::usage: a tape is given twice, or a copy of it.
 Result<std::vector<GroupedTape>> grouped_tapes(const std::vector<TapePaths>& tapes);
 
 // How much later than the first each began: by the clock of the boot in which all were recorded, or as parts

@@ -208,6 +208,11 @@ TEST_F(SplitMergeTest, OneAfterTheOtherOrAsGiven) {
   EXPECT_THAT(records_of(merged), ElementsAre("open 0", "open 5", "r 10 b", "r 15 a", "end 16"));
   EXPECT_EQ(header_of(merged)->zero, zero_at(0, "another"));
   EXPECT_THAT(merge({one, one}).error().message, HasSubstr("is given twice"));
+  const TapePaths copy = literal_tape(dir / "copy");
+  for (const auto& [from, to] :
+       {std::pair(one.read, copy.read), std::pair(one.write, copy.write), std::pair(one.events, copy.events)})
+    std::filesystem::copy_file(from, to);
+  EXPECT_THAT(merge({one, copy}).error().message, HasSubstr("has the same id as"));
   EXPECT_THAT(merge({one, two}, {Micros(1), Micros(2)}).error().message, HasSubstr("2 offsets"));
 }
 

@@ -195,6 +195,8 @@ TOOL_ROWS = [
     ("test --tape good --rules file -- true", ["file:1: this is no TOML"]),
     ("info --jsn good", ["'--jsn'", near("--json")]),
     ("cat good good", ["is given twice"]),
+    ("cat good shortened", ["'shortened.log' has the same id as 'good.log'", "one is a copy", "porttape cut"]),
+    ("merge good shortened -o new", ["'shortened.log' has the same id as 'good.log'"]),
     ("cat good --from 1.6 --to 1", ["--to is '1'", "later than --from"]),
     ("redact good -o new --rules -", ["rules file '-': name a file", "/dev/stdin"]),
     ("pack good -o new.tar.zst --redaction -", ["'redaction': - is no file"]),
