@@ -149,6 +149,12 @@ Result<TapePaths> find_tape(std::string_view argument) {
       return make_error(Errc::usage, "no tape " + in_quotes(name) + ": there is only " +
                                          in_quotes(read.string()) + ", a link that leads nowhere");
   }
+  for (std::size_t i = 0; i < count; ++i) {
+    if (const fs::path& events = candidates.at(i).events; fs::is_regular_file(events, ignored))
+      return make_error(Errc::usage, "no tape " + in_quotes(name) + ": there is only " +
+                                         in_quotes(events.string()) +
+                                         ", the events of one whose r and w files are missing");
+  }
   const bool is_there = fs::exists(fs::path(name), ignored);
   return make_error(Errc::usage, "no tape " + in_quotes(name) + ": there is neither " +
                                      in_quotes(candidates[0].read.string()) + " nor " +

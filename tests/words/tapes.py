@@ -92,6 +92,7 @@ def make(daemon):
         "foreign_r": {"r": other["r"]},
         "mixed": {"r": other["r"], "w": other["w"]},
         "shortened": {"r": read[:half]},
+        "only_e": {"r": None, "w": None},
         "changed": {"r": read[:half - 2] + b"?" + read[half - 1:]},
         "torn": {"r": read[:-3]},
         "length": {"r": read[:half + 8] + struct.pack(">I", 1 << 30) + read[half + 12:]},

@@ -197,6 +197,7 @@ TOOL_ROWS = [
     ("cat good good", ["is given twice"]),
     ("cat good shortened", ["'shortened.log' has the same id as 'good.log'", "one is a copy", "porttape cut"]),
     ("merge good shortened -o new", ["'shortened.log' has the same id as 'good.log'"]),
+    ("verify only_e", ["no tape 'only_e'", "there is only 'only_e.loge'"]),
     ("cat good --from 1.6 --to 1", ["--to is '1'", "later than --from"]),
     ("redact good -o new --rules -", ["rules file '-': name a file", "/dev/stdin"]),
     ("pack good -o new.tar.zst --redaction -", ["'redaction': - is no file"]),
