@@ -204,11 +204,13 @@ struct RedactRequest {
   RuleSet rules;
   std::optional<std::string> report;
   bool dry_run = false;
+  bool overwrite = false;
 };
 
 Result<RedactRequest> read_request(const CommandLine& line) {
   RedactRequest request;
   request.dry_run = line.has("dry-run");
+  request.overwrite = line.has("overwrite");
   if (request.dry_run && line.has("output"))
     return make_error(Errc::usage, "options 'dry-run' and 'output' do not go together; choose one");
   if (!request.dry_run) {
@@ -229,6 +231,8 @@ Result<RedactRequest> read_request(const CommandLine& line) {
                       fmt::format("rules file {} has no [[redact]]: nothing is secret", in_quotes(*file)));
   request.rules = std::move(*rules);
   request.report = line.text("report");
+  if (request.report == "-" && line.has("json"))
+    return make_error(Errc::usage, "both the report and --json would go to stdout; one of them is enough");
   return request;
 }
 
@@ -242,13 +246,11 @@ Result<void> check_places(const RedactRequest& request) {
   }
   if (const auto place = check_report_place(*request.report); !place) return place;
   return check_report_free(*request.report, request.overwrite, request.rules.file);
-  bool overwrite = false;
 }
 
 }  // namespace
 
 int run_redact(Arguments args, std::ostream& out, std::ostream& err) {
-  request.overwrite = line.has("overwrite");
   CommandLine line(kRedactHelp);
   line.value("rules", "FILE", "what is secret: its [[redact]] tables")
       .flag("identity", "leave out host, boot and the device's identity, too")
@@ -264,13 +266,15 @@ int run_redact(Arguments args, std::ostream& out, std::ostream& err) {
   if (const auto possible = check_places(*request); !possible)
     return fail_verb("redact", possible.error(), out, err);
   const bool json = line.has("json");
+  // Data alone on stdout.
+  std::ostream& told = request->report == "-" ? err : out;
   RedactionReport report(request->rules);
   Progress progress(err, "redact", size_of_tape(request->from));
   const auto on_redaction = [&](const TapeRedaction& redaction) {
     if (json || request->report) report.add(redaction);
     if (request->dry_run && !json)
-      out << printable_line(place_of(redaction)) << ", " << counted(redaction.length, "byte") << ": "
-          << printable_line(name_of_rule(request->rules, redaction.rule)) << '\n';
+      told << printable_line(place_of(redaction)) << ", " << counted(redaction.length, "byte") << ": "
+           << printable_line(name_of_rule(request->rules, redaction.rule)) << '\n';
   };
   const Result<RedactedTape> tape = redact_tape(request->from, request->to.paths,
                                                 {.rules = request->rules,
@@ -288,7 +292,7 @@ int run_redact(Arguments args, std::ostream& out, std::ostream& err) {
   if (json) {
     out << *text;
   } else {
-    tell_redacted(*tape, request->from, request->rules, request->dry_run, line.colors(out), out);
+    tell_redacted(*tape, request->from, request->rules, request->dry_run, line.colors(told), told);
   }
   warn(*tape, request->rules, err);
   if (!request->report) return exit_status::kPass;

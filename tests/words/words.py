@@ -200,6 +200,7 @@ TOOL_ROWS = [
     ("verify only_e", ["no tape 'only_e'", "there is only 'only_e.loge'"]),
     ("cat good --from 1.6 --to 1", ["--to is '1'", "later than --from"]),
     ("redact good -o new --rules -", ["rules file '-': name a file", "/dev/stdin"]),
+    ("redact good -o new --rules any.rules --report - --json", ["both the report and --json"]),
     ("pack good -o new.tar.zst --redaction -", ["'redaction': - is no file"]),
     ("unpack - -o new", ["which - cannot be; name its file"]),
     ("cat good other --follow", ["--follow takes one tape"]),
