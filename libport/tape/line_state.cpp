@@ -36,6 +36,12 @@ std::optional<int> held_of(const Event& event) {
   return std::nullopt;
 }
 
+// A break that has ended is as if there had been none.
+bool is_over(const Event& event) {
+  const auto signal = signal_of(event);
+  return signal && signal->signal.name == LineSignal::Name::brk && !signal->signal.on;
+}
+
 }  // namespace
 
 // Behind an open stand the signals as they are then, and the driver's settings.
@@ -58,7 +64,12 @@ void LineState::pass(const Record& record) {
     lines_.erase(held_lost);
     return;
   }
-  if (const auto held = held_of(event)) lines_[*held] = record.event_line;
+  const auto held = held_of(event);
+  if (held && is_over(event)) {
+    lines_.erase(*held);
+  } else if (held) {
+    lines_[*held] = record.event_line;
+  }
 }
 
 bool LineState::holds(const Record& record) const {

@@ -55,6 +55,13 @@ TEST_F(LineStateTest, HoldsTheLastOfEachUntilTheCloseAndTheDevicesSettingsBeyond
   EXPECT_THAT(held(), ElementsAre("settings 9600"));
 }
 
+TEST_F(LineStateTest, ABreakHoldsUntilItEnds) {
+  signal(Side::driver, LineSignal::Name::brk, true);
+  EXPECT_THAT(held(), ElementsAre("break on"));
+  signal(Side::driver, LineSignal::Name::brk, false);
+  EXPECT_THAT(held(), IsEmpty());
+}
+
 TEST_F(LineStateTest, ALostDeviceAndWhoSentItsLastByte) {
   pass(RecordKind::open, event::Open{});
   pass(RecordKind::half_close, event::HalfClose{Side::driver});
