@@ -125,7 +125,6 @@ struct TapTransfers::Transfer {
   std::optional<Instant> last_byte = {};
   std::size_t seen = 0;
   std::weak_ptr<KeptCall> kept = {};  // whose owner has this
-  std::uint64_t number = 0;           // where it has waited
 };
 
 TapTransfers::TapTransfers(Loop& loop, TappedLine& line, TappedFiles& files, std::function<void()> on_idle)
@@ -225,9 +224,14 @@ std::optional<std::size_t> TapTransfers::readable_now(Transfer& transfer) {
     transfer.needs = {.least = made.c_cc[VMIN], .patience = kTenth * made.c_cc[VTIME]};
   if (!transfer.needs || transfer.size == 0) return transfer.size;
   const auto [least, patience] = *transfer.needs;
-  // What a read does without waiting, too, but for EAGAIN.
-  if (patience == Nanos(0) && least <= 1) return transfer.size;
   int there = 0;
+  // What a read does without waiting, too, but for EAGAIN. It waits for a kernel's thread that is just
+  // bringing bytes, and longer than these take; where they are told of, whether there are any is asked.
+  if (patience == Nanos(0) && least <= 1) {
+    const bool asks = transfer.kept.expired() && transfer.file->watch().armed;
+    return asks && ::ioctl(fd, FIONREAD, &there) == 0 && there == 0 ? std::nullopt
+                                                                    : std::optional(transfer.size);
+  }
   if (hung_up(fd) || ::ioctl(fd, FIONREAD, &there) != 0) return transfer.size;
   const auto available = static_cast<std::size_t>(std::max(there, 0));
   const bool any = least == 0;
@@ -286,36 +290,60 @@ void TapTransfers::wait(const std::shared_ptr<KeptCall>& kept, const std::shared
       return kept->call_at(Loop::now() + kShortOf, again);  // poll() waits for VMIN bytes
     }
   }
-  if (!watch(transfer)) return kept->call_at(Loop::now() + kShortOf, again);
+  if (!watch(*transfer)) return kept->call_at(Loop::now() + kShortOf, again);
 }
 
-// Once. False: that is not to be had.
-bool TapTransfers::watch(const std::shared_ptr<Transfer>& transfer) {
+// Once, as long as it tells of what is waited for. False: that is not to be had.
+bool TapTransfers::watch(Transfer& transfer) {
   if (!ready_watch_) return false;
-  if (transfer->number == 0) {
-    transfer->number = ++number_;
-    waiting_.emplace(number_, transfer);
+  TappedFile::Watch& of_file = transfer.file->watch();
+  if (of_file.armed && !transfer.writes) return true;
+  if (of_file.number == 0) {
+    std::erase_if(watched_, [](const auto& each) { return each.second.expired(); });
+    of_file.number = ++number_;
+    watched_.emplace(of_file.number, transfer.file);
   }
+  of_file.armed = arm(*transfer.file, EPOLLIN | EPOLLET | (transfer.writes ? EPOLLOUT : 0U));
+  return of_file.armed;
+}
+
+bool TapTransfers::arm(TappedFile& file, std::uint32_t events) {
+  TappedFile::Watch& of_file = file.watch();
   epoll_event wanted{};
-  wanted.events = (transfer->writes ? EPOLLOUT : EPOLLIN) | EPOLLONESHOT;
-  wanted.data.u64 = transfer->number;
-  const int fd = transfer->file->fd();
-  std::shared_ptr<void>& watched = transfer->file->watch();
-  if (watched) return ::epoll_ctl(ready_->get(), EPOLL_CTL_MOD, fd, &wanted) == 0;
+  wanted.events = events;
+  wanted.data.u64 = of_file.number;
+  const int fd = file.fd();
+  if (of_file.kept) return ::epoll_ctl(ready_->get(), EPOLL_CTL_MOD, fd, &wanted) == 0;
   if (::epoll_ctl(ready_->get(), EPOLL_CTL_ADD, fd, &wanted) != 0) return false;
-  watched = std::shared_ptr<void>(
+  of_file.kept = std::shared_ptr<void>(
       ready_.get(), [ready = ready_, fd](void*) { ::epoll_ctl(ready->get(), EPOLL_CTL_DEL, fd, nullptr); });
   return true;
 }
 
 void TapTransfers::on_ready() {
   std::array<epoll_event, 16> events{};
-  const int count = ::epoll_wait(ready_->get(), events.data(), static_cast<int>(events.size()), 0);
-  for (const epoll_event& event : std::span(events).first(static_cast<std::size_t>(std::max(count, 0)))) {
-    const auto found = waiting_.find(event.data.u64);
-    if (found == waiting_.end()) continue;
-    if (const auto transfer = found->second.lock()) go_on(transfer);
+  int count = 0;
+  do {
+    count = ::epoll_wait(ready_->get(), events.data(), static_cast<int>(events.size()), 0);
+    for (const epoll_event& event : std::span(events).first(static_cast<std::size_t>(std::max(count, 0)))) {
+      const auto found = watched_.find(event.data.u64);
+      if (found == watched_.end()) continue;
+      if (const auto file = found->second.lock()) on_ready_file(file);
+    }
+  } while (count == static_cast<int>(events.size()));
+}
+
+// A program that asks itself whether there is something does not need to hear of it here.
+void TapTransfers::on_ready_file(const std::shared_ptr<TappedFile>& file) {
+  bool is_waited_for = false;
+  for (const auto& transfer : std::list(kept_)) {
+    if (transfer->file != file) continue;
+    is_waited_for = true;
+    go_on(transfer);
   }
+  if (is_waited_for) return;
+  file->watch().armed = false;
+  (void)arm(*file, 0);
 }
 
 void TapTransfers::end(Transfer& transfer) {
@@ -324,7 +352,6 @@ void TapTransfers::end(Transfer& transfer) {
   if (found == kept_.end()) return;
   const std::shared_ptr<Transfer> ended = *found;
   kept_.erase(found);
-  waiting_.erase(transfer.number);
   files_->drop(std::move(transfer.file));
   const bool was_first = !writers_.empty() && writers_.front() == ended;
   std::erase_if(writers_, is_it);

@@ -33,7 +33,9 @@ class TapTransfers {
   struct Transfer;
 
   void on_ready();
-  bool watch(const std::shared_ptr<Transfer>& transfer);
+  void on_ready_file(const std::shared_ptr<TappedFile>& file);
+  bool watch(Transfer& transfer);
+  bool arm(TappedFile& file, std::uint32_t events);
   void end(Transfer& transfer);
   void break_off(Transfer& transfer);
   void keep(Supervisor& supervisor, const std::shared_ptr<Transfer>& transfer);
@@ -49,12 +51,12 @@ class TapTransfers {
   // the program, too.
   std::shared_ptr<UniqueFd> ready_;
   std::optional<FdWatch> ready_watch_;  // none: they are looked at by the clock
-  std::map<std::uint64_t, std::weak_ptr<Transfer>> waiting_;
+  std::map<std::uint64_t, std::weak_ptr<TappedFile>> watched_;
   std::function<void()> on_idle_;
   std::list<std::shared_ptr<Transfer>> kept_;
   // Writes that wait: a tty takes one after the other, whole.
   std::list<std::shared_ptr<Transfer>> writers_;
-  std::uint64_t number_ = 0;  // of the last that waited
+  std::uint64_t number_ = 0;  // of the last that was watched
 };
 
 }  // namespace porttape

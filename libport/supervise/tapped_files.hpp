@@ -22,11 +22,16 @@ class TappedFile {
   // Whether the program's own calls wait there.
   [[nodiscard]] bool waits() const;
   // A watch on it, which ends before it is closed: the program has it open, so that its close would end none.
-  std::shared_ptr<void>& watch() { return watch_; }
+  struct Watch {
+    std::shared_ptr<void> kept = {};
+    std::uint64_t number = 0;
+    bool armed = false;  // it tells of what comes
+  };
+  Watch& watch() { return watch_; }
 
  private:
   UniqueFd fd_;
-  std::shared_ptr<void> watch_;
+  Watch watch_;
 };
 
 // While it lives nothing on that open file waits, neither here nor in a program that has it, too. For one
