@@ -65,7 +65,8 @@ extern "C" void remove_leftovers(int number) {
       if (slot.is_set.load()) remove_leftover(slot.path.data());
     }
   }
-  (void)::raise(number);  // it is as by default by now, and comes when this returns
+  (void)::signal(number, SIG_DFL);
+  (void)::raise(number);  // comes when this returns
   errno = error;
 }
 
@@ -80,8 +81,9 @@ void handle_signals() {
     if (::sigaction(number, nullptr, &now) != 0 || now.sa_handler != SIG_DFL) continue;
     struct sigaction ours {};
     ours.sa_handler = remove_leftovers;
-    ours.sa_flags = static_cast<int>(SA_RESETHAND);
+    // As by default only when all is away: a second one must not end the work of the first.
     ::sigemptyset(&ours.sa_mask);
+    for (const int other : {SIGINT, SIGTERM, SIGHUP}) ::sigaddset(&ours.sa_mask, other);
     (void)::sigaction(number, &ours, nullptr);
   }
 }

@@ -1,5 +1,6 @@
 #include "libport/tape/leftover.hpp"
 
+#include <array>
 #include <filesystem>
 #include <signal.h>
 #include <string>
@@ -59,6 +60,30 @@ TEST_F(LeftoverTest, GoesWithTheProcessThatASignalEnds) {
     EXPECT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == number) << status;
     EXPECT_FALSE(fs::exists(folder));
     EXPECT_TRUE(fs::exists(file));
+  }
+}
+
+TEST_F(LeftoverTest, ASecondSignalDoesNotEndTheWorkOfTheFirst) {
+  for (int round = 0; round < 20; ++round) {
+    fs::create_directory(folder);
+    for (int i = 0; i < 200; ++i) test::write_file(folder + "/" + std::to_string(i), {});
+    std::array<int, 2> ready{};
+    ASSERT_EQ(::pipe(ready.data()), 0);
+    const pid_t child = ::fork();
+    if (child == 0) {
+      for (const int each : {SIGINT, SIGTERM, SIGHUP}) ::signal(each, SIG_DFL);
+      const Leftover one(folder);
+      (void)!::write(ready[1], "x", 1);
+      for (;;) ::pause();
+    }
+    char got = 0;
+    EXPECT_EQ(::read(ready[0], &got, 1), 1);
+    for (const int number : {SIGTERM, SIGTERM, SIGINT}) ::kill(child, number);
+    int status = 0;
+    ASSERT_EQ(::waitpid(child, &status, 0), child);
+    EXPECT_TRUE(WIFSIGNALED(status)) << status;
+    EXPECT_FALSE(fs::exists(folder));
+    for (const int end : ready) ::close(end);
   }
 }
 
