@@ -11,6 +11,7 @@
 #include "libport/base/whole_number.hpp"
 #include "libport/formats/format.hpp"
 #include "libport/tape/part_writer.hpp"
+#include "libport/taped/report_file.hpp"
 #include "tools/command_line.hpp"
 #include "tools/new_tape_option.hpp"
 #include "tools/private_folder.hpp"
@@ -203,6 +204,7 @@ int export_from(const ConvertPlan& plan, Result<TapeReader> tape, const TapePath
                 std::ostream& err) {
   const auto fail = [&](const Error& error) { return fail_convert(plan, error, out, err); };
   if (!tape) return fail(tape.error());
+  if (const auto apart = check_report_apart(plan.out, from); !apart) return fail(apart.error());
   const bool overwrite = plan.writer.on_existing == OnExisting::overwrite;
   Result<NewFile> file = NewFile::create(plan.out, overwrite);
   if (!file) return fail(file.error());

@@ -19,6 +19,8 @@ Result<NewTapeName> read_new_tape(const CommandLine& line) {
   if (!name)
     return make_error(Errc::usage, "option 'output' is missing: -o NAME, the tape that is to be made");
   if (name->empty()) return make_error(Errc::usage, "option 'output': the name is empty");
+  if (*name == "-")
+    return make_error(Errc::usage, "option 'output': a tape is several files, which - is not; give -o NAME");
   NewTapeName tape{new_tape(*name), {}};
   if (line.has("overwrite")) tape.writer.on_existing = OnExisting::overwrite;
   return tape;
@@ -60,7 +62,7 @@ int fail_verb(std::string_view verb, const Error& error, std::ostream& out, std:
 
 int fail_without_tape(std::string_view verb, const Error& error, std::ostream& out, std::ostream& err) {
   out.flush();
-  err << fmt::format("porttape {}: {}\n", verb, printable_line(error.message));
+  err << fmt::format("porttape {}: {}\n", verb, printable_lines(error.message));
   return exit_status_of(error.code);
 }
 
