@@ -35,7 +35,8 @@ LineSettings settings_at(int fd, tcflag_t flags) {
   return settings;
 }
 
-// By the kernel's own reading of it, on a line that is nobody's; where none is to be had, what the device has.
+// By the kernel's own reading of it, on a line that is nobody's; where none is to be had, what the device
+// has.
 LineSettings settings_in(std::uint32_t request, const std::byte* made, int device) {
   const UniqueFd line(::open("/dev/ptmx", O_RDWR | O_NOCTTY | O_CLOEXEC));
   if (!line || ::ioctl(line.get(), request, made) != 0)
