@@ -5,7 +5,6 @@
 #include <cstdlib>
 #include <fcntl.h>
 #include <filesystem>
-#include <ranges>
 #include <signal.h>
 #include <string>
 #include <system_error>
@@ -128,14 +127,14 @@ Result<void> TapeSet::move(const fs::path& from, const fs::path& to) {
 }
 
 void TapeSet::undo() {
-  for (const Moved& each : moved_ | std::views::reverse) {
-    if (each.exchanged) {
-      (void)exchange_files(each.from, each.to);
+  for (; !moved_.empty(); moved_.pop_back()) {
+    const Moved& last = moved_.back();
+    if (last.exchanged) {
+      (void)exchange_files(last.from, last.to);
     } else {
-      (void)::unlink(each.to.c_str());
+      (void)::unlink(last.to.c_str());
     }
   }
-  moved_.clear();
 }
 
 }  // namespace porttape
