@@ -86,7 +86,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto summary = summarize("t", sources_of(files));
   auto reader = TapeReader::from_sources(sources_of(files));
   if (!reader) {
-    const bool is_damage = summary && reader.error().code == Errc::damaged_tape && !summary->damages().empty();
+    const bool is_damage =
+        summary && reader.error().code == Errc::damaged_tape && !summary->damages().empty();
     require(!summary || is_damage, "what the reader refuses is no tape, or damage");
     return 0;
   }
