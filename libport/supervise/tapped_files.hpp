@@ -34,8 +34,9 @@ class TappedFile {
   Watch watch_;
 };
 
-// While it lives nothing on that open file waits, neither here nor in a program that has it, too. For one
-// call, so that none of those meets it; a program's own look at the flags is made here (TapCalls).
+// While it lives nothing on that open file waits, neither here nor in a program that has it, too: some
+// microseconds, for one call. A program's own look at the flags is made here (TapCalls) and does not meet it;
+// a read of one that shares the file unseen may.
 class WithoutWaiting {
  public:
   explicit WithoutWaiting(const TappedFile& file);
