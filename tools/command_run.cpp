@@ -118,6 +118,7 @@ Result<void> CommandRun::start_command(const std::vector<std::string>& command) 
 
 Result<std::vector<std::unique_ptr<CallPart>>> CommandRun::supervising_parts() {
   std::vector<std::unique_ptr<CallPart>> parts;
+  const auto tell = [log = context_.log](const std::string& what) { log->warn("{}", what); };
   if (const std::shared_ptr<TappedLine>& tapped = options_.supervision->tapped) {
     const auto processes = [this] {
       std::vector<pid_t> pids;
@@ -128,7 +129,7 @@ Result<std::vector<std::unique_ptr<CallPart>>> CommandRun::supervising_parts() {
         loop_, *tapped,
         TapCalls::Options{.device = options_.supervision->tapped_device,
                           .processes = processes,
-                          .tell = [log = context_.log](const std::string& what) { log->warn("{}", what); }}));
+                          .tell = tell}));
     return parts;
   }
   SupervisedLine* const line = channel_->driver().supervised();
@@ -138,7 +139,7 @@ Result<std::vector<std::unique_ptr<CallPart>>> CommandRun::supervising_parts() {
                                   "leave out --driver, or name a pty",
                                   channel_->driver().name()));
   }
-  parts.push_back(std::make_unique<TtyCalls>(*line, options_.supervision->lines));
+  parts.push_back(std::make_unique<TtyCalls>(*line, options_.supervision->lines, tell));
   return parts;
 }
 

@@ -73,8 +73,8 @@ Outcome bad_address() { return outcome::Refuse{EFAULT}; }
 
 }  // namespace
 
-TtyCalls::TtyCalls(SupervisedLine& line, const LineDefaults& defaults)
-    : line_(&line), model_(defaults), tells_lines_(defaults != LineDefaults()) {
+TtyCalls::TtyCalls(SupervisedLine& line, const LineDefaults& defaults, Tell tell)
+    : line_(&line), model_(defaults), tells_lines_(defaults != LineDefaults()), tell_(std::move(tell)) {
   line_->supervise(this);
 }
 
@@ -91,7 +91,15 @@ CallPart::Decision TtyCalls::decide(Supervisor& supervisor, const Call& call) {
   const auto request = static_cast<std::uint32_t>(call.argument(1));
   if (std::ranges::find(kRequests, request) == kRequests.end()) return NotMine{};
   const std::optional<std::uint64_t> device = line_->line_device();
-  if (!device || call.device_of(static_cast<int>(call.argument(0))) != device) return NotMine{};
+  if (!device) return NotMine{};
+  const std::optional<std::uint64_t> asked = call.device_of(static_cast<int>(call.argument(0)));
+  if (!asked && tell_ && call.is_closed()) {
+    tell_(
+        "a program that lets nobody look into its memory asks something of a tty: if that is its port, it gets "
+        "what a plain pty gives; run porttape as root, or the program from a file that its user may read");
+    tell_ = nullptr;
+  }
+  if (asked != device) return NotMine{};
   if (gives_settings(request)) return give_settings(call, request);
   if (makes_settings(request) || makes_settings_when_sent(request))
     return decide_settings(supervisor, call, request);

@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "libport/base/line_settings.hpp"
@@ -23,7 +24,10 @@ namespace porttape {
 // What the kernel's pty does right is left to it, and all of it once the line's port has gone.
 class TtyCalls final : public CallPart, private LineSupervisor {
  public:
-  TtyCalls(SupervisedLine& line, const LineDefaults& defaults);
+  using Tell = std::function<void(const std::string& what)>;
+
+  // `tell` hears once of a program whose descriptors must not be looked at: its port stays a plain pty.
+  TtyCalls(SupervisedLine& line, const LineDefaults& defaults, Tell tell);
   ~TtyCalls() override;
   TtyCalls(const TtyCalls&) = delete;
   TtyCalls& operator=(const TtyCalls&) = delete;
@@ -89,6 +93,7 @@ class TtyCalls final : public CallPart, private LineSupervisor {
   bool open_ = false;
   bool as_opened_ = true;     // nobody has set the line since
   bool tells_lines_ = false;  // the defaults are the user's: they belong on the tape
+  Tell tell_;                 // null: told, or not wanted
   UartModel uart_;
   std::optional<int> told_inputs_;  // in this session
   std::vector<InputWait> input_waits_;

@@ -129,6 +129,16 @@ others() {
   [[ $status == 0 || $status == 3 ]] || die "io_uring: exit $status: $(cat said)"
   say "io_uring: exit $status"
 
+  # Root may look into every process, as long as it has that right.
+  local without_ptrace=()
+  [[ $EUID != 0 ]] || without_ptrace=(setpriv --bounding-set -sys_ptrace --inh-caps -sys_ptrace)
+  try timeout -k 5 60 "${without_ptrace[@]}" "$PORTTAPE" "${on_device[@]}" -- "$work/line_extras" closed '{port}' >said 2>&1
+  [[ $status == 3 ]] || die "a closed program: exit $status, expected 3: $(cat said)"
+  [[ $(grep -c 'lets nobody look into its memory' said) == 1 ]] || die "a closed program is not told once: $(cat said)"
+  right "an open program" "${on_device[@]}" -- "$driver" lines '{port}'
+  ! grep 'look into its memory' said || die "told without need"
+  say "a program that lets nobody look into its memory: told"
+
   # What is forbidden is told, and no driver is left in the dark.
   for call in seccomp pidfd_getfd process_vm_readv; do
     try timeout -k 5 60 "$work/line_extras" without "$call" -- "$PORTTAPE" "${on_device[@]}" -- "$driver" lines '{port}' >said 2>&1

@@ -108,7 +108,7 @@ class TtyCallsTest : public testing::Test {
     std::vector<std::string> command{TTY_PROGRAM, line.path, dir / "result"};
     command.insert(command.end(), steps.begin(), steps.end());
     std::vector<std::unique_ptr<CallPart>> parts;
-    parts.push_back(std::make_unique<TtyCalls>(line, lines));
+    parts.push_back(std::make_unique<TtyCalls>(line, lines, nullptr));
     line.supervisor->line_opened();
     SupervisedCommand::Trouble trouble;
     bool over = false;

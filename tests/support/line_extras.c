@@ -3,6 +3,7 @@
 //
 //   line_extras notifier PORT        asks for a seccomp listener of its own, and for the line's signals
 //   line_extras uring PORT           writes and reads back by io_uring
+//   line_extras closed PORT          lets nobody without rights look into its process, and asks for the signals
 //   line_extras without CALL… -- COMMAND…    runs COMMAND with these calls forbidden: seccomp, unshare,
 //   pidfd_getfd, io_uring
 #define _GNU_SOURCE
@@ -53,6 +54,13 @@ static int check_notifier(const char* path) {
     errno = refused;
     give_up(3, "a listener of its own");
   }
+  return 0;
+}
+
+static int check_closed(const char* path) {
+  int fd = open_port(path), lines;
+  if (prctl(PR_SET_DUMPABLE, 0, 0, 0, 0)) give_up(1, "PR_SET_DUMPABLE");
+  if (ioctl(fd, TIOCMGET, &lines)) give_up(3, "TIOCMGET");
   return 0;
 }
 
@@ -126,8 +134,9 @@ static int run_without(char** words) {
 
 int main(int count, char** arguments) {
   if (count == 3 && strcmp(arguments[1], "notifier") == 0) return check_notifier(arguments[2]);
+  if (count == 3 && strcmp(arguments[1], "closed") == 0) return check_closed(arguments[2]);
   if (count == 3 && strcmp(arguments[1], "uring") == 0) return check_uring(arguments[2]);
   if (count > 3 && strcmp(arguments[1], "without") == 0) return run_without(arguments + 2);
-  fputs("usage: line_extras notifier|uring PORT, or without CALL… -- COMMAND…\n", stderr);
+  fputs("usage: line_extras notifier|closed|uring PORT, or without CALL… -- COMMAND…\n", stderr);
   return 64;
 }
