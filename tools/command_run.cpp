@@ -127,9 +127,8 @@ Result<std::vector<std::unique_ptr<CallPart>>> CommandRun::supervising_parts() {
     };
     parts.push_back(std::make_unique<TapCalls>(
         loop_, *tapped,
-        TapCalls::Options{.device = options_.supervision->tapped_device,
-                          .processes = processes,
-                          .tell = tell}));
+        TapCalls::Options{
+            .device = options_.supervision->tapped_device, .processes = processes, .tell = tell}));
     return parts;
   }
   SupervisedLine* const line = channel_->driver().supervised();

@@ -95,7 +95,8 @@ CallPart::Decision TtyCalls::decide(Supervisor& supervisor, const Call& call) {
   const std::optional<std::uint64_t> asked = call.device_of(static_cast<int>(call.argument(0)));
   if (!asked && tell_ && call.is_closed()) {
     tell_(
-        "a program that lets nobody look into its memory asks something of a tty: if that is its port, it gets "
+        "a program that lets nobody look into its memory asks something of a tty: if that is its port, it "
+        "gets "
         "what a plain pty gives; run porttape as root, or the program from a file that its user may read");
     tell_ = nullptr;
   }
