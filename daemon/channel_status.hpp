@@ -15,8 +15,6 @@
 
 namespace porttape {
 
-using WallTime = std::chrono::system_clock::time_point;
-
 // A moment as RFC 3339 has it, in UTC.
 std::string wall_text(WallTime time);
 

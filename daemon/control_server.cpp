@@ -42,7 +42,7 @@ struct ControlServer::Client {
               gone = true;
               owner.wake();
             }),
-        active(Loop::now()) {}
+        active(owner.loop_->now()) {}
 
   // Takes what has come, as far as there is room for it. False: nothing has.
   bool read() {
@@ -102,11 +102,11 @@ void ControlServer::wake() {
 // One turn: a connection, and of each client what has come and one request, those first that were not served
 // for the longest time.
 void ControlServer::work() {
-  const Instant began = Loop::now();
+  const Instant began = loop_->now();
   if (std::exchange(broken_, false)) clients_.clear();
   Nanos shortest_rest = accept();
   std::size_t left = clients_.size();
-  for (; left > 0 && Loop::now() - began < kTurn; --left) {
+  for (; left > 0 && loop_->now() - began < kTurn; --left) {
     if (serve(*clients_.front())) shortest_rest = std::max(shortest_rest, kShortestRest);
     clients_.splice(clients_.end(), clients_, clients_.begin());
   }
@@ -114,7 +114,7 @@ void ControlServer::work() {
   // Nothing else wakes it for those whose next request it has already.
   if (left > 0) shortest_rest = std::max(shortest_rest, kShortestRest);
   if (shortest_rest == Nanos::zero()) return listen();
-  const Instant now = Loop::now();
+  const Instant now = loop_->now();
   rest(now + std::max((now - began) * kRest, shortest_rest));
 }
 
@@ -173,7 +173,7 @@ bool ControlServer::serve(Client& client) {
     client.outbox.write(as_bytes(no));
     client.gone = true;
   } else if (line) {
-    client.active = Loop::now();
+    client.active = loop_->now();
     client.outbox.write(as_bytes(control_reply(*target_, *line) + '\n'));
   }
   return came || line.has_value();
@@ -182,7 +182,7 @@ bool ControlServer::serve(Client& client) {
 void ControlServer::threw(const std::string& what) {
   log_->warn("control socket {}: {}; its clients are sent away", listener_.path(), what);
   broken_ = true;
-  rest(Loop::now() + kAcceptAgain);
+  rest(loop_->now() + kAcceptAgain);
 }
 
 }  // namespace porttape

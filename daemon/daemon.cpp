@@ -13,7 +13,7 @@
 
 namespace porttape {
 Daemon::Daemon(Loop& loop, std::shared_ptr<spdlog::logger> log, Options options)
-    : loop_(&loop), log_(std::move(log)), options_(std::move(options)) {
+    : loop_(&loop), log_(std::move(log)), options_(std::move(options)), since_(loop.clock().wall()) {
   loop_->on_stall([log = log_](const Stall& stall) {
     log->warn("all lines stood still for {} ms: this process was stopped, got no processor or was held up",
               std::chrono::duration_cast<std::chrono::milliseconds>(stall.length).count());

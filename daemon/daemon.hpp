@@ -69,7 +69,7 @@ class Daemon final : public ControlTarget {
   Options options_;
   std::map<std::string, Running> channels_;
   std::map<std::string, ChannelStatus> ended_;
-  const WallTime since_ = std::chrono::system_clock::now();
+  const WallTime since_;
   std::optional<SignalWatch> signals_;
   int exit_status_ = 0;
 };

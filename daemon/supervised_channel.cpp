@@ -61,7 +61,7 @@ Result<void> SupervisedChannel::start() {
 }
 
 Result<void> SupervisedChannel::start_session() {
-  started_ = Loop::now();
+  started_ = context_.loop->now();
   Result<void> result;
   context_.loop->within(fence_, [this, &result] {
     try {
@@ -120,7 +120,8 @@ ChannelStatus SupervisedChannel::status() const {
                               .recording = {}});
   } else {
     status.why = trouble_;
-    if (const auto due = retry_timer_.due()) status.retry_in = std::max(*due - Loop::now(), Nanos::zero());
+    if (const auto due = retry_timer_.due())
+      status.retry_in = std::max(*due - context_.loop->now(), Nanos::zero());
   }
   return status;
 }
@@ -158,7 +159,7 @@ void SupervisedChannel::later(std::function<void()> task) {
 }
 
 void SupervisedChannel::try_again(const std::string& why) {
-  if (Loop::now() - started_ > kLongestDelay) {
+  if (context_.loop->now() - started_ > kLongestDelay) {
     delay_ = kFirstDelay;
     trouble_.clear();
   }

@@ -18,11 +18,10 @@
 #include <utility>
 
 #include "libport/base/unique_fd.hpp"
+#include "tools/verb_clock.hpp"
 
 namespace porttape {
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 constexpr std::uint64_t kFewTicks = 2;  // of 10 ms
 
@@ -74,7 +73,7 @@ void signal_process(const ProcessState& process, int number) {
 }
 
 // Until one of them ends, or some time has passed.
-void wait_for_one(const std::vector<ProcessState>& processes, Clock::time_point until) {
+void wait_for_one(const std::vector<ProcessState>& processes, Instant until) {
   std::vector<UniqueFd> owned;
   std::vector<pollfd> polled;
   for (const ProcessState& process : processes) {
@@ -82,7 +81,7 @@ void wait_for_one(const std::vector<ProcessState>& processes, Clock::time_point 
     if (!owned.back() && errno == ESRCH) return;
     if (owned.back()) polled.push_back({.fd = owned.back().get(), .events = POLLIN, .revents = 0});
   }
-  const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now()).count();
+  const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - verb_clock().now()).count();
   (void)::poll(polled.data(), polled.size(), static_cast<int>(std::clamp<std::int64_t>(left, 0, 100)));
 }
 
@@ -194,12 +193,12 @@ std::vector<ProcessState> CommandFamily::living() const {
 
 CommandFamily::Ended CommandFamily::end(Nanos term_limit, Nanos kill_limit) {
   Ended result;
-  const auto term_until = Clock::now() + term_limit;
+  const auto term_until = verb_clock().now() + term_limit;
   const auto kill_until = term_until + kill_limit;
   while (any_child()) {
     const std::vector<ProcessState> processes = living();
     if (processes.empty()) break;
-    const auto now = Clock::now();
+    const auto now = verb_clock().now();
     if (now >= kill_until) {
       std::erase_if(result.ended, [&](const ProcessState& each) { return contains(processes, each); });
       result.left = processes;

@@ -191,18 +191,18 @@ Result<void> CommandRun::run_command(const std::vector<std::string>& command) {
 
 // What came with the command's end; not for ever, on a line without a pause.
 void CommandRun::handle_ready() {
-  const Instant until = Loop::now() + kLastWords;
-  while (Loop::now() < until && loop_.poll_one()) {
+  const Instant until = loop_.now() + kLastWords;
+  while (loop_.now() < until && loop_.poll_one()) {
   }
 }
 
 // What a quick command wrote before the device was open waits for that.
 void CommandRun::wait_for_device() {
   const auto is_opening = [](Session* session) { return session->state() == Session::State::opening; };
-  const Instant until = Loop::now() + kOpening;
+  const Instant until = loop_.now() + kOpening;
   Timer wakes(loop_, [] {});
   wakes.set(until);
-  while (std::ranges::any_of(sessions(), is_opening) && Loop::now() < until && signal_ == 0) loop_.run_one();
+  while (std::ranges::any_of(sessions(), is_opening) && loop_.now() < until && signal_ == 0) loop_.run_one();
 }
 
 void CommandRun::finish() {

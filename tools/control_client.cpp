@@ -19,6 +19,7 @@
 #include <boost/json/serialize.hpp>
 
 #include "libport/base/whole_number.hpp"
+#include "tools/verb_clock.hpp"
 
 namespace porttape {
 namespace {
@@ -109,14 +110,14 @@ Result<json::object> ControlClient::ask(const json::object& request) {
 }
 
 Result<std::string> ControlClient::read_line() {
-  const Instant limit = std::chrono::steady_clock::now() + kLimit;
+  const Instant limit = verb_clock().now() + kLimit;
   for (;;) {
     if (const std::size_t newline = input_.find('\n'); newline != std::string::npos) {
       std::string line = input_.substr(0, newline);
       input_.erase(0, newline + 1);
       return line;
     }
-    const Nanos left = limit - std::chrono::steady_clock::now();
+    const Nanos left = limit - verb_clock().now();
     if (left <= Nanos::zero()) return failed(pid(), EAGAIN);
     set_limit(fd_.get(), left);
     std::array<char, 65536> buffer;
@@ -130,11 +131,11 @@ Result<std::string> ControlClient::read_line() {
 }
 
 bool ControlClient::wait_ended(Nanos limit) const {
-  const Instant end = std::chrono::steady_clock::now() + limit;
+  const Instant end = verb_clock().now() + limit;
   for (;;) {
     // Without a process to watch: the connection goes with it, after a late reply perhaps.
     pollfd watched = process_ ? pollfd{process_.get(), POLLIN, 0} : pollfd{fd_.get(), POLLRDHUP, 0};
-    const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - verb_clock().now());
     const int ready = ::poll(&watched, 1, static_cast<int>(std::max<std::int64_t>(left.count(), 0)));
     if (ready > 0) return true;
     if (ready == 0 || errno != EINTR) return false;

@@ -12,6 +12,7 @@
 #include "libport/base/printable.hpp"
 #include "tools/command_line.hpp"
 #include "tools/control_client.hpp"
+#include "tools/verb_clock.hpp"
 #include "tools/verbs.hpp"
 
 namespace porttape {
@@ -100,8 +101,8 @@ Result<RunningDaemon> find_daemon(const Wanted& wanted) {
 
 // Until the channel has ended, and with the last one the daemon.
 bool wait_channel_ended(RunningDaemon& daemon, const std::string& channel) {
-  const Instant limit = std::chrono::steady_clock::now() + kEndLimit;
-  while (std::chrono::steady_clock::now() < limit) {
+  const Instant limit = verb_clock().now() + kEndLimit;
+  while (verb_clock().now() < limit) {
     const Result<json::object> reply = daemon.client.ask({{"verb", "status"}});
     if (!reply) {
       // It has closed its socket and ends, or it is slow.

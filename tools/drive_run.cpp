@@ -6,6 +6,7 @@
 #include "libport/tape/disks.hpp"
 #include "tools/command_end.hpp"
 #include "tools/tool_log.hpp"
+#include "tools/verb_clock.hpp"
 
 namespace porttape {
 
@@ -72,13 +73,13 @@ void DriveRun::judge(RunReport& report) const {
 }
 
 TestVerdict drive_device(const DriveRequest& request) {
-  const Instant begun = Loop::now();
+  const Instant begun = verb_clock().now();
   DriveRun run(request);
   Result<RunReport> report = run.run();
   TestVerdict verdict = report ? TestVerdict{.report = std::move(*report)}
                                : no_test(request.replay().tape.name(), report.error());
   verdict.report.writer = Writer::device;
-  verdict.seconds = std::chrono::duration<double>(Loop::now() - begun).count();
+  verdict.seconds = std::chrono::duration<double>(verb_clock().now() - begun).count();
   if (!verdict.error) verdict.runs = run.runs().json();
   return verdict;
 }

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "libport/tape/event_file.hpp"
+#include "tools/verb_clock.hpp"
 
 namespace porttape {
 namespace {
@@ -84,10 +85,10 @@ TapeGrowth::News TapeGrowth::wait() const {
 }
 
 std::optional<std::string> next_part(const TapePaths& tape, const std::string& id, Nanos limit) {
-  const Instant end = std::chrono::steady_clock::now() + limit;
+  const Instant end = verb_clock().now() + limit;
   for (;;) {
     if (auto part = part_after(tape, id)) return part;
-    if (std::chrono::steady_clock::now() >= end) return std::nullopt;
+    if (verb_clock().now() >= end) return std::nullopt;
     std::this_thread::sleep_for(kPartLook);
   }
 }

@@ -11,6 +11,7 @@
 
 #include "tools/command_end.hpp"
 #include "tools/tool_log.hpp"
+#include "tools/verb_clock.hpp"
 
 namespace porttape {
 Result<std::unique_ptr<JobPool>> JobPool::make(Options options) {
@@ -66,7 +67,7 @@ std::optional<JobDone> JobPool::wait(std::optional<Instant> until) {
     const bool tells = std::ranges::any_of(
         workers_, [this](const auto& worker) { return worker->job() && *worker->job() >= told_from_; });
     if (!tells && waiting_.empty()) return std::nullopt;
-    if (until && Instant::clock::now() >= *until) return std::nullopt;
+    if (until && verb_clock().now() >= *until) return std::nullopt;
     poll_all(until);
     take_signal();
     look_at_all();
@@ -84,8 +85,8 @@ void JobPool::give_jobs() {
       done_.push_back({.job = job.number, .trouble = refused_});
       continue;
     }
-    std::optional<JobWorker::Clock::time_point> end;
-    if (options_.limit) end = JobWorker::Clock::now() + *options_.limit;
+    std::optional<Instant> end;
+    if (options_.limit) end = verb_clock().now() + *options_.limit;
     worker->give(job.number, job.text, end,
                  fmt::format("took longer than {} s, and was ended",
                              std::chrono::duration<double>(options_.limit.value_or(Nanos{})).count()));
@@ -120,7 +121,7 @@ void JobPool::poll_all(std::optional<Instant> until) {
   }
   int limit = -1;
   if (until) {
-    const auto left = std::chrono::ceil<std::chrono::milliseconds>(*until - Instant::clock::now());
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(*until - verb_clock().now());
     limit = static_cast<int>(std::clamp<std::int64_t>(left.count(), 0, 60'000));
   }
   (void)::poll(polled.data(), polled.size(), limit);

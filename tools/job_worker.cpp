@@ -17,6 +17,7 @@
 #include <utility>
 
 #include "tools/command_end.hpp"
+#include "tools/verb_clock.hpp"
 
 namespace porttape {
 namespace {
@@ -167,8 +168,7 @@ JobWorker::~JobWorker() {
   if (pid_ > 0) (void)reap();
 }
 
-void JobWorker::give(std::size_t job, std::string_view text, std::optional<Clock::time_point> until,
-                     std::string why) {
+void JobWorker::give(std::size_t job, std::string_view text, std::optional<Instant> until, std::string why) {
   job_ = job;
   text_ = {};
   outgoing_ = framed(text);
@@ -194,7 +194,7 @@ std::optional<JobDone> JobWorker::look() {
   read_output();
   gone_ = gone_ || ended;
   if (auto done = take_done()) return done;
-  if (deadline_ && Clock::now() >= *deadline_) {
+  if (deadline_ && verb_clock().now() >= *deadline_) {
     asked_ ? kill_late() : end(SIGTERM, late_);
   }
   return std::nullopt;
@@ -264,7 +264,7 @@ void JobWorker::close() {
 void JobWorker::end(int signal_number, std::string why) {
   if (!asked_) why_ = std::move(why);
   asked_ = true;
-  deadline_ = Clock::now() + kGrace;
+  deadline_ = verb_clock().now() + kGrace;
   if (pid_ > 0 && signal_number != 0) ::kill(pid_, signal_number);
 }
 

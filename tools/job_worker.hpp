@@ -35,8 +35,6 @@ struct JobDone {
 // waits, except reap() and the destructor. The parent has no thread but its own.
 class JobWorker {
  public:
-  using Clock = std::chrono::steady_clock;
-
   // Forks. `in_child` closes what of the parent's the new process is not to keep. Errc::io: no process is to
   // be had.
   static Result<std::unique_ptr<JobWorker>> start(const JobWork& work, const std::function<void()>& in_child);
@@ -49,11 +47,11 @@ class JobWorker {
   [[nodiscard]] std::optional<std::size_t> job() const { return job_; }
   [[nodiscard]] bool gone() const { return gone_; }  // has ended, or will not take another job
   // To one that is not busy. It is ended when it is not done by `until`, and `why` is then its trouble.
-  void give(std::size_t job, std::string_view text, std::optional<Clock::time_point> until, std::string why);
+  void give(std::size_t job, std::string_view text, std::optional<Instant> until, std::string why);
 
   void add_to(std::vector<pollfd>& polled) const;
   // When something is to be done without an event.
-  [[nodiscard]] std::optional<Clock::time_point> deadline() const { return deadline_; }
+  [[nodiscard]] std::optional<Instant> deadline() const { return deadline_; }
   // Reads and writes what can be, and ends what is late. The job that has ended, if one has.
   std::optional<JobDone> look();
 
@@ -85,7 +83,7 @@ class JobWorker {
   std::string incoming_;
   BoundedText text_;
   std::optional<std::size_t> job_;
-  std::optional<Clock::time_point> deadline_;
+  std::optional<Instant> deadline_;
   std::string late_;  // the trouble of a job that is not done by the deadline
   std::string why_;   // it was asked to end
   bool asked_ = false;

@@ -137,7 +137,7 @@ Result<CommandEnd> watch_command(const CommandVerbLine& line, bool to_stderr, Pr
   Loop loop;
   if (Result<void> adopted = family.adopt(); !adopted) return adopted.error();
   std::vector<std::unique_ptr<CallPart>> parts;
-  parts.push_back(std::make_unique<ProbeCalls>(findings));
+  parts.push_back(std::make_unique<ProbeCalls>(findings, loop.clock()));
   CommandEnd end;
   SupervisedCommand::Trouble trouble;
   const SupervisedCommand::Options options{.command = line.command,
@@ -162,8 +162,7 @@ Result<CommandEnd> watch_command(const CommandVerbLine& line, bool to_stderr, Pr
   }
   if (const std::string lost = lost_rights(line.command.front()); !lost.empty())
     fmt::print(err, "porttape probe: {}\n", printable_line(lost));
-  const Supervisor supervisor(loop, command->take_listener(), std::move(parts),
-                              std::make_unique<RealClock>(loop));
+  const Supervisor supervisor(loop, command->take_listener(), std::move(parts));
   family.look_through(command->guard());
   SignalWatch signals(loop, [&](int number) {
     if (!signals.from_terminal()) command->kill(number);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "tools/text.hpp"
+#include "tools/verb_clock.hpp"
 
 namespace porttape {
 namespace {
@@ -16,19 +17,17 @@ constexpr std::uint64_t kLookEvery = std::uint64_t{1} << 18U;  // bytes
 constexpr Nanos kSilent = std::chrono::seconds(1);
 constexpr Nanos kShowEvery = std::chrono::milliseconds(200);
 
-Instant progress_now() { return std::chrono::steady_clock::now(); }
-
 }  // namespace
 
 Progress::Progress(std::ostream& err, std::string_view verb, std::uint64_t total_bytes)
-    : err_(err), verb_(verb), total_(total_bytes), begun_(progress_now()), shown_at_(begun_) {
+    : err_(err), verb_(verb), total_(total_bytes), begun_(verb_clock().now()), shown_at_(begun_) {
   const bool shows = &err == &std::cerr && ::isatty(STDERR_FILENO) == 1;
   look_at_ = shows ? kLookEvery : std::numeric_limits<std::uint64_t>::max();
 }
 
 void Progress::look(std::uint64_t bytes) {
   look_at_ = bytes + kLookEvery;
-  const Instant now = progress_now();
+  const Instant now = verb_clock().now();
   if (now - begun_ < kSilent || now - shown_at_ < kShowEvery) return;
   shown_at_ = now;
   shown_ = true;

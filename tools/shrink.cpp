@@ -21,6 +21,7 @@
 #include "tools/private_folder.hpp"
 #include "tools/shrinker.hpp"
 #include "tools/tape_parts.hpp"
+#include "tools/verb_clock.hpp"
 #include "tools/verbs.hpp"
 
 namespace porttape {
@@ -185,7 +186,7 @@ class Shrink {
         begin(round);
       const bool decided = round.found && round.is_first(*round.found);
       if (trouble_ || decided || round.runs.empty()) break;
-      std::optional<FaultPool::Done> done = pool_.wait(now() + FaultPool::kProgress);
+      std::optional<FaultPool::Done> done = pool_.wait(verb_clock().now() + FaultPool::kProgress);
       if (pool_.interrupted_by() != 0) break;
       show_progress();
       if (done) take(round, std::move(*done));
@@ -259,10 +260,8 @@ class Shrink {
     for (const char file : {'r', 'w', 'e'}) std::filesystem::remove(tape + file, ignored);
   }
 
-  static Instant now() { return std::chrono::steady_clock::now(); }
-
   void show_progress() {
-    const Instant at = now();
+    const Instant at = verb_clock().now();
     if (!shows_progress_ || at - shown_ < FaultPool::kProgress) return;
     shown_ = at;
     fmt::print(err_, "\rporttape shrink: {} runs ", runs_);

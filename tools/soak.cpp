@@ -17,6 +17,7 @@
 #include "tools/fault_case.hpp"
 #include "tools/fault_pool.hpp"
 #include "tools/output.hpp"
+#include "tools/verb_clock.hpp"
 #include "tools/verbs.hpp"
 
 namespace porttape {
@@ -122,7 +123,7 @@ class Soak {
       while (found_.empty() && next <= seeds_.to && pool_.waiting() + pool_.running() < case_.jobs * 2)
         begin(next++);
       if (!found_.empty() && !runs_below(found_.begin()->first)) break;
-      const std::optional<FaultPool::Done> done = pool_.wait(now() + FaultPool::kProgress);
+      const std::optional<FaultPool::Done> done = pool_.wait(verb_clock().now() + FaultPool::kProgress);
       if (pool_.interrupted_by() != 0) return {};
       if (done && !done->trouble.empty()) return make_error(Errc::io, done->trouble);
       if (done) take(*done);
@@ -132,8 +133,6 @@ class Soak {
     pool_.cancel();
     return {};
   }
-
-  static Instant now() { return std::chrono::steady_clock::now(); }
 
   void begin(std::uint64_t seed) {
     seed_of_[pool_.add({.tape = case_.tape.name(), .faults = case_.faults, .seed = seed})] = seed;
@@ -155,7 +154,7 @@ class Soak {
   }
 
   void show_progress() {
-    const Instant at = now();
+    const Instant at = verb_clock().now();
     if (!shows_progress_ || at - shown_ < FaultPool::kProgress) return;
     shown_ = at;
     fmt::print(err_, "\rporttape soak: {} of {} seeds, {} faults, none breaks it ", done_, total(), faults_);

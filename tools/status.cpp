@@ -17,6 +17,7 @@
 #include "tools/control_client.hpp"
 #include "tools/openers.hpp"
 #include "tools/output.hpp"
+#include "tools/verb_clock.hpp"
 #include "tools/verbs.hpp"
 
 namespace porttape {
@@ -54,7 +55,8 @@ std::string local_text(std::time_t time) {
 std::string moment_text(const std::string& utc) {
   const auto time = time_of(utc);
   if (!time) return utc;
-  const std::int64_t s = std::max<std::int64_t>(std::time(nullptr) - *time, 0);
+  const std::int64_t s =
+      std::max<std::int64_t>(std::chrono::system_clock::to_time_t(verb_clock().wall()) - *time, 0);
   const std::string ago = s < 120      ? fmt::format("{} s", s)
                           : s < 7200   ? fmt::format("{} min", s / 60)
                           : s < 172800 ? fmt::format("{} h", s / 3600)

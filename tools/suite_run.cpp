@@ -24,14 +24,13 @@
 #include "tools/suite_file.hpp"
 #include "tools/test_verdict.hpp"
 #include "tools/text.hpp"
+#include "tools/verb_clock.hpp"
 
 namespace porttape {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point begun) {
-  return std::chrono::duration<double>(Clock::now() - begun).count();
+double seconds_since(Instant begun) {
+  return std::chrono::duration<double>(verb_clock().now() - begun).count();
 }
 
 // What a worker hands back of a test: these texts, each behind its length.
@@ -276,7 +275,7 @@ class SuiteRun {
   std::ostream& out_;
   std::ostream& err_;
   std::string name_;
-  Clock::time_point begun_ = Clock::now();
+  Instant begun_ = verb_clock().now();
   bool colors_;
   bool shows_progress_;
   bool entered_ = false;           // in a worker: its folder is the suite's

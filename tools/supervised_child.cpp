@@ -58,8 +58,7 @@ Result<std::unique_ptr<SupervisedChild>> SupervisedChild::start(
     return std::unique_ptr<SupervisedChild>();
   }
   if (const std::string lost = lost_rights(how.command.front()); !lost.empty()) tell(lost);
-  child->supervisor_ = std::make_unique<Supervisor>(loop, child->command_->take_listener(), std::move(parts),
-                                                    std::make_unique<RealClock>(loop));
+  child->supervisor_ = std::make_unique<Supervisor>(loop, child->command_->take_listener(), std::move(parts));
   return child;
 }
 

@@ -29,7 +29,7 @@ TestRun::TestRun(TestRequest request)
 Result<RunReport> TestRun::run() {
   if (Result<void> started = start_session(); !started) return started.error();
   if (request_.timeout) {
-    timeout_at_ = Loop::now() + *request_.timeout;
+    timeout_at_ = run_.loop().now() + *request_.timeout;
     late_timer_.set(*timeout_at_);
   }
   if (!request_.never_ends) idle_timer_.set_after(IdleWatch::kPeriod);
@@ -59,7 +59,7 @@ Result<void> TestRun::start_session() {
 
 void TestRun::take(const RunReport& report) {
   runs_.add(report);
-  const Instant then = Loop::now() + kAfterHangUp;
+  const Instant then = run_.loop().now() + kAfterHangUp;
   const bool later = !late_timer_.due() || *late_timer_.due() > then;
   if (is_hung_up(report) && later && !request_.never_ends && run_.command_runs()) late_timer_.set(then);
 }
@@ -80,7 +80,7 @@ bool TestRun::line_is_idle() {
 void TestRun::look_whether_idle() {
   // The processes are looked at only where nothing on the line could be late for it.
   const bool idle = line_is_idle() && !run_.family().awake();
-  if (idle_.look(Loop::now(), idle)) return end_idle_command();
+  if (idle_.look(run_.loop().now(), idle)) return end_idle_command();
   idle_timer_.set_after(IdleWatch::kPeriod);
 }
 
@@ -98,7 +98,7 @@ void TestRun::end_idle_command() {
 }
 
 void TestRun::end_late_command() {
-  const bool timed_out = timeout_at_ && Loop::now() >= *timeout_at_;
+  const bool timed_out = timeout_at_ && run_.loop().now() >= *timeout_at_;
   if (!timed_out && run_.family().debugged()) {
     late_timer_.set_after(kAfterHangUp);
     return;

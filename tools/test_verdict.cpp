@@ -5,6 +5,7 @@
 
 #include "tools/test_outcome.hpp"
 #include "tools/test_run.hpp"
+#include "tools/verb_clock.hpp"
 
 namespace porttape {
 
@@ -20,13 +21,13 @@ TestCase TestVerdict::as_case(std::string name, std::string group) const {
 }
 
 TestVerdict run_one_test(const TestRequest& request) {
-  const auto begun = std::chrono::steady_clock::now();
+  const auto begun = verb_clock().now();
   TestRun test(request);
   Result<RunReport> report = test.run();
   TestVerdict verdict = report ? TestVerdict{.report = std::move(*report)}
                                : no_test(request.replay().tape.name(), report.error());
   verdict.notes = test.notes();
-  verdict.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+  verdict.seconds = std::chrono::duration<double>(verb_clock().now() - begun).count();
   if (verdict.error) return verdict;
   verdict.runs = test.runs().json();
   verdict.report.outcome = outcome_text(verdict.report, test.end());

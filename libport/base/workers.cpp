@@ -9,10 +9,10 @@
 #include <thread>
 #include <utility>
 
+#include "libport/base/clock.hpp"
+
 namespace porttape {
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 constexpr auto kPatience = std::chrono::milliseconds(10);
 constexpr auto kEndPatience = std::chrono::milliseconds(50);
@@ -30,7 +30,7 @@ struct Workers::Strand::State {
 struct Workers::State : std::enable_shared_from_this<Workers::State> {
   struct Waiting {
     std::shared_ptr<Strand::State> strand;
-    Clock::time_point since;
+    Instant since;
   };
   struct Later {
     std::shared_ptr<Strand::State> strand;
@@ -48,7 +48,7 @@ struct Workers::State : std::enable_shared_from_this<Workers::State> {
   std::mutex mutex;  // guards everything here and every strand's jobs
   std::condition_variable wake;
   std::deque<Waiting> ready;  // strands with a job to run
-  std::multimap<Clock::time_point, Later> later;
+  std::multimap<Instant, Later> later;
   bool watched = false;  // an idle thread waits for the first of `later`
   int running = 0;
   int idle = 0;
@@ -75,7 +75,7 @@ bool Workers::post(const Strand& strand, std::function<void()> job) {
   return true;
 }
 
-bool Workers::post_at(Clock::time_point when, const Strand& strand, std::function<void()> job) {
+bool Workers::post_at(Instant when, const Strand& strand, std::function<void()> job) {
   const std::lock_guard lock(state_->mutex);
   if (!state_->have_idle()) return false;
   const auto place = state_->later.emplace(when, State::Later{strand.state_, std::move(job)});
@@ -87,12 +87,12 @@ bool Workers::post_at(Clock::time_point when, const Strand& strand, std::functio
 void Workers::State::put(const std::shared_ptr<Strand::State>& strand, std::function<void()> job) {
   strand->jobs.push_back(std::move(job));
   if (strand->jobs.size() > 1) return;
-  ready.push_back({strand, Clock::now()});
+  ready.push_back({strand, machine_clock().now()});
   wake.notify_one();
 }
 
 void Workers::State::take_due() {
-  const Clock::time_point now = later.empty() ? Clock::time_point{} : Clock::now();
+  const Instant now = later.empty() ? Instant{} : machine_clock().now();
   while (!later.empty() && later.begin()->first <= now) {
     Later due = std::move(later.extract(later.begin()).mapped());
     put(due.strand, std::move(due.job));
@@ -114,7 +114,7 @@ bool Workers::State::start_thread() {
 void Workers::State::wait_for_work(std::unique_lock<std::mutex>& lock) {
   if (later.empty() || watched) return wake.wait(lock);
   watched = true;
-  const Clock::time_point due = later.begin()->first;  // a copy: the entry may be gone when it looks again
+  const Instant due = later.begin()->first;  // a copy: the entry may be gone when it looks again
   wake.wait_until(lock, due);
   watched = false;
 }
@@ -127,8 +127,8 @@ void Workers::State::serve() {
       wait_for_work(lock);
       continue;
     }
-    const Clock::time_point due = ready.front().since + kPatience;
-    if (running > 0 && Clock::now() < due) {
+    const Instant due = ready.front().since + kPatience;
+    if (running > 0 && machine_clock().now() < due) {
       wake.wait_until(lock, due);
       continue;
     }
@@ -154,7 +154,7 @@ void Workers::State::run_front(std::unique_lock<std::mutex>& lock) {
   job = {};
   lock.lock();
   strand->jobs.pop_front();
-  if (!stopped && !strand->jobs.empty()) ready.push_back({strand, Clock::now()});
+  if (!stopped && !strand->jobs.empty()) ready.push_back({strand, machine_clock().now()});
 }
 
 }  // namespace porttape

@@ -1,8 +1,9 @@
 #pragma once
 
-#include <chrono>
 #include <functional>
 #include <memory>
+
+#include "libport/base/time.hpp"
 
 namespace porttape {
 
@@ -34,9 +35,8 @@ class Workers {
 
   // False when no thread is there and none can be had (limits): the job was not taken and will not run.
   [[nodiscard]] bool post(const Strand& strand, std::function<void()> job);
-  // The same, not before `when`.
-  [[nodiscard]] bool post_at(std::chrono::steady_clock::time_point when, const Strand& strand,
-                             std::function<void()> job);
+  // The same, not before `when` by the machine's clock.
+  [[nodiscard]] bool post_at(Instant when, const Strand& strand, std::function<void()> job);
 
  private:
   struct State;

@@ -41,13 +41,15 @@ Error usage_error(const char* what) { return make_error(Errc::usage, what); }
 // What is left of a call's timeout.
 class Remaining {
  public:
-  explicit Remaining(Micros timeout) : timeout_(timeout), end_(Loop::now() + timeout) {}
+  Remaining(const Clock& clock, Micros timeout)
+      : clock_(clock), timeout_(timeout), end_(clock.now() + timeout) {}
   [[nodiscard]] Micros operator()() const {
     if (timeout_ <= Micros{0}) return timeout_;
-    return std::max(Micros{0}, std::chrono::ceil<Micros>(end_ - Loop::now()));
+    return std::max(Micros{0}, std::chrono::ceil<Micros>(end_ - clock_.now()));
   }
 
  private:
+  const Clock& clock_;
   Micros timeout_;
   Instant end_;
 };
@@ -394,7 +396,7 @@ Result<Transfer> BlockingPort::write(ByteView data) {
                                                data.size(), Port::kLargestDatagram));
   }
   reopen();
-  const Remaining left(timeout_);
+  const Remaining left(loop_.clock(), timeout_);
   wait_.poll();
   std::size_t sent = 0;
   while (!down_ && !data.empty()) {

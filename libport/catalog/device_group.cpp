@@ -41,7 +41,8 @@ class LiveDevices final : public DeviceGroup, private Nobody {
   LiveDevices(const PortContext& context, const PortSpec& device, std::string driver)
       : context_(context), device_(device), driver_(std::move(driver)) {
     const RecordingOptions* const recording = device_.get<RecordingOptions>();
-    if (recording != nullptr) group_ = std::make_shared<TapeGroup>(recording->tape, recording->on_existing);
+    if (recording != nullptr)
+      group_ = std::make_shared<TapeGroup>(recording->tape, recording->on_existing, context.loop->clock());
   }
 
   Result<void> prepare() override {
@@ -61,7 +62,7 @@ class LiveDevices final : public DeviceGroup, private Nobody {
     return make_port(context_, spec_for(connection), driver_);
   }
   void request(const RecorderRequest& what) override {
-    if (what.kind == RecorderRequest::Kind::next_tape && group_) group_->rotate(Loop::now());
+    if (what.kind == RecorderRequest::Kind::next_tape && group_) group_->rotate(context_.loop->now());
   }
   void finish(unsigned, std::function<void(int)> done) override { done(exit_status::kPass); }
   [[nodiscard]] bool must_not_fail() const override {

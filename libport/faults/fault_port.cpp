@@ -49,7 +49,7 @@ FaultStream& FaultPort::stream(LineDir dir) {
   return *of;
 }
 
-bool FaultPort::away() const { return Loop::now() < away_until_; }
+bool FaultPort::away() const { return now() < away_until_; }
 
 void FaultPort::open() {
   if (!away()) return FilterPort::open();
@@ -58,7 +58,7 @@ void FaultPort::open() {
     back_timer_.set(away_until_);
     return;
   }
-  const double left = std::chrono::duration<double>(away_until_ - Loop::now()).count();
+  const double left = std::chrono::duration<double>(away_until_ - now()).count();
   listener().on_down(
       {.reason = LineDown::Reason::failed,
        .error = make_error(Errc::device_missing,
@@ -77,7 +77,7 @@ void FaultPort::on_up() {
   up_ = true;
   tell(plan_);
   if (!zero_) {
-    zero_ = Loop::now();
+    zero_ = now();
     do_timed_breaks();
     if (!up_) return;
   }
@@ -96,8 +96,8 @@ void FaultPort::outgoing(ByteView data) {
 
 void FaultPort::pass(LineDir dir, ByteView data, const std::function<void(ByteView, Instant)>& on) {
   if (options_.on_passing) options_.on_passing(dir, data);
-  const Instant now = Loop::now();
-  const FaultStream::Outcome outcome = stream(dir).take(data, now, zero_.value_or(now));
+  const Instant at = now();
+  const FaultStream::Outcome outcome = stream(dir).take(data, at, zero_.value_or(at));
   const unsigned line = lines_;
   for (const LineFault& fault : outcome.faults) tell(fault);
   if (outcome.untouched) return on(data, {});
@@ -137,7 +137,7 @@ void FaultPort::do_timed_breaks() {
   for (TimedBreak& each : timed_) {
     if (each.over) continue;
     const Instant due = *zero_ + each.fault->at;
-    if (due > Loop::now()) {
+    if (due > now()) {
       next = next ? std::min(*next, due) : due;
       continue;
     }
@@ -152,7 +152,7 @@ void FaultPort::break_line(const Fault& fault) {
   const bool was_up = std::exchange(up_, false);
   const bool reopens = options_.always_open && !passive();
   const Nanos length = reopens ? std::max(fault.length, kShortest) : fault.length;
-  away_until_ = std::max(away_until_, Loop::now() + length);
+  away_until_ = std::max(away_until_, now() + length);
   const LineDown down{.reason = LineDown::Reason::lost,
                       .error = make_error(Errc::device_lost, fmt::format("{}: unplugged by the fault {}",
                                                                          name(), to_text(fault))),

@@ -6,6 +6,7 @@
 #include <thread>
 #include <utility>
 
+#include "libport/base/clock.hpp"
 #include "libport/base/time.hpp"
 #include "libport/flexiport/backing.hpp"
 #include "libport/tape/tape_name.hpp"
@@ -21,7 +22,6 @@ using porttape::Instant;
 using porttape::TapeReader;
 using porttape::TapeTime;
 using porttape::TapeWriter;
-using Clock = std::chrono::steady_clock;
 
 template <class T>
 T value_of(porttape::Result<T> result) {
@@ -80,13 +80,13 @@ struct Tape {
     if (read) {
       reads.emplace(value_of(TapeReader::open(paths, TapeReader::Select::reads_only)));
       writes.emplace(value_of(TapeReader::open(paths, TapeReader::Select::writes_only)));
-      zero = Clock::now();
+      zero = porttape::machine_clock().now();
     } else {
       writer.reset();
-      zero = Clock::now();
+      zero = porttape::machine_clock().now();
       const porttape::TapeHeader header{.device = name,
                                         .driver = "in-process",
-                                        .zero = porttape::tape_zero(zero, zero),
+                                        .zero = porttape::tape_zero(zero, porttape::machine_clock()),
                                         .stamped = porttape::Stamped::read};
       writer.emplace(
           value_of(TapeWriter::create(paths, header, {.on_existing = porttape::OnExisting::overwrite})));
@@ -95,11 +95,11 @@ struct Tape {
 
   [[nodiscard]] Instant when(TapeTime at) const { return ignore_times ? zero : zero + at.time_since_epoch(); }
   [[nodiscard]] TapeTime now() const {
-    return TapeTime{std::chrono::duration_cast<porttape::Micros>(Clock::now() - zero)};
+    return TapeTime{std::chrono::duration_cast<porttape::Micros>(porttape::machine_clock().now() - zero)};
   }
 
   void collect(std::size_t most) {
-    while (due.size() < most && !reads->at_end() && when(reads->at()) <= Clock::now()) {
+    while (due.size() < most && !reads->at_end() && when(reads->at()) <= porttape::machine_clock().now()) {
       const ByteView block = reads->front();
       due.insert(due.end(), block.begin(), block.end());
       reads->consume(block.size());
@@ -111,7 +111,7 @@ struct Tape {
     collect(most);
     if (!due.empty() || reads->at_end()) return true;
     const Instant next = when(reads->at());
-    const Instant limit = timeout._sec < 0 ? next : Clock::now() + to_micros(timeout);
+    const Instant limit = timeout._sec < 0 ? next : porttape::machine_clock().now() + to_micros(timeout);
     std::this_thread::sleep_until(std::min(next, limit));
     collect(most);
     return !due.empty();
@@ -189,7 +189,7 @@ bool LogFile::CheckWrite(const void* const data, const size_t count, size_t* con
     const ByteView block = expected.front();
     const std::size_t size = std::min(block.size(), rest.size());
     const bool early = timeout != NULL && timeout->_sec >= 0 &&
-                       Clock::now() + to_micros(*timeout) < _tape->when(expected.at());
+                       porttape::machine_clock().now() + to_micros(*timeout) < _tape->when(expected.at());
     const auto same =
         std::mismatch(rest.begin(), rest.begin() + static_cast<std::ptrdiff_t>(size), block.begin());
     const auto matching = early ? 0 : static_cast<std::size_t>(same.first - rest.begin());

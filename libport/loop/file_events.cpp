@@ -97,12 +97,12 @@ bool FileEvents::start() {
   return true;
 }
 
-void FileEvents::begin_after(Nanos delay) { begins_ = Loop::now() + delay; }
+void FileEvents::begin_after(Nanos delay) { begins_ = loop_->now() + delay; }
 
 void FileEvents::add(const std::shared_ptr<Entry>& entry) {
   entry->fence = loop_->fence();
   entries_.push_back(entry);
-  if (Loop::now() >= begins_) {
+  if (loop_->now() >= begins_) {
     watch(entry);
   } else if (!poll_timer_.due()) {
     poll_timer_.set_after(kQuickPoll);
@@ -218,7 +218,7 @@ void FileEvents::wake_soon() {
 }
 
 void FileEvents::on_poll() {
-  const bool early = Loop::now() < begins_;
+  const bool early = loop_->now() < begins_;
   const bool begins = !early && std::exchange(begins_, Instant{}) != Instant{};
   bool unwatched = false;
   for (const std::shared_ptr<Entry>& entry : entries_) {

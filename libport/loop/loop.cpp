@@ -16,6 +16,7 @@
 
 #include "libport/loop/file_events.hpp"
 #include "libport/loop/sampler.hpp"
+#include "libport/loop/timer_queue.hpp"
 #include "libport/loop/urgent_events.hpp"
 
 namespace porttape {
@@ -47,6 +48,10 @@ struct Loop::Gate {
     const std::lock_guard lock(mutex);
     if (io != nullptr) boost::asio::post(*io, std::move(task));
   }
+  bool busy() {
+    const std::lock_guard lock(mutex);
+    return under_way > 0;
+  }
   void shut() {
     const std::lock_guard lock(mutex);
     work.reset();
@@ -61,8 +66,24 @@ struct Loop::Gate {
 
 // BOOST_ASIO_CONCURRENCY_HINT_UNSAFE_IO would also drop the reactor's locks, but post() from a second thread
 // needs them.
-Loop::Loop() : io_(std::make_unique<boost::asio::io_context>(1)), gate_(std::make_shared<Gate>(*io_)) {}
-Loop::~Loop() { gate_->shut(); }
+Loop::Loop(const Clock& clock, const Clock& machine)
+    : clock_(&clock),
+      machine_(&machine),
+      io_(std::make_unique<boost::asio::io_context>(1)),
+      timers_(std::make_unique<TimerQueue>(*io_, clock)),
+      machine_timers_(&clock == &machine ? nullptr : std::make_unique<TimerQueue>(*io_, machine)),
+      gate_(std::make_shared<Gate>(*io_)) {}
+Loop::~Loop() {
+  gate_->shut();
+  urgent_events_.reset();
+  sampler_.reset();
+  file_events_.reset();
+  // Handlers that are left go with the io_context, and may have timers.
+  for (const auto& queue : {&timers_, &machine_timers_}) {
+    if (*queue) (*queue)->close();
+  }
+  io_.reset();
+}
 
 bool Loop::run_elsewhere(const Workers::Strand& strand, std::function<void()> job,
                          std::function<void()> done) {
@@ -82,17 +103,17 @@ bool Loop::run_elsewhere(const Workers::Strand& strand, std::function<void()> jo
 }
 
 void Loop::run() {
-  Instant idle_since = now();
-  running_since_ = idle_since;
+  Instant idle_since = machine_->now();
+  running_since_ = now();
   handler_began_ = Instant::max();
   for (;;) {
     const bool polls = patience_.expects_soon(idle_since);
     const bool soon = polls && poll_from(idle_since);
     if (polls) patience_.poll_ended(soon, idle_since);
     if (!soon && io_->run_one() == 0) break;
-    const Instant end = now();
+    const Instant end = machine_->now();
     if (!soon) patience_.waited(end - idle_since);
-    handled(end);
+    handled(clock_ == machine_ ? end : now());
     idle_since = end;
   }
   running_since_ = Instant::max();
@@ -104,10 +125,14 @@ void Loop::handled(Instant end) {
   handler_began_ = Instant::max();
 }
 
-void Loop::timer_comes(Instant expected) {
+void Loop::timer_comes(const TimerQueue& timers, Instant expected) {
   handler_began_ = now();
-  stalls_.late(std::max(expected, running_since_), handler_began_);
+  if (&timers == timers_.get()) stalls_.late(std::max(expected, running_since_), handler_began_);
 }
+
+std::optional<Instant> Loop::next_timer() const { return timers_->earliest(); }
+void Loop::clock_moved() { timers_->clock_moved(); }
+bool Loop::has_jobs() const { return gate_->busy(); }
 
 std::function<void(std::function<void()>)> Loop::poster() {
   return [this, gate = gate_, fence = fence_](std::function<void()> task) {
@@ -119,7 +144,7 @@ std::function<void(std::function<void()>)> Loop::poster() {
 bool Loop::poll_from(Instant start) {
   for (Instant last = start; !io_->stopped();) {
     if (io_->poll_one() != 0) return true;
-    const Instant next = now();
+    const Instant next = machine_->now();
     patience_.polled(last, next);
     if (!patience_.expects_soon(next) || next - start >= kPollLimit) return false;
     if (next - start >= kPollAlone) ::sched_yield();  // the peer may be waiting for this very processor

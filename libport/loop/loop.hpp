@@ -3,11 +3,13 @@
 #include <cstddef>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
 
 #include "libport/base/bytes.hpp"
+#include "libport/base/clock.hpp"
 #include "libport/base/time.hpp"
 #include "libport/base/workers.hpp"
 #include "libport/loop/fence.hpp"
@@ -22,13 +24,23 @@ namespace porttape {
 
 class FileEvents;
 class Sampler;
+class TimerQueue;
 class UrgentEvents;
 
 // The event loop that ports live on: one thread, the one that calls run(). Owns the io_context; outlives
 // every port on it.
+//
+// Time on a loop is that of the clock which it was given: what its ports stamp, what timers wait for, and
+// what they compare. Only what is about the machine itself goes by the machine's clock in any case: how long
+// the loop polls before it sleeps, and timers that ask for it (Timer::By::machine).
 class Loop {
  public:
-  Loop();
+  Loop() : Loop(machine_clock()) {}
+  // `clock` outlives the loop. One that does not pass by itself is moved between two calls of run_one() or
+  // poll_one(), or from a callback, and clock_moved() is called each time.
+  explicit Loop(const Clock& clock) : Loop(clock, machine_clock()) {}
+  // For a machine that is simulated as well.
+  Loop(const Clock& clock, const Clock& machine);
   ~Loop();
   Loop(const Loop&) = delete;
   Loop& operator=(const Loop&) = delete;
@@ -78,8 +90,10 @@ class Loop {
 
   // For watches: the event that is being handled is this descriptor's.
   void came_from(int fd) { patience_.came_from(fd); }
-  // For timers: one that was expected then comes now.
-  void timer_comes(Instant expected);
+  // For timers: one of that queue, which was expected then, comes now.
+  void timer_comes(const TimerQueue& timers, Instant expected);
+  TimerQueue& timers() { return *timers_; }
+  TimerQueue& machine_timers() { return machine_timers_ ? *machine_timers_ : *timers_; }
 
   // Waiting actively for a moment that is near keeps the loop's thread from everything else: when it did so
   // last, for all ports together.
@@ -87,7 +101,15 @@ class Loop {
   void spun_until(Instant moment) { last_spin_ = moment; }
 
   boost::asio::io_context& io() { return *io_; }
-  [[nodiscard]] static Instant now() { return std::chrono::steady_clock::now(); }
+
+  [[nodiscard]] const Clock& clock() const { return *clock_; }
+  [[nodiscard]] Instant now() const { return clock_->now(); }
+  // The first moment that a timer waits for by the loop's clock; nullopt if none does.
+  [[nodiscard]] std::optional<Instant> next_timer() const;
+  // True while jobs of run_elsewhere() are under way. What they gave comes with a later turn.
+  [[nodiscard]] bool has_jobs() const;
+  // After a clock that does not pass by itself was moved: what is due now comes in the next turns.
+  void clock_moved();
 
  private:
   struct Gate;
@@ -98,8 +120,12 @@ class Loop {
 
   static constexpr std::size_t kReadBuffer = 65536;  // the largest datagram fits, and the largest tape block
 
+  const Clock* clock_;
+  const Clock* machine_;
   std::unique_ptr<boost::asio::io_context> io_;
-  std::unique_ptr<Byte[]> read_buffer_;  // made when first asked for
+  std::unique_ptr<TimerQueue> timers_;
+  std::unique_ptr<TimerQueue> machine_timers_;  // nullptr where the loop has the machine's clock
+  std::unique_ptr<Byte[]> read_buffer_;         // made when first asked for
   Patience patience_;
   Instant last_spin_{};
   StallWatch stalls_;

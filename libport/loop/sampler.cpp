@@ -9,7 +9,7 @@ namespace porttape {
 Sampler::Sampler(Loop& loop) : loop_(&loop), timer_(loop, [this] { on_timer(); }) {}
 
 void Sampler::add(const void* owner, std::function<void()> look) {
-  const Instant now = Loop::now();
+  const Instant now = loop_->now();
   std::shared_ptr<Member>& member = members_[owner];
   if (member) member->removed = true;  // its look may be what calls this
   member = std::make_shared<Member>(Member{std::move(look), loop_->fence(), now + kYoung, now});
@@ -19,12 +19,12 @@ void Sampler::add(const void* owner, std::function<void()> look) {
 void Sampler::touch(const void* owner) {
   const auto member = members_.find(owner);
   if (member == members_.end()) return;
-  member->second->active_until = Loop::now() + kActive;
+  member->second->active_until = loop_->now() + kActive;
   look_within(kSlow);
 }
 
 void Sampler::look_within(Nanos time) {
-  const Instant at = Loop::now() + time;
+  const Instant at = loop_->now() + time;
   if (!timer_.due() || *timer_.due() > at) timer_.set(at);
 }
 
@@ -37,7 +37,7 @@ void Sampler::remove(const void* owner) {
 }
 
 void Sampler::on_timer() {
-  const Instant now = Loop::now();
+  const Instant now = loop_->now();
   const bool everyone = now >= next_rare_;
   const bool the_active = everyone || now >= next_slow_;
   if (everyone) next_rare_ = now + kRarely;

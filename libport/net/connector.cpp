@@ -29,7 +29,7 @@ std::string advice_for(int error_number) {
 Connector::Connector(Loop& loop, Nanos limit, Callback callback)
     : loop_(&loop),
       callback_(std::move(callback)),
-      deadline_(Loop::now() + limit),
+      deadline_(loop_->now() + limit),
       timer_(loop, [this] { on_timer(); }) {}
 
 void Connector::to_host(const std::string& host, std::uint16_t port) {
@@ -49,11 +49,11 @@ void Connector::to_host(const std::string& host, std::uint16_t port) {
 void Connector::to_address(const SocketAddress& address) {
   if (target_.empty()) target_ = address.text();
   addresses_ = {address};
-  timer_.set(Loop::now());  // from the loop, never from within this call
+  timer_.set(loop_->now());  // from the loop, never from within this call
 }
 
 void Connector::next_address() {
-  const Nanos left = std::max(Nanos{1}, deadline_ - Loop::now());
+  const Nanos left = std::max(Nanos{1}, deadline_ - loop_->now());
   const auto sharers = static_cast<Nanos::rep>(addresses_.size() - next_);
   timer_.set_after(left / sharers);
   attempt(addresses_[next_++]);

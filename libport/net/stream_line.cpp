@@ -66,12 +66,12 @@ StreamLine::StreamLine(Loop& loop, Owner& owner, Side side, std::string name, Un
       timer_(loop, [this] { on_timer(); }) {}
 
 void StreamLine::write(ByteView data) {
-  if (phase_ == Phase::half_closed) since_ = Loop::now();
+  if (phase_ == Phase::half_closed) since_ = loop_->now();
   outbox_.write(data);
 }
 
 std::size_t StreamLine::write_some(ByteView data) {
-  if (phase_ == Phase::half_closed) since_ = Loop::now();
+  if (phase_ == Phase::half_closed) since_ = loop_->now();
   return outbox_.write_some(data);
 }
 
@@ -181,7 +181,7 @@ void StreamLine::peer_ended() {
   if (!hung_up && !sent_all && owner_->look_at_peer(fd_.get()) != PeerState::gone) {
     // Before it is asked, since the last answer may come from within the question.
     phase_ = Phase::half_closed;
-    since_ = Loop::now();
+    since_ = loop_->now();
     const PortListener::Answers answers = owner_->line_ended();
     if (phase_ != Phase::half_closed) return;
     if (answers != PortListener::Answers::none) {
@@ -228,8 +228,8 @@ void StreamLine::on_timer() {
 void StreamLine::watch_unread() {
   // The end of a peer that died while it had more to send waits behind those bytes: the kernel knows.
   const bool gone = hung_up(fd_.get()) || owner_->look_at_peer(fd_.get()) == PeerState::gone;
-  if (gone && !gone_since_) gone_since_ = Loop::now();
-  if (gone && (unread() == 0 || !owner_->wants_rest() || Loop::now() - *gone_since_ >= kRestLimit)) {
+  if (gone && !gone_since_) gone_since_ = loop_->now();
+  if (gone && (unread() == 0 || !owner_->wants_rest() || loop_->now() - *gone_since_ >= kRestLimit)) {
     owner_->line_over({.reason = LineDown::Reason::closed, .error = {}});
   } else {
     timer_.set_after(kLookUnread);
@@ -241,7 +241,7 @@ void StreamLine::watch_half_closed() {
   const bool hurry = peer == PeerState::remote && owner_->next_waits();
   const bool counts = quiet_ends_ || hurry;
   const Nanos limit = quiet_ends_ && hurry ? kQuietWithNext : kQuiet;
-  const bool quiet = counts && !congested() && Loop::now() - since_ >= limit;
+  const bool quiet = counts && !congested() && loop_->now() - since_ >= limit;
   if (peer == PeerState::gone || quiet) {
     owner_->line_over({.reason = LineDown::Reason::closed, .error = {}});
   } else {

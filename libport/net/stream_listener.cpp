@@ -84,7 +84,7 @@ void StreamListener::on_acceptable() {
   if (!fd) return not_accepted(errno);
   told_error_ = 0;
   std::string who = peer_of(fd.get(), address);
-  newcomer({std::move(fd), std::move(who), Loop::now()});
+  newcomer({std::move(fd), std::move(who), context_.loop->now()});
 }
 
 void StreamListener::not_accepted(int error_number) {
@@ -136,7 +136,7 @@ void StreamListener::let_next_in() {
 
 // Each newcomer by the one before it, the first by the one inside.
 void StreamListener::look() {
-  const Instant now = Loop::now();
+  const Instant now = context_.loop->now();
   bool there = owner_->inside() == Inside::there;
   std::string before = inside_;
   std::optional<Instant> next;

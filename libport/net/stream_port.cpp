@@ -140,7 +140,7 @@ void StreamPort::begin_line(UniqueFd fd) {
   StreamLine::Owner& owner = *this;
   line_ = std::make_unique<StreamLine>(*context_.loop, owner, side, name(), std::move(fd));
   line_->set_reading(reading_);
-  line_began_ = Loop::now();
+  line_began_ = context_.loop->now();
 }
 
 void StreamPort::write(ByteView data) {
@@ -244,7 +244,7 @@ void StreamPort::line_over(const LineDown& down) {
   context_.log->debug("{}: disconnected", name());
   if (always_open() && down.reason != LineDown::Reason::hung_up) {
     interrupted_ = true;
-    if (Loop::now() - line_began_ >= kLineHeld) retry_wait_.reset();
+    if (context_.loop->now() - line_began_ >= kLineHeld) retry_wait_.reset();
     retry_later();
     listener().on_interrupted(down);
     return;

@@ -14,6 +14,7 @@ constexpr Instant kNotAtAll{};
 
 FilterPort::FilterPort(const PortContext& context, std::unique_ptr<Port> inner)
     : ForwardingPort(std::move(inner)),
+      loop_(context.loop),
       in_(*context.loop,
           {.open = [this](bool) { return reading_; },
            .pass = [this](ByteView data) { pass(data); },
@@ -109,7 +110,7 @@ void FilterPort::on_down(const LineDown& down) {
     --downs_untold_;
     if (session == closes_) ForwardingPort::on_down(down);
   };
-  in_.put(tell, down.reason == LineDown::Reason::closed ? Loop::now() + kRestLimit : kNotAtAll);
+  in_.put(tell, down.reason == LineDown::Reason::closed ? now() + kRestLimit : kNotAtAll);
 }
 
 void FilterPort::on_interrupted(const LineDown& down) {
@@ -146,7 +147,7 @@ void FilterPort::on_ask(const LineRequest& request, TakeAnswer done) {
 // A replay that is over has its last bytes behind what is held; a tape that must not fail has no time.
 void FilterPort::on_finished(int exit_status) {
   if (exit_status == exit_status::kRuntime) return ForwardingPort::on_finished(exit_status);
-  in_.put([this, exit_status] { ForwardingPort::on_finished(exit_status); }, Loop::now() + kRestLimit);
+  in_.put([this, exit_status] { ForwardingPort::on_finished(exit_status); }, now() + kRestLimit);
 }
 
 PortListener::Answers FilterPort::on_ended() {

@@ -63,6 +63,7 @@ class FilterPort : public ForwardingPort {
  protected:
   virtual void incoming(ByteView arrival) { deliver(arrival); }
   virtual void outgoing(ByteView data) { send(data); }
+  [[nodiscard]] Instant now() const { return loop_->now(); }
   // To the listener, and to the inner port: not before `due`, nor before what was given sooner.
   void deliver(ByteView arrival, Instant due = {});
   void send(ByteView data, Instant due = {});
@@ -106,6 +107,7 @@ class FilterPort : public ForwardingPort {
   void let_inner_read();
   void drop_held(Lane& lane, std::string_view why);
 
+  Loop* loop_;
   std::optional<Together> together_;
   Lane in_;
   Lane out_;

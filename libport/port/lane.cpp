@@ -5,10 +5,10 @@
 
 namespace porttape {
 
-Lane::Lane(Loop& loop, Way way) : way_(std::move(way)), timer_(loop, [this] { run(); }) {}
+Lane::Lane(Loop& loop, Way way) : loop_(&loop), way_(std::move(way)), timer_(loop, [this] { run(); }) {}
 
 void Lane::put(ByteView data, Instant due) {
-  if (empty() && (hurry_ || due <= Loop::now()) && way_.open(false)) return way_.pass(data);
+  if (empty() && (hurry_ || due <= loop_->now()) && way_.open(false)) return way_.pass(data);
   hold({due, Bytes(data.begin(), data.end()), {}, Instant::max()});
 }
 
@@ -43,7 +43,7 @@ void Lane::run(bool at_once) {
   for (;;) {
     const bool open = way_.open(at_once);
     const std::optional<Instant> next = due(open);
-    const bool now = next && ((open && (at_once || hurry_)) || *next <= Loop::now());
+    const bool now = next && ((open && (at_once || hurry_)) || *next <= loop_->now());
     if (!now) break;
     less_ = true;
     const Step step = take();

@@ -55,6 +55,7 @@ class Lane {
   [[nodiscard]] std::optional<Instant> due(bool open) const;
   void hold(Step step);
 
+  Loop* loop_;
   Way way_;
   std::deque<Step> steps_;
   std::size_t bytes_ = 0;

@@ -145,7 +145,7 @@ void Session::driver_up() {
 void Session::open_device() {
   let_driver(false);
   device_state_ = DeviceState::opening;
-  if (failures_.may_open() > Loop::now()) {
+  if (failures_.may_open() > context_.loop->now()) {
     open_timer_.set(failures_.may_open());
   } else {
     open_device_now();
@@ -162,7 +162,7 @@ void Session::open_device_now() {
 
 void Session::device_up() {
   device_state_ = DeviceState::up;
-  failures_.up(Loop::now());
+  failures_.up(context_.loop->now());
   context_.log->debug("{}: up", device_->name());
   for (const LineSignal& signal : early_signals_.take()) device_->signal(signal);
   for (EarlyRequest& early : std::exchange(early_requests_, {}))
@@ -251,7 +251,7 @@ spdlog::level::level_enum Session::about_driver() const {
 }
 
 void Session::device_failed(const LineDown& down, spdlog::level::level_enum level, std::string_view then) {
-  const bool news = failures_.failed(Loop::now(), down.error.message);
+  const bool news = failures_.failed(context_.loop->now(), down.error.message);
   tell_failures();
   context_.log->log(news ? level : spdlog::level::debug, "{}{}", down.error.message, then);
 }
@@ -294,7 +294,7 @@ void Session::device_interrupted(const LineDown& down) {
 void Session::device_resumed() {
   context_.log->log(failures_.repeats() ? spdlog::level::debug : spdlog::level::info, "{}: is back",
                     device_->name());
-  failures_.up(Loop::now());
+  failures_.up(context_.loop->now());
   if (device_state_ != DeviceState::interrupted) return;
   device_state_ = DeviceState::up;
   if (!device_->congested()) read_driver();
@@ -353,7 +353,7 @@ void Session::driver_down(const LineDown& down) {
     driver_gone(down);
   } else if (device_has_line() && device_->congested()) {
     device_state_ = DeviceState::draining;
-    drain_until_ = Loop::now() + kDrainLimit;
+    drain_until_ = context_.loop->now() + kDrainLimit;
     drain_timer_.set(drain_until_);
     read_device();
   } else if (device_state_ != DeviceState::closed) {
@@ -385,7 +385,7 @@ void Session::on_drain_timer() {
   const std::optional<std::size_t> left = device_->unread_by_peer();
   const bool stands_still = driver_up_ && left == left_at_look_;
   left_at_look_ = left;
-  if (Loop::now() < drain_until_ && !stands_still)
+  if (context_.loop->now() < drain_until_ && !stands_still)
     return driver_up_ ? drain_timer_.set_after(kNoProgress) : drain_timer_.set(drain_until_);
   context_.log->warn("{} does not take the driver's last bytes; they are dropped", device_->name());
   close_device();
@@ -462,7 +462,7 @@ void Session::begin_end() {
     driver_->read_pending();
     device_->read_pending();
   }
-  end_.send(Loop::now());
+  end_.send(context_.loop->now());
   // What the driver wrote for a device that is not there reaches nobody: read, and told.
   if (driver_up_ && !device_has_line()) {
     let_driver(true);
@@ -492,7 +492,7 @@ void Session::on_end_timer() {
         device_->name(), driver_->name());
     exit_status_ = exit_status::kRuntime;
     complete();
-  } else if (end_.waits_on(Loop::now(), left())) {
+  } else if (end_.waits_on(context_.loop->now(), left())) {
     end_timer_.set_after(kEndLook);
   } else {
     end();

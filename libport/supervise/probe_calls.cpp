@@ -129,8 +129,8 @@ std::string_view name_of(ProbeFindings::Effect effect) {
   return "same";
 }
 
-ProbeCalls::ProbeCalls(ProbeFindings& findings)
-    : findings_(findings), start_(std::chrono::steady_clock::now()) {}
+ProbeCalls::ProbeCalls(ProbeFindings& findings, const Clock& clock)
+    : findings_(findings), clock_(&clock), start_(clock.now()) {}
 
 std::vector<CallTrap> ProbeCalls::traps() const {
   CallTrap requests{.number = SYS_ioctl};
@@ -217,7 +217,7 @@ void ProbeCalls::note(std::string_view call, Effect effect, std::string_view on_
                               .effect = effect,
                               .on_pty = on_pty,
                               .count = 0,
-                              .first = std::chrono::steady_clock::now() - start_});
+                              .first = clock_->now() - start_});
     row = findings_.rows.end() - 1;
   }
   ++row->count;

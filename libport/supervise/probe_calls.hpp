@@ -45,8 +45,8 @@ std::string_view name_of(ProbeFindings::Effect effect);
 // terminal nor our stdin, stdout or stderr. Of 32-bit programs only requests to ports are seen.
 class ProbeCalls final : public CallPart {
  public:
-  // `findings` outlives it.
-  explicit ProbeCalls(ProbeFindings& findings);
+  // Both outlive it. The findings count their times by that clock, from now.
+  ProbeCalls(ProbeFindings& findings, const Clock& clock);
 
   [[nodiscard]] std::vector<CallTrap> traps() const override;
   Decision decide(Supervisor& supervisor, const Call& call) override;
@@ -59,6 +59,7 @@ class ProbeCalls final : public CallPart {
   void note_port(const Call& call, int fd, bool pty);
 
   ProbeFindings& findings_;
+  const Clock* clock_;
   Instant start_;
   PortDevices ports_;
 };

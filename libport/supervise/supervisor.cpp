@@ -45,18 +45,19 @@ void KeptCall::call_at(Instant when, std::function<void()> callback) {
   if (reschedule_) reschedule_();
 }
 
-Supervisor::Supervisor(Loop& loop, UniqueFd listener, std::vector<std::unique_ptr<CallPart>> parts,
-                       std::unique_ptr<CallClock> clock)
+Supervisor::Supervisor(Loop& loop, UniqueFd listener, std::vector<std::unique_ptr<CallPart>> parts)
     : listener_(std::move(listener)),
       parts_(std::move(parts)),
-      clock_(std::move(clock)),
+      loop_(&loop),
       told_(sizes_here().seccomp_notif),
       response_(sizes_here().seccomp_notif_resp),
-      watch_(loop, listener_.get(), [this] { on_readable(); }) {
+      watch_(loop, listener_.get(), [this] { on_readable(); }),
+      call_timer_(loop, [this] { call_back_due(); }),
+      look_timer_(
+          loop, [this] { look(); }, Timer::By::machine) {
   const std::uint64_t flags = SECCOMP_USER_NOTIF_FD_SYNC_WAKE_UP;
   // A kernel that wakes both sides at once has what keeps other signals from a call (Linux 5.19) as well.
   calls_stay_ = ::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_SET_FLAGS, flags) == 0;
-  clock_->on_wake([this] { on_wake(); });
   watch_.watch_readable(true);
 }
 
@@ -121,7 +122,7 @@ void Supervisor::send(const Call& call, Outcome outcome) {
 }
 
 std::shared_ptr<KeptCall> Supervisor::keep(const Call& call) {
-  auto kept = std::make_shared<KeptCall>(call);
+  auto kept = std::make_shared<KeptCall>(call, loop_->clock());
   kept->finish_ = [this, call](Outcome outcome) { send(call, std::move(outcome)); };
   kept->reschedule_ = [this] { schedule(); };
   kept_.push_back(kept);
@@ -137,18 +138,20 @@ std::shared_ptr<KeptCall> Supervisor::keep_until_signal(const Call& call) {
   return kept;
 }
 
-void Supervisor::on_wake() {
-  const Instant now = clock_->now();
+void Supervisor::call_back_due() {
+  const Instant now = loop_->now();
   for (const auto& kept : std::list(kept_)) {
     if (kept->over() || !kept->at_ || *kept->at_ > now) continue;
     kept->at_.reset();
     if (const auto callback = std::exchange(kept->at_callback_, {})) callback();
   }
-  if (next_look_ && *next_look_ <= now) {
-    next_look_.reset();
-    forget_gone();
-    look_at_signals();
-  }
+  std::erase_if(kept_, [](const auto& kept) { return kept->over(); });
+  schedule();
+}
+
+void Supervisor::look() {
+  forget_gone();
+  look_at_signals();
   std::erase_if(kept_, [](const auto& kept) { return kept->over(); });
   schedule();
 }
@@ -196,16 +199,17 @@ void Supervisor::forget_gone() {
 }
 
 void Supervisor::schedule() {
-  if (kept_.empty()) {
-    next_look_.reset();
-    return clock_->sleep();
-  }
-  if (!next_look_) next_look_ = clock_->now() + kSignalLook;
-  Instant next = *next_look_;
+  if (kept_.empty()) look_timer_.cancel();
+  if (!kept_.empty() && !look_timer_.due()) look_timer_.set_after(kSignalLook);
+  std::optional<Instant> next;
   for (const auto& kept : kept_) {
-    if (!kept->over() && kept->at_) next = std::min(next, *kept->at_);
+    if (!kept->over() && kept->at_) next = std::min(next.value_or(*kept->at_), *kept->at_);
   }
-  clock_->wake_at(next);
+  if (next) {
+    call_timer_.set(*next);
+  } else {
+    call_timer_.cancel();
+  }
 }
 
 }  // namespace porttape

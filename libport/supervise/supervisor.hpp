@@ -9,15 +9,17 @@
 #include <optional>
 #include <set>
 #include <sys/types.h>
+#include <utility>
 #include <variant>
 #include <vector>
 
+#include "libport/base/clock.hpp"
 #include "libport/base/time.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/fd_watch.hpp"
 #include "libport/loop/loop.hpp"
+#include "libport/loop/timer.hpp"
 #include "libport/supervise/call.hpp"
-#include "libport/supervise/call_clock.hpp"
 #include "libport/supervise/call_filter.hpp"
 #include "libport/supervise/known_threads.hpp"
 
@@ -50,7 +52,8 @@ class KeptCall {
   static constexpr int kRestart = 512;
   static constexpr int kNoHandlerRestart = 514;
 
-  explicit KeptCall(const Call& call) : call_(call.for_later()) {}
+  // `clock` outlives it: the one of the supervisor's loop.
+  KeptCall(const Call& call, const Clock& clock) : call_(call.for_later()), clock_(&clock) {}
 
   [[nodiscard]] const Call& call() const { return call_; }
   [[nodiscard]] bool over() const { return !finish_; }
@@ -58,13 +61,18 @@ class KeptCall {
   void finish(Outcome outcome);
   // Called where a signal or the thread's end came first; nothing is to be finished then.
   void on_gone(std::function<void()> callback) { on_gone_ = std::move(callback); }
+  [[nodiscard]] Instant now() const { return clock_->now(); }
   // Calls back at that moment, unless it is over then. One at a time.
   void call_at(Instant when, std::function<void()> callback);
+  void call_after(Nanos delay, std::function<void()> callback) {
+    call_at(now() + delay, std::move(callback));
+  }
 
  private:
   friend class Supervisor;
 
   Call call_;
+  const Clock* clock_;
   std::function<void(Outcome)> finish_;
   std::function<void()> reschedule_;
   std::function<void()> on_gone_;
@@ -93,8 +101,8 @@ class CallPart {
 // ENOSYS, so that they are to be ended first. Loop thread only.
 class Supervisor {
  public:
-  Supervisor(Loop& loop, UniqueFd listener, std::vector<std::unique_ptr<CallPart>> parts,
-             std::unique_ptr<CallClock> clock);
+  // Kept calls are called back by the clock of the loop.
+  Supervisor(Loop& loop, UniqueFd listener, std::vector<std::unique_ptr<CallPart>> parts);
   ~Supervisor();
   Supervisor(const Supervisor&) = delete;
   Supervisor& operator=(const Supervisor&) = delete;
@@ -105,7 +113,8 @@ class Supervisor {
   // what is to be sent do.
   std::shared_ptr<KeptCall> keep_until_signal(const Call& call);
 
-  // How often a kept call's thread is looked at for signals, and each how many times for its process' stop.
+  // How often a kept call's thread is looked at for signals, by the machine's clock whatever the loop has,
+  // and each how many times for its process' stop.
   static constexpr Nanos kSignalLook = std::chrono::milliseconds(1);
   static constexpr unsigned kStopLook = 16;
 
@@ -119,7 +128,8 @@ class Supervisor {
   void take_one();
   void handle(const Call& call);
   void send(const Call& call, Outcome outcome);
-  void on_wake();
+  void call_back_due();
+  void look();
   static int interruption_of(KeptCall& kept, std::set<pid_t>& told);
   void look_at_signals();
   void forget_gone();
@@ -127,14 +137,15 @@ class Supervisor {
 
   UniqueFd listener_;
   std::vector<std::unique_ptr<CallPart>> parts_;
-  std::unique_ptr<CallClock> clock_;
+  Loop* loop_;
   bool calls_stay_ = false;
   KnownThreads threads_;
   std::vector<std::byte> told_;  // room for a notification of this kernel
   std::vector<std::byte> response_;
   std::list<std::shared_ptr<KeptCall>> kept_;
-  std::optional<Instant> next_look_;  // while there are any
   FdWatch watch_;
+  Timer call_timer_;  // for kept calls that are to be called back
+  Timer look_timer_;  // while there are kept calls
 };
 
 }  // namespace porttape

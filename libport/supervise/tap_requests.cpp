@@ -56,7 +56,7 @@ void when_sent(const std::weak_ptr<KeptCall>& kept, const std::shared_ptr<Tapped
   if (!waiting || waiting->over()) return;
   int left = 0;
   if (::ioctl(file->fd(), TIOCOUTQ, &left) != 0 || left == 0) return then();
-  waiting->call_at(Loop::now() + kSentLook, [kept, file, then] { when_sent(kept, file, then); });
+  waiting->call_after(kSentLook, [kept, file, then] { when_sent(kept, file, then); });
 }
 
 }  // namespace
@@ -211,7 +211,7 @@ void TapRequests::begin_break(const std::weak_ptr<KeptCall>& kept, const std::sh
     still->finish(outcome::Answer{0});
   };
   waiting->on_gone([end] { end(EINTR); });
-  waiting->call_at(Loop::now() + length, [end] { end(0); });
+  waiting->call_after(length, [end] { end(0); });
 }
 
 }  // namespace porttape

@@ -121,14 +121,15 @@ struct TapTransfers::Transfer {
     bytes.clear();
     return false;
   }
-  Instant began = Loop::now();
+  Instant began = {};
   std::optional<Instant> last_byte = {};
   std::size_t seen = 0;
   std::weak_ptr<KeptCall> kept = {};  // whose owner has this
 };
 
 TapTransfers::TapTransfers(Loop& loop, TappedLine& line, TappedFiles& files, std::function<void()> on_idle)
-    : line_(&line),
+    : loop_(&loop),
+      line_(&line),
       files_(&files),
       ready_(std::make_shared<UniqueFd>(::epoll_create1(EPOLL_CLOEXEC))),
       on_idle_(std::move(on_idle)) {
@@ -145,6 +146,7 @@ CallPart::Decision TapTransfers::decide(Supervisor& supervisor, const Call& call
   Where where = where_of(call, several);
   if (where.error != 0) return outcome::Refuse{where.error};
   const auto transfer = std::make_shared<Transfer>(call, writes, std::move(where.parts), std::move(file));
+  transfer->began = loop_->now();
   transfer->size = size_of(transfer->parts);
   if (writes && !writers_.empty() && transfer->size > 0) {
     if (!transfer->file->waits()) return outcome::Refuse{EAGAIN};
@@ -217,7 +219,7 @@ std::optional<Outcome> TapTransfers::write_now(Transfer& transfer) {
 
 // How much a read that waits takes now, 0 where its time is over; nothing: it waits on. As n_tty_read() of
 // the kernel has it: termios(3), "Canonical and noncanonical mode".
-std::optional<std::size_t> TapTransfers::readable_now(Transfer& transfer) {
+std::optional<std::size_t> TapTransfers::readable_now(Transfer& transfer) const {
   const int fd = transfer.file->fd();
   termios made{};
   if (!std::exchange(transfer.looked, true) && ::tcgetattr(fd, &made) == 0 && (made.c_lflag & ICANON) == 0)
@@ -236,7 +238,7 @@ std::optional<std::size_t> TapTransfers::readable_now(Transfer& transfer) {
   const auto available = static_cast<std::size_t>(std::max(there, 0));
   const bool any = least == 0;
   const std::size_t needed = any ? 1 : std::min(least, transfer.size);
-  const Instant now = Loop::now();
+  const Instant now = loop_->now();
   if (available > transfer.seen) transfer.last_byte = now;
   transfer.seen = available;
   const Instant since = any ? transfer.began : transfer.last_byte.value_or(now);
@@ -282,15 +284,15 @@ void TapTransfers::wait(const std::shared_ptr<KeptCall>& kept, const std::shared
     if (const auto waiting = weak.lock()) go_on(waiting);
   };
   // Bytes that are there and not enough would be told again and again.
-  if (transfer->seen > 0) return kept->call_at(Loop::now() + kShortOf, again);
+  if (transfer->seen > 0) return kept->call_after(kShortOf, again);
   if (const auto& needs = transfer->needs) {
     if (needs->least == 0) {
       kept->call_at(transfer->began + needs->patience, again);
     } else if (needs->patience == Nanos(0) && needs->least > transfer->size) {
-      return kept->call_at(Loop::now() + kShortOf, again);  // poll() waits for VMIN bytes
+      return kept->call_after(kShortOf, again);  // poll() waits for VMIN bytes
     }
   }
-  if (!watch(*transfer)) return kept->call_at(Loop::now() + kShortOf, again);
+  if (!watch(*transfer)) return kept->call_after(kShortOf, again);
 }
 
 // Once, as long as it tells of what is waited for. False: that is not to be had.

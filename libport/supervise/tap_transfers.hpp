@@ -42,9 +42,10 @@ class TapTransfers {
   void wait(const std::shared_ptr<KeptCall>& kept, const std::shared_ptr<Transfer>& transfer);
   void go_on(const std::shared_ptr<Transfer>& transfer);
   std::optional<Outcome> read_now(Transfer& transfer);
-  static std::optional<std::size_t> readable_now(Transfer& transfer);
+  std::optional<std::size_t> readable_now(Transfer& transfer) const;
   std::optional<Outcome> write_now(Transfer& transfer);
 
+  Loop* loop_;
   TappedLine* line_;
   TappedFiles* files_;
   // Of the devices that are waited for: a watch of the loop's on the file itself would make it O_NONBLOCK for

@@ -150,8 +150,8 @@ CallPart::Decision TtyCalls::decide_signals(Supervisor& supervisor, const Call& 
 // As soon as the device takes what the driver has written before, but not for ever.
 void TtyCalls::catch_up(const std::shared_ptr<KeptCall>& kept, Instant until, const Step& step) {
   if (line_ == nullptr || line_->catch_up()) return step(SettingsOrder::exact);
-  if (Loop::now() >= until) return step(SettingsOrder::sampled);
-  kept->call_at(Loop::now() + kCatchUpLook, [this, weak = std::weak_ptr(kept), until, step] {
+  if (kept->now() >= until) return step(SettingsOrder::sampled);
+  kept->call_after(kCatchUpLook, [this, weak = std::weak_ptr(kept), until, step] {
     if (const auto waiting = weak.lock()) catch_up(waiting, until, step);
   });
 }
@@ -160,7 +160,7 @@ void TtyCalls::catch_up(const std::shared_ptr<KeptCall>& kept, Instant until, co
 CallPart::Decision TtyCalls::behind_writes(Supervisor& supervisor, const Call& call, const Then& then) {
   if (line_->catch_up()) return then(call, SettingsOrder::exact);
   const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
-  catch_up(kept, Loop::now() + kCatchUpLimit, [weak = std::weak_ptr(kept), then](SettingsOrder order) {
+  catch_up(kept, kept->now() + kCatchUpLimit, [weak = std::weak_ptr(kept), then](SettingsOrder order) {
     if (const auto waiting = weak.lock()) waiting->finish(then(waiting->call(), order));
   });
   return Kept{};
@@ -168,7 +168,7 @@ CallPart::Decision TtyCalls::behind_writes(Supervisor& supervisor, const Call& c
 
 // And once that has left the device.
 void TtyCalls::when_sent(const std::shared_ptr<KeptCall>& kept, const KeptStep& step) {
-  catch_up(kept, Loop::now() + kCatchUpLimit, [this, weak = std::weak_ptr(kept), step](SettingsOrder order) {
+  catch_up(kept, kept->now() + kCatchUpLimit, [this, weak = std::weak_ptr(kept), step](SettingsOrder order) {
     const auto sent = [weak, step, order] {
       if (const auto waiting = weak.lock(); waiting && !waiting->over()) step(waiting, order);
     };
@@ -349,7 +349,7 @@ CallPart::Decision TtyCalls::begin_break(Supervisor& supervisor, const Call& cal
 CallPart::Decision TtyCalls::send_break(Supervisor& supervisor, const Call& call, Nanos length) {
   return begin_break(supervisor, call, [this, length](KeptCall& waiting, int error) {
     if (error != 0) return waiting.finish(error == EOPNOTSUPP ? done_well() : outcome::Refuse{error});
-    waiting.call_at(Loop::now() + length, [this, &waiting] {
+    waiting.call_after(length, [this, &waiting] {
       signalled({LineSignal::Name::brk, false});
       waiting.finish(done_well());
     });

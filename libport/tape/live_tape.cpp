@@ -11,10 +11,11 @@
 #include <thread>
 #include <utility>
 
+#include "libport/base/clock.hpp"
+
 namespace porttape {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
@@ -37,7 +38,7 @@ void run_both(const std::function<void()>& one, const std::function<void()>& oth
 }
 
 // All tapes sync at the same moments, so that a thread wakes once for all of them.
-Clock::time_point next_sync() { return std::chrono::floor<seconds>(Clock::now()) + seconds(1); }
+Instant next_sync() { return std::chrono::floor<seconds>(machine_clock().now()) + seconds(1); }
 
 }  // namespace
 
@@ -98,6 +99,7 @@ struct LiveTape::Shared {
   bool slow = false;
   bool abandoned = false;
   milliseconds last_batch{0};
+  std::optional<Instant> waits_since;  // a worker waits for the disk since then
   Status status;
   std::optional<dev_t> device;
   std::array<TapeSink::Sync, 3> syncers;
@@ -124,7 +126,7 @@ void LiveTape::Shared::give_up(const char* why) {
   }
   status.phase = Status::Phase::not_made;
   status.error = make_error(Errc::io, std::string("the tape is given up: ") + why);
-  status.waits_since.reset();
+  waits_since.reset();
   busy = false;
   if (wanted) handed_over.notify_one();
   lock.unlock();
@@ -138,7 +140,7 @@ void LiveTape::Shared::serve_queue() {
   while (!queue.empty() && !abandoned && !wanted) write_batch(lock);
   const bool news = failure != status.failure || status.over() || status.phase == Status::Phase::being_made;
   if (status.phase == Status::Phase::being_made) status.phase = Status::Phase::queued;
-  status.waits_since.reset();
+  waits_since.reset();
   busy = false;
   if (wanted) handed_over.notify_one();
   lock.unlock();
@@ -146,7 +148,7 @@ void LiveTape::Shared::serve_queue() {
 }
 
 void LiveTape::Shared::make(std::unique_lock<std::mutex>& lock) {
-  status.waits_since = Clock::now();
+  waits_since = machine_clock().now();
   lock.unlock();
   Result<TapeWriter> made = options.make ? options.make(options)
                                          : TapeWriter::create(options.paths, options.header, options.writer);
@@ -197,8 +199,8 @@ void LiveTape::Shared::write_batch(std::unique_lock<std::mutex>& lock) {
     batch.push_back(std::move(queue.front()));
     queue.pop_front();
   }
-  const Clock::time_point begin = Clock::now();
-  status.waits_since = begin;
+  const Instant begin = machine_clock().now();
+  waits_since = begin;
   const RunBoth beside = last_batch >= kHungWrite ? RunBoth(run_both) : RunBoth();
   lock.unlock();
   std::optional<Result<void>> finished;
@@ -211,7 +213,7 @@ void LiveTape::Shared::write_batch(std::unique_lock<std::mutex>& lock) {
     }
   }
   writer->commit(beside);
-  const auto took = std::chrono::duration_cast<milliseconds>(Clock::now() - begin);
+  const auto took = std::chrono::duration_cast<milliseconds>(machine_clock().now() - begin);
   lock.lock();
   status.slowest = std::max(status.slowest, took);
   last_batch = took;
@@ -332,7 +334,7 @@ void LiveTape::leave_direct() {
 }
 
 // A processor that others want looks like a slow disk: the kernel counts how often a thread was put aside.
-bool LiveTape::blocked(Clock::duration took) {
+bool LiveTape::blocked(Nanos took) {
   rusage usage{};
   if (::getrusage(RUSAGE_THREAD, &usage) != 0) return true;
   const bool others = std::exchange(put_aside_, usage.ru_nivcsw) != usage.ru_nivcsw;
@@ -341,9 +343,9 @@ bool LiveTape::blocked(Clock::duration took) {
 
 template <class Work>
 void LiveTape::write(const Work& work) {
-  const Clock::time_point begin = Clock::now();
+  const Instant begin = machine_clock().now();
   work(*shared_->writer);
-  const Clock::duration took = Clock::now() - begin;
+  const Nanos took = machine_clock().now() - begin;
   sync_soon();
   if (took < kLongWrite || !blocked(took)) return;
   leave_direct();
@@ -391,7 +393,7 @@ bool LiveTape::make_room(std::unique_lock<std::mutex>& lock, std::size_t bytes) 
     return status.bytes_waiting + bytes <= shared_->options.queue_bytes && disks_->reserve(bytes);
   };
   if (fits()) return true;
-  return status.waits_since && shared_->room.wait_until(lock, *status.waits_since + kHung, fits);
+  return shared_->waits_since && shared_->room.wait_until(lock, *shared_->waits_since + kHung, fits);
 }
 
 // A flood that began while the files were made would never let the worker catch up.
@@ -407,7 +409,7 @@ void LiveTape::help(std::unique_lock<std::mutex>& lock) {
   }
   shared.busy = true;
   while (!shared.queue.empty()) shared.write_batch(lock);
-  shared.status.waits_since.reset();
+  shared.waits_since.reset();
   shared.busy = false;
 }
 
@@ -429,6 +431,7 @@ LiveTape::Status LiveTape::status() const {
   if (direct_) shared_->take_stock();
   Status status = shared_->status;
   status.bytes_lost += shared_->untold;
+  if (shared_->waits_since) status.silence = machine_clock().now() - *shared_->waits_since;
   return status;
 }
 

@@ -75,8 +75,8 @@ class LiveTape {
     std::uint64_t bytes_lost = 0;     // also those that no gap tells of yet
     std::uint64_t bytes_waiting = 0;  // in the queue
     std::chrono::milliseconds slowest{0};
-    // A worker is at it since then and has not come back.
-    std::optional<std::chrono::steady_clock::time_point> waits_since;
+    // How long a worker has been waiting for the disk by now; nullopt if none is.
+    std::optional<Nanos> silence;
 
     // Nothing more will be written.
     [[nodiscard]] bool over() const { return phase == Phase::not_made || phase == Phase::finished; }

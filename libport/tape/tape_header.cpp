@@ -21,13 +21,9 @@ namespace {
 
 constexpr std::int64_t kMostApart = 10'000'000'000'000'000;  // µs; 300 years are nobody's
 
-using WallTime = std::chrono::time_point<std::chrono::system_clock, std::chrono::microseconds>;
+using WallMicros = std::chrono::sys_time<Micros>;
 
-WallTime wall_now() {
-  return std::chrono::floor<std::chrono::microseconds>(std::chrono::system_clock::now());
-}
-
-std::string rfc3339(WallTime time) {
+std::string rfc3339(WallMicros time) {
   const auto second = std::chrono::floor<std::chrono::seconds>(time);
   const std::time_t whole = second.time_since_epoch().count();
   std::tm utc{};
@@ -60,7 +56,7 @@ std::optional<std::chrono::minutes> zone(std::string_view text) {
 }
 
 // RFC 3339, to the microsecond.
-std::optional<WallTime> wall_time(std::string_view text) {
+std::optional<WallMicros> wall_time(std::string_view text) {
   namespace chrono = std::chrono;
   const auto year = digits(text, 0, 4);
   const auto month = digits(text, 5, 2);
@@ -82,7 +78,7 @@ std::optional<WallTime> wall_time(std::string_view text) {
   }
   const auto ahead = zone(text.substr(at));
   if (!ahead) return std::nullopt;
-  return WallTime(chrono::sys_days(date)) + chrono::hours(*hour) + chrono::minutes(*minute) +
+  return WallMicros(chrono::sys_days(date)) + chrono::hours(*hour) + chrono::minutes(*minute) +
          chrono::seconds(*second) + fraction - *ahead;
 }
 
@@ -111,15 +107,16 @@ std::string random_id() {
 
 }  // namespace
 
-std::string wall_text(Instant at, Instant now) {
-  return rfc3339(wall_now() - std::chrono::duration_cast<Micros>(now - at));
+std::string wall_text(Instant at, const Clock& clock) {
+  return rfc3339(std::chrono::floor<Micros>(clock.wall()) -
+                 std::chrono::duration_cast<Micros>(clock.now() - at));
 }
 
-std::string wall_text(Micros since_1970) { return rfc3339(WallTime(since_1970)); }
+std::string wall_text(Micros since_1970) { return rfc3339(WallMicros(since_1970)); }
 
-TapeZero tape_zero(Instant zero, Instant now) {
+TapeZero tape_zero(Instant zero, const Clock& clock) {
   const auto since_boot = std::chrono::duration_cast<Micros>(zero.time_since_epoch());
-  return {wall_text(zero, now), since_boot.count(), boot_id()};
+  return {wall_text(zero, clock), since_boot.count(), boot_id()};
 }
 
 std::optional<Micros> since(const TapeZero& first, const TapeZero& zero) {
@@ -142,7 +139,7 @@ TapeZero later(TapeZero zero, Micros by) {
 }
 
 TapeHeader completed(TapeHeader header) {
-  if (header.created.empty()) header.created = rfc3339(wall_now());
+  if (header.created.empty()) header.created = rfc3339(std::chrono::floor<Micros>(machine_clock().wall()));
   if (header.host.empty()) header.host = host_name();
   if (header.tool.empty()) header.tool = "porttape " + std::string(version());
   if (header.id.empty()) header.id = random_id();

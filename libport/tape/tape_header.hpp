@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "libport/base/clock.hpp"
 #include "libport/base/port_identity.hpp"
 #include "libport/base/time.hpp"
 
@@ -19,12 +20,12 @@ struct TapeZero {
   friend bool operator==(const TapeZero&, const TapeZero&) = default;
 };
 
-// RFC 3339 with microseconds: `at`, a moment near `now`, on this machine's wall.
-std::string wall_text(Instant at, Instant now);
+// RFC 3339 with microseconds: the time of day at the moment `at` of that clock.
+std::string wall_text(Instant at, const Clock& clock);
 // The same of a time since 1970.
 std::string wall_text(Micros since_1970);
-// How this machine's clocks call `zero`, a moment near `now`.
-TapeZero tape_zero(Instant zero, Instant now);
+// The moment `zero` of that clock, as a header has it.
+TapeZero tape_zero(Instant zero, const Clock& clock);
 
 // How much later than `first` it was: by the monotonic clock where both are of one boot, else by the wall's.
 // Nothing where that is not known.

@@ -18,7 +18,7 @@ Aftermath::Aftermath(const PortContext& context, Tape tape, RunReport report, Ca
       tape_(std::move(tape)),
       report_(std::move(report)),
       calls_(std::move(calls)),
-      limit_(Loop::now() + kLimit),
+      limit_(context_.loop->now() + kLimit),
       timer_(*context.loop, [this] { on_quiet(); }) {
   Mismatch& mismatch = *report_->mismatch;
   if (mismatch.came.empty()) mismatch.came = mismatch.got;
@@ -29,7 +29,7 @@ Aftermath::~Aftermath() {
   if (search_) search_->stop = true;
 }
 
-void Aftermath::wait(Nanos time) { timer_.set(std::min(Loop::now() + time, limit_)); }
+void Aftermath::wait(Nanos time) { timer_.set(std::min(context_.loop->now() + time, limit_)); }
 
 void Aftermath::write(ByteView data) {
   if (!report_) return;
@@ -41,7 +41,7 @@ void Aftermath::write(ByteView data) {
 }
 
 void Aftermath::on_quiet() {
-  if (looked_ || Loop::now() >= limit_) return finish();
+  if (looked_ || context_.loop->now() >= limit_) return finish();
   look_for_answer();
 }
 

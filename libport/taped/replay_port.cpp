@@ -120,7 +120,7 @@ Result<void> ReplayPort::prepare() {
   if (!given) return given.error();
   given->tape_begin = begin + (known->part.from - TapeTime{});
   engine_ = std::make_unique<Engine>(options_.config, facts, *schedule_, *writes_, *given);
-  if (options_.start_paused) engine_->stand(Loop::now(), true);
+  if (options_.start_paused) engine_->stand(context_.loop->now(), true);
   return {};
 }
 
@@ -171,7 +171,7 @@ void ReplayPort::open() {
   left_unread_.reset();
   reports_->begin_count();
   if (drives()) return open_line();
-  const Instant now = Loop::now();
+  const Instant now = context_.loop->now();
   if (!run_begun_) run_begun_ = now;
   engine_->on_open(now);
   listener().on_up();
@@ -185,14 +185,14 @@ void ReplayPort::close() {
   settings_ = own_settings_;
   end_drains();
   if (aftermath_) aftermath_->finish();
-  engine_->on_close(Loop::now());
+  engine_->on_close(context_.loop->now());
   pump();
 }
 
 void ReplayPort::write(ByteView data) {
   if (aftermath_) aftermath_->write(data);
   if (context_.pulled) pump();
-  last_heard_ = Loop::now();
+  last_heard_ = context_.loop->now();
   engine_->on_write(last_heard_, data);
   congested_ = engine_->backlog() > kMostBacklog;
   pump();
@@ -201,13 +201,13 @@ void ReplayPort::write(ByteView data) {
 // A device that ends its sending where the tape has not even an end of it has ended its line.
 bool ReplayPort::end_writing() {
   if (drives() && engine_->line_may_end() == false) return false;
-  engine_->on_writing_ended(Loop::now());
+  engine_->on_writing_ended(context_.loop->now());
   pump();
   return true;
 }
 
 void ReplayPort::set_reading(bool on) {
-  last_heard_ = Loop::now();
+  last_heard_ = context_.loop->now();
   blocked_ = !on;
   if (on && std::exchange(coming_up_, false)) {
     if (!run_begun_) run_begun_ = last_heard_;
@@ -227,18 +227,18 @@ bool ReplayPort::discard() {
 
 void ReplayPort::peer_flushed(FlushQueue queue) {
   if (queue == FlushQueue::out || !schedule_->has_events()) return;
-  engine_->on_flush(Loop::now());
+  engine_->on_flush(context_.loop->now());
   pump();
 }
 
 void ReplayPort::peer_set(const SeenSettings& settings, SettingsOrder) {
-  engine_->on_settings(Loop::now(), settings);
+  engine_->on_settings(context_.loop->now(), settings);
   pump();
 }
 
 void ReplayPort::signal(const LineSignal& signal) {
   if (!is_output(signal.name) && signal.name != LineSignal::Name::brk) return;  // shown to the driver only
-  engine_->on_signal(Loop::now(), signal);
+  engine_->on_signal(context_.loop->now(), signal);
   pump();
 }
 
@@ -286,7 +286,7 @@ Result<void> ReplayPort::request(const PlaybackRequest& what) {
   const auto refused = [](std::string why) { return make_error(Errc::usage, std::move(why)); };
   if (!engine_) return refused("the tape is not open yet");
   if (options_.clock) return refused("it plays by a clock that other tapes have, too");
-  const Instant now = Loop::now();
+  const Instant now = context_.loop->now();
   const bool stands = engine_->playing(now).stands;
   const bool moves = what.kind == Kind::seek || what.kind == Kind::step;
   if (moves && index_) return refused("the tape's requests are looked up, whose order is the driver's");
@@ -335,7 +335,7 @@ PlaybackStatus ReplayPort::playback() {
   status.loops = options_.config.loops == 0 ? std::nullopt : std::optional(options_.config.loops);
   if (length_) status.length = length_->time_since_epoch();
   if (!engine_) return status;
-  const Engine::Playing playing = engine_->playing(Loop::now());
+  const Engine::Playing playing = engine_->playing(context_.loop->now());
   status.paused = playing.stands;
   status.rate = playing.rate;
   status.loop = playing.loop;
@@ -358,11 +358,11 @@ Instant ReplayPort::pump_time(Instant now) const {
 }
 
 void ReplayPort::pump() {
-  const Instant now = Loop::now();
+  const Instant now = context_.loop->now();
   int steps = 0;
   if (engine_->holds_piece() && listener().unread() == 0) engine_->on_taken(now);
   for (bool due = true; due;) {
-    const Instant at = context_.pulled ? pump_time(now) : Loop::now();
+    const Instant at = context_.pulled ? pump_time(now) : context_.loop->now();
     ReplayActions actions = engine_->advance(at);
     const bool empty = actions.empty();
     perform(actions);
@@ -428,7 +428,7 @@ void ReplayPort::perform(ReplayActions& actions) {
 
 // Once: the line is there for as long as the tape goes on.
 void ReplayPort::open_line() {
-  last_heard_ = Loop::now();
+  last_heard_ = context_.loop->now();
   line_open_ = coming_up_ = blocked_ = true;
   const bool sets = own_settings_ && !options_.keeps_line;
   if (sets) listener().on_settings(SeenSettings::of(*own_settings_), SettingsOrder::exact);
@@ -466,7 +466,7 @@ void ReplayPort::hang_up(bool) {
   if (!line_open_) return;
   close_line(LineDown::Reason::hung_up);
   ended_because_ = "the device ended the line, and the tape goes on";
-  engine_->on_line_ended(Loop::now());
+  engine_->on_line_ended(context_.loop->now());
   pump();
   ended_because_.clear();
 }
@@ -490,7 +490,7 @@ void ReplayPort::end_silence() {
   }
   ended_because_ = blocked_ ? fmt::format("the device's line took nothing for {:g} s", limit)
                             : fmt::format("the device was silent for {:g} s", limit);
-  engine_->finish(Loop::now());
+  engine_->finish(context_.loop->now());
   pump();
 }
 
@@ -522,12 +522,12 @@ void ReplayPort::end_aftermath(RunReport report, const LineDown& down) {
 void ReplayPort::take_report(RunReport report) {
   any_run_ = true;
   drains_begun_ = 0;
-  const Instant now = Loop::now();
+  const Instant now = context_.loop->now();
   report.nobody_came = !run_begun_;
   const Instant begun = std::exchange(run_begun_, std::nullopt).value_or(now);
   report.tape = options_.tape.name();
   report.connection = options_.connection;
-  report.when = wall_text(begun, now);
+  report.when = wall_text(begun, context_.loop->clock());
   if (report.nobody_came) report.sessions_made = 0;
   if (options_.session > 0) report.session = options_.session;
   if (report.closed) report.left_unread = left_unread_;
@@ -587,7 +587,8 @@ int ReplayPort::status() const {
 }
 
 bool ReplayPort::may_spin(Instant due) const {
-  return due - context_.loop->last_spin() >= kSpin * kSpinShare;
+  const bool comes_by_itself = context_.loop->clock().machine_time(due).has_value();
+  return comes_by_itself && due - context_.loop->last_spin() >= kSpin * kSpinShare;
 }
 
 void ReplayPort::set_timer() {
@@ -597,16 +598,16 @@ void ReplayPort::set_timer() {
     return;
   }
   if (reading_on_) return timer_.set_after(kPause);
-  if (engine_->holds_piece()) return timer_.set(std::min(*due, Loop::now() + kLook));
+  if (engine_->holds_piece()) return timer_.set(std::min(*due, context_.loop->now() + kLook));
   timer_.set(may_spin(*due) ? *due - kSpin : *due);
 }
 
 void ReplayPort::on_timer() {
   if (const std::optional<Instant> due = engine_->next_deadline()) {
-    const Instant now = Loop::now();
+    const Instant now = context_.loop->now();
     if (*due > now && *due - now <= kSpin) {
       if (!may_spin(*due)) return timer_.set(*due);  // another tape has meanwhile
-      while (Loop::now() < *due) {
+      while (context_.loop->now() < *due) {
       }
       context_.loop->spun_until(*due);
     }
@@ -617,13 +618,13 @@ void ReplayPort::on_timer() {
 void ReplayPort::finish() {
   if (!engine_) return listener().on_complete(0);
   if (aftermath_) aftermath_->finish();
-  const Instant now = Loop::now();
+  const Instant now = context_.loop->now();
   // That no driver has come is a verdict too, but of no interest to a program that has the port to itself.
   if (!context_.pulled && !any_run_ && !run_begun_) engine_->on_open(now);
   options_.once = false;  // the session is ending already
   finish_limit_ = now + kFinishLimit;
   finish_timer_.emplace(*context_.loop, [this] {
-    engine_->give_up(Loop::now());
+    engine_->give_up(context_.loop->now());
     pump();
   });
   finish_timer_->set(now + kReadOnLimit);

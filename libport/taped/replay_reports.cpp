@@ -120,7 +120,7 @@ void ReplayReports::hint_found(const Search& search) {
 
 void ReplayReports::add(RunReport report) {
   begin_count();
-  Waiting waiting{.report = std::move(report), .ended = Loop::now()};
+  Waiting waiting{.report = std::move(report), .ended = context_.loop->now()};
   const auto first = std::ranges::find_if(searches_, [&waiting](const auto& search) {
     return waiting.report.mismatch && search->mismatch.kind == waiting.report.mismatch->kind &&
            search->mismatch.offset == waiting.report.mismatch->offset;
@@ -136,7 +136,7 @@ void ReplayReports::add(RunReport report) {
 
 // Publishes what is complete.
 void ReplayReports::move_on() {
-  const Instant now = Loop::now();
+  const Instant now = context_.loop->now();
   while (!waiting_.empty() && complete(waiting_.front(), now)) {
     const RunReport report = std::move(waiting_.front().report);
     waiting_.pop_front();

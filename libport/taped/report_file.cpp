@@ -14,6 +14,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "libport/base/clock.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/tape/new_file.hpp"
@@ -23,7 +24,6 @@ namespace porttape {
 namespace {
 
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kReaderLimit(1000);
 
@@ -31,9 +31,9 @@ constexpr std::chrono::milliseconds kReaderLimit(1000);
 
 // To what a reader empties, or does not: PIPE_BUF bytes at a time are taken at once where poll() says so.
 int write_with_patience(int fd, std::string_view text) {
-  const auto until = Clock::now() + kReaderLimit;
+  const auto until = machine_clock().now() + kReaderLimit;
   while (!text.empty()) {
-    const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now()).count();
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - machine_clock().now()).count();
     pollfd ready{.fd = fd, .events = POLLOUT, .revents = 0};
     const int polled = ::poll(&ready, 1, static_cast<int>(std::max<std::int64_t>(left, 0)));
     if (polled < 0 && errno == EINTR) continue;

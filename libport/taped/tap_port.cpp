@@ -17,10 +17,10 @@ struct TapPort::Blocks {
   std::span<const std::size_t> ends = {};
 };
 
-TapPort::TapPort(const PortContext& context, std::unique_ptr<Port> inner, Instant (*now)(), Nanos end_limit)
+TapPort::TapPort(const PortContext& context, std::unique_ptr<Port> inner, Nanos end_limit)
     : ForwardingPort(std::move(inner)),
       log_(context.log),
-      now_(now),
+      loop_(context.loop),
       end_timer_(*context.loop,
                  [this] {
                    give_up_observers();
@@ -53,12 +53,12 @@ void TapPort::open() {
   session_ = std::make_shared<int>();
   writing_ended_ = false;
   repeats_.begin_session();
-  tell([now = now_()](LineObserver& observer) { observer.opened(now); });
+  tell([now = loop_->now()](LineObserver& observer) { observer.opened(now); });
   ForwardingPort::open();
 }
 
 void TapPort::on_up() {
-  tell([now = now_()](LineObserver& observer) { observer.came_up(now); });
+  tell([now = loop_->now()](LineObserver& observer) { observer.came_up(now); });
   note_device_settings();
   ForwardingPort::on_up();
 }
@@ -68,18 +68,18 @@ void TapPort::close() {
   session_.reset();
   ForwardingPort::close();
   if (!std::exchange(open_, false)) return;
-  tell([now = now_()](LineObserver& observer) { observer.closed(now); });
+  tell([now = loop_->now()](LineObserver& observer) { observer.closed(now); });
 }
 
 // The time is that before it goes out: the answer must not be stamped earlier.
 void TapPort::write(ByteView data) {
-  pass({Direction::write, now_(), data}, [&] { ForwardingPort::write(data); });
+  pass({Direction::write, loop_->now(), data}, [&] { ForwardingPort::write(data); });
 }
 
 // How much of it passes is known afterwards alone.
 std::size_t TapPort::write_some(ByteView data) {
   tell_passed();
-  const Instant at = now_();
+  const Instant at = loop_->now();
   const std::size_t sent = ForwardingPort::write_some(data);
   tell_blocks({Direction::write, at, data.first(sent)});
   return sent;
@@ -149,8 +149,8 @@ void TapPort::signal(const LineSignal& signal) {
 void TapPort::drain(std::function<void()> done) {
   tell_passed();
   ForwardingPort::drain(
-      [this, session = std::weak_ptr<int>(session_), begin = now_(), done = std::move(done)] {
-        if (!session.expired()) note(event::Drain{std::chrono::duration_cast<Micros>(now_() - begin)});
+      [this, session = std::weak_ptr<int>(session_), begin = loop_->now(), done = std::move(done)] {
+        if (!session.expired()) note(event::Drain{std::chrono::duration_cast<Micros>(loop_->now() - begin)});
         done();
       });
 }
@@ -165,12 +165,12 @@ void TapPort::note_gap(std::uint64_t bytes, std::string_view why) {
 }
 
 void TapPort::on_data(ByteView data) {
-  pass({Direction::read, now_(), data}, [&] { ForwardingPort::on_data(data); });
+  pass({Direction::read, loop_->now(), data}, [&] { ForwardingPort::on_data(data); });
 }
 
 // Each arrival is a block of its own.
 void TapPort::on_arrivals(ByteView data, std::span<const std::size_t> ends) {
-  pass({Direction::read, now_(), data, ends}, [&] { ForwardingPort::on_arrivals(data, ends); });
+  pass({Direction::read, loop_->now(), data, ends}, [&] { ForwardingPort::on_arrivals(data, ends); });
 }
 
 void TapPort::on_down(const LineDown& down) {
@@ -210,7 +210,7 @@ void TapPort::on_fault(const LineFault& fault) {
 Result<void> TapPort::request(const RecorderRequest& what) {
   bool taken = false;
   std::optional<Error> refused;
-  tell([&, now = now_()](LineObserver& observer) {
+  tell([&, now = loop_->now()](LineObserver& observer) {
     const Result<bool> answer = observer.request(now, what);
     if (answer) {
       taken = taken || *answer;
@@ -237,7 +237,7 @@ void TapPort::finish() {
 void TapPort::on_complete(int exit_status) {
   tell_passed();
   exit_status_ = exit_status;
-  const Instant now = now_();
+  const Instant now = loop_->now();
   over_ = true;
   end_timer_.set_after(end_limit_);
   for (Observer& each : observers_) {
@@ -323,12 +323,12 @@ void TapPort::tell_blocks(const Blocks& blocks) {
 }
 
 void TapPort::note(const Event& event) {
-  tell([now = now_(), event](LineObserver& observer) { observer.note(now, event); });
+  tell([now = loop_->now(), event](LineObserver& observer) { observer.note(now, event); });
 }
 
 void TapPort::note_flush(FlushQueue queue) {
   tell_passed();
-  if (!repeats_.is_new(queue, now_())) return;
+  if (!repeats_.is_new(queue, loop_->now())) return;
   using Queue = event::Flush::Queue;
   constexpr std::array queues = {Queue::in, Queue::out, Queue::both};
   note(event::Flush{queues.at(static_cast<std::size_t>(queue))});

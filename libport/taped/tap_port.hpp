@@ -26,8 +26,7 @@ class TapPort final : public ForwardingPort, private Recorder {
   // How long finish() waits for the observers.
   static constexpr std::chrono::seconds kEndLimit{10};
 
-  TapPort(const PortContext& context, std::unique_ptr<Port> inner, Instant (*now)() = &Loop::now,
-          Nanos end_limit = kEndLimit);
+  TapPort(const PortContext& context, std::unique_ptr<Port> inner, Nanos end_limit = kEndLimit);
   ~TapPort() override;  // gives up the observers that have not finished
 
   // Before anything else is called.
@@ -95,7 +94,7 @@ class TapPort final : public ForwardingPort, private Recorder {
   void note_lost(const LineDown& down, bool hung_up);
 
   std::shared_ptr<spdlog::logger> log_;
-  Instant (*now_)();
+  Loop* loop_;
   std::vector<Observer> observers_;
   const Blocks* passing_ = nullptr;  // are passed on just now, and not told yet
   Timer end_timer_;

@@ -35,12 +35,12 @@ Result<void> TapeGroup::check_free(const TapePaths& first) const {
 }
 
 const TapeGroup::Part& TapeGroup::begin(Instant at) {
-  if (!part_) part_ = Part{1, at, tape_zero(at, Loop::now())};
+  if (!part_) part_ = Part{1, at, tape_zero(at, *clock_)};
   return *part_;
 }
 
 const TapeGroup::Part& TapeGroup::next(unsigned number, Instant at) {
-  if (!part_ || part_->number <= number) part_ = Part{number + 1, at, tape_zero(at, Loop::now())};
+  if (!part_ || part_->number <= number) part_ = Part{number + 1, at, tape_zero(at, *clock_)};
   return *part_;
 }
 

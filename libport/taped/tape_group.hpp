@@ -33,7 +33,9 @@ class TapeGroup {
     TapeZero header_zero;
   };
 
-  TapeGroup(TapePaths first, OnExisting on_existing) : first_(std::move(first)), on_existing_(on_existing) {}
+  // `clock`, the connections' own, outlives it.
+  TapeGroup(TapePaths first, OnExisting on_existing, const Clock& clock)
+      : first_(std::move(first)), on_existing_(on_existing), clock_(&clock) {}
 
   // Whether the group can be made. Makes nothing. Errc::usage.
   [[nodiscard]] Result<void> check() const;
@@ -58,6 +60,7 @@ class TapeGroup {
 
   const TapePaths first_;
   const OnExisting on_existing_;
+  const Clock* const clock_;
   std::optional<Part> part_;  // the latest
   std::mutex mutex_;
   std::map<unsigned, TapePaths> names_;  // of the parts that a tape was made of

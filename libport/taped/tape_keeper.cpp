@@ -34,7 +34,8 @@ TapeKeeper::TapeKeeper(const PortContext& context, Options options, std::functio
           context, [this] { on_news(); }, [this] { must_end(); }, options_.on_ended),
       retry_(options_.retry),
       retry_timer_(*context.loop, [this] { start(); }),
-      watch_timer_(*context.loop, [this] { watch_disk(); }) {}
+      watch_timer_(
+          *context.loop, [this] { watch_disk(); }, Timer::By::machine) {}
 
 TapeKeeper::~TapeKeeper() = default;
 
@@ -63,7 +64,7 @@ void TapeKeeper::take_part(const TapeGroup::Part& part) {
 
 void TapeKeeper::start() {
   TapeHeader header = options_.header;
-  if (!options_.group) header.zero = tape_zero(zero_, Loop::now());
+  if (!options_.group) header.zero = tape_zero(zero_, context_.loop->clock());
   if (options_.describe) options_.describe(header);
   header = completed(std::move(header));
   id_ = header.id;
@@ -189,7 +190,7 @@ void TapeKeeper::tell_failure(const std::string& failure, std::uint64_t lost) {
       context_.log->info("{} is being written again; {} bytes are missing", options_.tape.name(), lost);
     return;
   }
-  const Instant now = Loop::now();
+  const Instant now = context_.loop->now();
   if (now < next_telling_) return;
   next_telling_ = now + kTellingEvery;
   failure_told_ = true;
@@ -207,9 +208,9 @@ void TapeKeeper::must_end() {
 void TapeKeeper::watch_disk() {
   if (!tape_) return;
   const LiveTape::Status status = tape_->status();
-  if (!status.waits_since) return;
+  if (!status.silence) return;
   watch_timer_.set_after(kWatchEvery);
-  const Nanos silence = Loop::now() - *status.waits_since;
+  const Nanos silence = *status.silence;
   if (silence >= kSilence && !std::exchange(silence_told_, true)) {
     context_.log->error("tape {}: its disk does not answer; {} bytes wait for it", options_.tape.name(),
                         status.bytes_waiting);
@@ -319,7 +320,7 @@ void TapeKeeper::give_up() {
   if (!tape_) {
     tell_missed();
   } else if (tape_->status().bytes_waiting > 0) {  // finish() was not called
-    end_current(Loop::now());
+    end_current(context_.loop->now());
   }
   tape_.reset();
   ending_.give_up();

@@ -108,9 +108,8 @@ Result<void> PtyBind::take_place() {
   unmount_dead(path_);
   const UniqueFd made(::open(path_.c_str(), O_RDONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
   if (made) {
-    timespec now{};
-    ::clock_gettime(CLOCK_REALTIME, &now);
-    mark_as_own(path_, now);
+    struct stat created {};
+    if (::fstat(made.get(), &created) == 0) mark_as_own(path_, created.st_ctim);
     made_ = true;
     return {};
   }

@@ -202,7 +202,7 @@ void PtyPort::watch_reading() {
 // Without reading, its end is not seen behind the bytes that it left.
 void PtyPort::look_unread() {
   if (!peer_ || !line_ || !accepting_ || reading_) return;
-  const Instant now = Loop::now();
+  const Instant now = context_.loop->now();
   line_->master_watch.watch_hang_up(false);  // it would be told again and again
   if (line_->pty.open_now()) {  // another one has come, or a flush is to be read: it looks the same
     gone_since_.reset();
@@ -563,7 +563,7 @@ void PtyPort::on_hang_up_timer() {
   if (!peer_) return;
   const std::optional<std::size_t> unread = congested() ? 1 : line_->pty.unread();
   if (!unread) tell_waiting();
-  if (unread == 0 || (!unread && Loop::now() - *unknown_since_ >= kUnknownLimit)) {
+  if (unread == 0 || (!unread && context_.loop->now() - *unknown_since_ >= kUnknownLimit)) {
     hang_up(false);
   } else {
     hang_up_timer_.set_after(kUnreadPoll);
@@ -572,7 +572,7 @@ void PtyPort::on_hang_up_timer() {
 
 void PtyPort::tell_waiting() {
   if (unknown_since_) return;
-  unknown_since_ = Loop::now();
+  unknown_since_ = context_.loop->now();
   context_.log->warn(
       "{}: whether the driver has read everything cannot be seen (it keeps the line to itself, TIOCEXCL, and "
       "this "

@@ -173,7 +173,7 @@ std::optional<PortIdentity> SerialPort::identity() const {
 
 void SerialPort::begin_line(UniqueFd fd) {
   line_ = std::make_unique<Line>(*this, std::move(fd));
-  line_began_ = Loop::now();
+  line_began_ = context_.loop->now();
   watch_reading();
   // As the settings were made: before anything can come of it.
   if (signals_wanted_) line_->lines = calls_->modem_lines(line_->fd.get());
@@ -509,7 +509,7 @@ void SerialPort::lost(int error_number) {
   if (common_.always_open) {
     interrupted_ = true;
     listener().on_interrupted(down);
-    if (Loop::now() - line_began_ >= kLineHeld) reopen_wait_.reset();
+    if (context_.loop->now() - line_began_ >= kLineHeld) reopen_wait_.reset();
     if (!waiting_) wait_for_device(reopen_wait_.next());
   } else if (std::exchange(up_, false)) {
     listener().on_down(down);

@@ -12,6 +12,8 @@
 #include <thread>
 #include <utility>
 
+#include "libport/base/clock.hpp"
+
 namespace porttape {
 namespace {
 
@@ -162,9 +164,9 @@ bool wait_until_sent(int fd, Nanos patience, const std::atomic<bool>& hurry) {
   const Nanos shortest = milliseconds(1000 + kFifo * 12'000 / baud);  // a character is 12 bits at most
   int left = 0;
   if (::ioctl(fd, TIOCOUTQ, &left) != 0) return false;
-  auto got_on = std::chrono::steady_clock::now();
+  auto got_on = machine_clock().now();
   for (int before = 0; ::ioctl(fd, TIOCOUTQ, &left) == 0 && left > 0; before = left) {
-    const auto now = std::chrono::steady_clock::now();
+    const auto now = machine_clock().now();
     if (left != before) got_on = now;
     if (now - got_on >= (hurry ? shortest : std::max(shortest, patience))) return false;
     std::this_thread::sleep_for(milliseconds(2));

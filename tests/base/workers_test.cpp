@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include "libport/base/clock.hpp"
+
 namespace porttape {
 namespace {
 
@@ -65,8 +67,8 @@ TEST(Workers, ATimedJobRunsWhileAnotherHangs) {
     done.get_future().wait();
     ended.set_value();
   }));
-  ASSERT_TRUE(workers.post_at(std::chrono::steady_clock::now() + std::chrono::milliseconds(1),
-                              Workers::Strand(), [&] { done.set_value(); }));
+  ASSERT_TRUE(workers.post_at(machine_clock().now() + std::chrono::milliseconds(1), Workers::Strand(),
+                              [&] { done.set_value(); }));
   ended.get_future().wait();
 }
 

@@ -36,7 +36,7 @@ class BlockingReplayTest : public testing::Test {
     port = std::move(*made);
     const Result<void> opened = port->open();
     EXPECT_TRUE(opened.has_value());
-    begin = Loop::now();
+    begin = machine_clock().now();
     return *port;
   }
 
@@ -50,7 +50,7 @@ TEST_F(BlockingReplayTest, ReadsGiveWhatIsDueElseWaitForIt) {
   open("timeout=5");
   EXPECT_EQ(read_some(*port), "3 now");
   EXPECT_EQ(read_some(*port, 2), "2 la");
-  EXPECT_GE(Loop::now() - begin, 59ms);
+  EXPECT_GE(machine_clock().now() - begin, 59ms);
   EXPECT_EQ(read_some(*port), "3 ter") << "what does not fit is kept";
 }
 
@@ -58,7 +58,7 @@ TEST_F(BlockingReplayTest, ATimeoutShorterThanTheGapTimesOut) {
   tape({{200'000, "later"}}, {});
   open("timeout=0.02");
   EXPECT_EQ(read_some(*port), "timed out");
-  EXPECT_GE(Loop::now() - begin, 20ms);
+  EXPECT_GE(machine_clock().now() - begin, 20ms);
   port->set_timeout(5s);
   EXPECT_EQ(read_some(*port), "5 later");
 }
@@ -130,8 +130,8 @@ TEST_F(BlockingReplayTest, WhatFellDueBetweenCallsCameInTime) {
   tape({{10'000, "unread"}}, {{100, "first"}, {200'000, "second"}});
   open("timing=reactive,strictness=2,jitter=150,timeout=1");
   EXPECT_EQ(told(port->write(as_bytes("first"))), "5 ");
-  const Instant busy_until = Loop::now() + 200ms;
-  while (Loop::now() < busy_until) {
+  const Instant busy_until = machine_clock().now() + 200ms;
+  while (machine_clock().now() < busy_until) {
   }
   EXPECT_EQ(told(port->write(as_bytes("second"))), "6 ") << "measured from when the answer was due";
 }

@@ -32,9 +32,9 @@ TEST_F(LoopWaitTest, DoesWhatIsDueEvenWithoutTime) {
 }
 
 TEST_F(LoopWaitTest, TimesOut) {
-  const Instant start = Loop::now();
+  const Instant start = loop.now();
   EXPECT_EQ(wait.until([] { return false; }, milliseconds(2)), LoopWait::End::timed_out);
-  EXPECT_GE(Loop::now() - start, milliseconds(2));
+  EXPECT_GE(loop.now() - start, milliseconds(2));
 }
 
 TEST_F(LoopWaitTest, StallsWhereNothingCanHappen) {
@@ -42,7 +42,7 @@ TEST_F(LoopWaitTest, StallsWhereNothingCanHappen) {
 }
 
 TEST_F(LoopWaitTest, ProgressBeginsTheTimeoutAgain) {
-  const Instant start = Loop::now();
+  const Instant start = loop.now();
   int beats = 0;
   Timer beat(loop, [&] {
     wait.progress();
@@ -50,7 +50,7 @@ TEST_F(LoopWaitTest, ProgressBeginsTheTimeoutAgain) {
   });
   beat.set_after(milliseconds(5));
   EXPECT_EQ(wait.until_or_quiet([] { return false; }, milliseconds(200)), LoopWait::End::timed_out);
-  EXPECT_GE(Loop::now() - start, milliseconds(210));
+  EXPECT_GE(loop.now() - start, milliseconds(210));
 }
 
 TEST_F(LoopWaitTest, LooksAtAConditionThatNoEventTellsOf) {

@@ -58,8 +58,8 @@ class ControlServerTest : public testing::Test {
   // Sends while the server takes it; how much that was.
   std::size_t send(const UniqueFd& fd, const std::string& text) {
     std::size_t sent = 0;
-    const Instant limit = Loop::now() + std::chrono::seconds(20);
-    for (int full = 0; sent < text.size() && full < 200 && Loop::now() < limit;) {
+    const Instant limit = machine_clock().now() + std::chrono::seconds(20);
+    for (int full = 0; sent < text.size() && full < 200 && machine_clock().now() < limit;) {
       const ssize_t part = ::send(fd.get(), text.data() + sent, text.size() - sent, MSG_NOSIGNAL);
       if (part < 0 && errno != EAGAIN) break;
       if (part > 0) {
@@ -75,8 +75,8 @@ class ControlServerTest : public testing::Test {
   // So many lines, or what comes up to the end.
   std::string read(const UniqueFd& fd, std::ptrdiff_t lines) {
     std::string text;
-    const Instant limit = Loop::now() + std::chrono::seconds(20);
-    while (std::ranges::count(text, '\n') < lines && Loop::now() < limit) {
+    const Instant limit = machine_clock().now() + std::chrono::seconds(20);
+    while (std::ranges::count(text, '\n') < lines && machine_clock().now() < limit) {
       std::array<char, 65536> buffer;
       const ssize_t size = ::recv(fd.get(), buffer.data(), buffer.size(), 0);
       if (size > 0) text.append(buffer.data(), static_cast<std::size_t>(size));
@@ -121,8 +121,8 @@ TEST_F(ControlServerTest, ATurnThatIsOverAtOnceForgetsNoRequest) {
   // The thread is put aside where the turn of the second request begins.
   target.on_status = [] {
     before_accept = [] {
-      const Instant until = Loop::now() + 2 * ControlServer::kTurn;
-      while (Loop::now() < until) {
+      const Instant until = machine_clock().now() + 2 * ControlServer::kTurn;
+      while (machine_clock().now() < until) {
       }
     };
   };
@@ -196,12 +196,12 @@ TEST_F(ControlServerTest, AFloodLeavesTheLoopToTheLines) {
   Nanos busy{};
   target.on_status = [&] {
     ++asked;
-    const Instant until = Loop::now() + std::chrono::microseconds(100);
-    while (Loop::now() < until) {
+    const Instant until = machine_clock().now() + std::chrono::microseconds(100);
+    while (machine_clock().now() < until) {
     }
     busy += std::chrono::microseconds(100);
   };
-  const Instant begin = Loop::now();
+  const Instant begin = machine_clock().now();
   while (asked < 100) {
     for (const UniqueFd& fd : flooding) {
       (void)::send(fd.get(), flood.data(), flood.size(), MSG_NOSIGNAL);
@@ -210,7 +210,7 @@ TEST_F(ControlServerTest, AFloodLeavesTheLoopToTheLines) {
     }
     turn();
   }
-  EXPECT_GE(Loop::now() - begin, busy * (ControlServer::kRest - 1));
+  EXPECT_GE(machine_clock().now() - begin, busy * (ControlServer::kRest - 1));
 }
 
 TEST_F(ControlServerTest, OneClientTooManyTakesThePlaceOfASilentOne) {

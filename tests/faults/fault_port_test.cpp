@@ -102,10 +102,10 @@ TEST_F(FaultPortTest, APlanOfProbabilityZeroLeavesArrivalsAsTheyAre) {
 
 TEST_F(FaultPortTest, ADelayedByteComesLaterAndInOrder) {
   make("delay:byte=1,for=0.002,dir=r");
-  const Instant before = Loop::now();
+  const Instant before = loop.now();
   device.send("abc");
   run_until(loop, [this] { return log.data == "abc"; });
-  EXPECT_GE(Loop::now() - before, milliseconds(2));
+  EXPECT_GE(loop.now() - before, milliseconds(2));
 }
 
 TEST_F(FaultPortTest, WhatCameBeforeADelayedByteIsNotHeld) {
@@ -185,7 +185,7 @@ TEST_F(FaultPortTest, APortThatWaitsForItsPeerHangsUp) {
 
 TEST_F(FaultPortTest, TheClockBreaksALineOnWhichNothingComes) {
   make("hangup:at=0.003");
-  const Instant before = Loop::now();
+  const Instant before = loop.now();
   ASSERT_NE(port->waiting(), nullptr);
   EXPECT_LE(*port->waiting()->next_due(), before + milliseconds(3));
   run_until(loop, [this] { return log.events == "up lost "; });

@@ -63,7 +63,7 @@ TEST_F(FenceTest, HoldsWhatTasksTimersAndWatchesThrowLater) {
   });
   run_ready();
   EXPECT_EQ(caught, "task ");
-  timer->set(Loop::now());
+  timer->set(loop.now());
   run_until_caught("task timer ");
   ASSERT_EQ(::write(in.get(), "x", 1), 1);
   watch->watch_readable(true);

@@ -52,7 +52,7 @@ TEST(LoopStalls, AHandlerThatTakesLongIsOne) {
   Loop loop;
   int told = 0;
   loop.on_stall([&told](const Stall&) { ++told; });
-  const Instant begin = Loop::now();
+  const Instant begin = loop.now();
   Timer late(loop, [] {});
   late.set(begin + milliseconds(10));  // what waits behind it is part of the same stall
   loop.post([] { std::this_thread::sleep_for(milliseconds(120)); });
@@ -66,7 +66,7 @@ TEST(LoopStalls, AHandlerThatTakesLongIsOne) {
 TEST(LoopStalls, WhatWasLateBeforeTheLoopRanIsNone) {
   Loop loop;
   Timer timer(loop, [] {});
-  timer.set(Loop::now() - std::chrono::seconds(1));
+  timer.set(loop.now() - std::chrono::seconds(1));
   loop.run();
   EXPECT_TRUE(loop.stalls_since(Instant{}).empty());
 }
@@ -74,7 +74,7 @@ TEST(LoopStalls, WhatWasLateBeforeTheLoopRanIsNone) {
 TEST(LoopStalls, ATimerThatIsSetForThePastIsNone) {
   Loop loop;
   Timer second(loop, [] {});
-  Timer first(loop, [&second] { second.set(Loop::now() - std::chrono::seconds(1)); });
+  Timer first(loop, [&loop, &second] { second.set(loop.now() - std::chrono::seconds(1)); });
   first.set_after(milliseconds(1));
   loop.run();
   EXPECT_TRUE(loop.stalls_since(Instant{}).empty());

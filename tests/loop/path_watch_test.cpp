@@ -169,10 +169,10 @@ TEST_F(PathWatchTest, WhileNothingIsThereNoTimerRuns) {
 
 TEST_F(PathWatchTest, WhatIsThereIsToldAgainAndAgain) {
   make(top / "node");
-  const Instant begin = Loop::now();
+  const Instant begin = loop.now();
   wait_for(top / "node", std::chrono::milliseconds(10));
   run_until(loop, [this] { return calls == 3; });
-  EXPECT_GE(Loop::now() - begin, std::chrono::milliseconds(10 + 20 + 40));
+  EXPECT_GE(loop.now() - begin, std::chrono::milliseconds(10 + 20 + 40));
 }
 
 TEST_F(PathWatchTest, WithoutInotifyItIsLookedFor) {

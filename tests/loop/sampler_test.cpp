@@ -34,11 +34,11 @@ class SamplerTest : public testing::Test {
 };
 
 TEST_F(SamplerTest, LooksAgainAndAgainAtAllMembers) {
-  const Instant begin = Loop::now();
+  const Instant begin = loop.now();
   sampler.add(first(), [this] { ++looks[0]; });
   sampler.add(second(), [this] { ++looks[1]; });
   run_until([this] { return looks[0] >= 3 && looks[1] >= 3; });
-  EXPECT_GE(Loop::now() - begin, 2 * Sampler::kQuick);
+  EXPECT_GE(loop.now() - begin, 2 * Sampler::kQuick);
 }
 
 TEST_F(SamplerTest, LooksAtNobodyThatIsRemoved) {
@@ -86,7 +86,7 @@ TEST_F(SamplerTest, WhatOneLookThrowsIsItsOwnFencesAlone) {
 }
 
 TEST_F(SamplerTest, ALookThatTakesLongIsAStallHoweverManyFollow) {
-  const Instant begin = Loop::now();
+  const Instant begin = loop.now();
   sampler.add(first(), [this] {
     ++looks[0];
     std::this_thread::sleep_for(milliseconds(90));

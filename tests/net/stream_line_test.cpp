@@ -117,10 +117,10 @@ TEST_F(StreamLineTest, AQuietPeerOfAnotherMachineMakesRoomForTheNext) {
   state = PeerState::remote;
   answers = Answers::until_it_is_quiet;
   another = true;
-  const Instant start = Loop::now();
+  const Instant start = loop.now();
   ::shutdown(peer.get(), SHUT_WR);
   until_over();
-  EXPECT_GE(Loop::now() - start, milliseconds(100));
+  EXPECT_GE(loop.now() - start, milliseconds(100));
 }
 
 TEST_F(StreamLineTest, ADeadPeerThatIsNotReadIsNoticedWhereNobodyWantsItsRest) {

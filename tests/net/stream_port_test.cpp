@@ -135,9 +135,9 @@ TEST_F(ConnectingPort, APeerThatClosesAtOnceIsCalledAgainEverLater) {
     return server.accept();
   };
   port->open();
-  const Instant begin = Loop::now();
+  const Instant begin = loop.now();
   for (int n = 0; n < 4; ++n) called().close();
-  EXPECT_GE(Loop::now() - begin, std::chrono::milliseconds(100 + 200 + 400));
+  EXPECT_GE(loop.now() - begin, std::chrono::milliseconds(100 + 200 + 400));
   Socket talks = called();
   talks.send("hello");
   until_data("hello");

@@ -30,12 +30,12 @@ class Delays final : public FilterPort {
  private:
   void incoming(ByteView arrival) override {
     if (loses) return drop(arrival.size(), "a test wants it");
-    deliver(arrival, Loop::now() + in);
+    deliver(arrival, now() + in);
     if (closes_behind_first) close();
   }
   void outgoing(ByteView data) override {
     if (loses) return drop(data.size(), "a test wants it");
-    send(data, Loop::now() + out);
+    send(data, now() + out);
   }
 };
 
@@ -316,7 +316,7 @@ TEST_F(FilterPortTest, ALineThatWasClosedWaitsToBeRead) {
   EXPECT_EQ(log.events + log.data, "");
   const std::optional<Instant> limit = port.waiting()->next_due();
   ASSERT_TRUE(limit.has_value());
-  EXPECT_LE(*limit, Loop::now() + std::chrono::seconds(10));
+  EXPECT_LE(*limit, loop.now() + std::chrono::seconds(10));
   port.set_reading(true);
   port.read_pending();
   EXPECT_EQ(log.events, "closed ");

@@ -19,7 +19,7 @@ class LaneTest : public testing::Test {
                     .pass = [this](ByteView bytes) { told += as_text(bytes); },
                     .given_up = [this](std::size_t bytes) { told += "-" + std::to_string(bytes); },
                     .less = [this] { told += "|"; }}) {}
-  void put(const char* text, Nanos delay = {}) { lane.put(as_bytes(text), Loop::now() + delay); }
+  void put(const char* text, Nanos delay = {}) { lane.put(as_bytes(text), loop.now() + delay); }
   void put_event(Instant waits_until = Instant::max()) {
     lane.put([this] { told += "!"; }, waits_until);
   }
@@ -53,7 +53,7 @@ TEST_F(LaneTest, NothingOvertakesWhatWasPutSooner) {
   put("c", hours(1));
   EXPECT_EQ(told, "");
   EXPECT_EQ(lane.bytes(), 3U);
-  EXPECT_GT(*lane.next_due(), Loop::now() + hours(1));
+  EXPECT_GT(*lane.next_due(), loop.now() + hours(1));
   lane.run(true);
   EXPECT_EQ(told, "a!bc|");
 }
@@ -94,7 +94,7 @@ TEST_F(LaneTest, BytesAndTheEventsBehindThemWaitWhileClosed) {
 TEST_F(LaneTest, AnEventThatWaitsNoLongerGivesUpTheBytesBeforeIt) {
   open = false;
   put("abc");
-  put_event(Loop::now() + milliseconds(1));
+  put_event(loop.now() + milliseconds(1));
   put("d");
   run_until(loop, [this] { return !told.empty(); });
   EXPECT_EQ(told, "-3!|");
@@ -120,7 +120,7 @@ TEST_F(LaneTest, WhatItCallsMayDropAll) {
                       },
                   .given_up = [](std::size_t) {},
                   .less = [this] { told += "|"; }});
-  own.put(as_bytes("a"), Loop::now() + hours(1));
+  own.put(as_bytes("a"), loop.now() + hours(1));
   own.put(as_bytes("b"), {});
   own.run(true);
   EXPECT_EQ(told, "a");

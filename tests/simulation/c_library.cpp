@@ -22,12 +22,8 @@ using porttape::simulation::Thread;
 
 namespace {
 
-// What reading the clock costs, and a turn that is given to others; a program that polls until a moment would
-// never get there else.
-constexpr Kernel::Moment kTick = std::chrono::nanoseconds(40);
+// What a turn costs that is given to others; a program that polls until a moment would never get there else.
 constexpr Kernel::Moment kYield = std::chrono::microseconds(2);
-// How often a thread that reads the clock or takes a lock lets others go first, one time in so many.
-constexpr std::uint64_t kTurns = 16;
 
 Kernel::Moment moment(const timespec& time) {
   return std::chrono::seconds(time.tv_sec) + std::chrono::nanoseconds(time.tv_nsec);
@@ -40,8 +36,7 @@ extern "C" {
 int clock_gettime(clockid_t clock, timespec* time) noexcept {
   auto* const parts = Kernel::Parts::current();
   if (parts == nullptr) return static_cast<int>(::syscall(SYS_clock_gettime, clock, time));
-  parts->tick(kTick);
-  if (parts->pick(kTurns) == 0) parts->yield();
+  parts->read_a_clock();
   const Kernel::Moment now = clock == CLOCK_REALTIME ? parts->wall() : parts->monotonic();
   time->tv_sec = now / std::chrono::seconds(1);
   time->tv_nsec = (now % std::chrono::seconds(1)).count();
@@ -104,7 +99,7 @@ int pthread_mutex_lock(pthread_mutex_t* mutex) noexcept {
   static const auto try_lock = next_call<decltype(&pthread_mutex_trylock)>("pthread_mutex_trylock");
   auto* const parts = Kernel::Parts::current();
   if (parts == nullptr || parts->threads.size() == 1) return lock(mutex);
-  if (parts->pick(kTurns) == 0) parts->yield();
+  if (parts->pick(Kernel::Parts::kTurns) == 0) parts->yield();
   while (true) {
     const int error = try_lock(mutex);
     if (error != EBUSY) return error;

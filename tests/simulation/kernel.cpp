@@ -206,7 +206,15 @@ Kernel::~Kernel() {
 }
 
 Kernel* Kernel::current() { return the_face; }
-Moment Kernel::now() const { return parts_->time; }
+Moment Kernel::passed() const { return parts_->time; }
+Instant Kernel::now() const {
+  parts_->read_a_clock();
+  return Instant(parts_->monotonic());
+}
+WallTime Kernel::wall() const {
+  parts_->read_a_clock();
+  return WallTime(parts_->wall());
+}
 std::uint64_t Kernel::wake_ups() const { return parts_->wake_ups; }
 Random& Kernel::random() { return parts_->random; }
 void Kernel::refuse_threads(bool refused) { parts_->threads_refused = refused; }

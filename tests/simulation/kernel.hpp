@@ -3,6 +3,9 @@
 #include <chrono>
 #include <cstdint>
 #include <limits>
+#include <optional>
+
+#include "libport/base/clock.hpp"
 
 namespace porttape::simulation {
 
@@ -26,24 +29,28 @@ class Random {
 
 // What stands in for the system while a seed runs: its clock, its threads, its timers and its disk.
 //
-// The program under it is the real one, with its real loop and its real worker threads. Only the functions
-// of the C library by which it would wait or ask the time are replaced (c_library.cpp, disk.cpp), for the
-// whole process, while a Kernel exists: the clock stands still but for a tick each time it is read, threads
-// are coroutines of which one runs until it waits, and when all wait the clock goes to the first moment that
-// one waits for. The seed decides who goes on. So a seed does the same each time, and hours pass in
-// milliseconds.
+// The program under it is the real one, with its real loop and its real worker threads. The loop is given the
+// kernel as its clock. Of the C library only the functions by which the program would wait are replaced, and
+// the clock's for those who ask the machine (Asio, the log, worker threads) (c_library.cpp, disk.cpp), for
+// the whole process, while a Kernel exists: the clock stands still but for a tick each time it is read,
+// threads are coroutines of which one runs until it waits, and when all wait the clock goes to the first
+// moment that one waits for. The seed decides who goes on. So a seed does the same each time, and hours pass
+// in milliseconds.
 //
 // One at a time; nothing else runs in the process meanwhile.
-class Kernel {
+class Kernel final : public Clock {
  public:
   using Moment = std::chrono::nanoseconds;  // since the seed's start
 
   explicit Kernel(std::uint64_t seed);
-  ~Kernel();  // when all threads have ended: run_down()
-  Kernel(const Kernel&) = delete;
-  Kernel& operator=(const Kernel&) = delete;
+  ~Kernel() override;  // when all threads have ended: run_down()
 
-  [[nodiscard]] Moment now() const;
+  // What the program reads: it costs a tick, and other threads may come first.
+  [[nodiscard]] Instant now() const override;
+  [[nodiscard]] WallTime wall() const override;
+  [[nodiscard]] std::optional<Instant> machine_time(Instant when) const override { return when; }
+  // Since the seed's start; free.
+  [[nodiscard]] Moment passed() const;
   // How often the loop was woken, by whatever it waits for.
   [[nodiscard]] std::uint64_t wake_ups() const;
   // Waits as a slow call does: the others go on.

@@ -75,6 +75,14 @@ struct Kernel::Parts {
   [[nodiscard]] Moment monotonic() const { return kBoot + time; }
   [[nodiscard]] Moment wall() const { return kWall + time + wall_step; }
   void tick(Moment by) { time += by; }
+  // What reading a clock costs, and how often whoever reads one or takes a lock lets others go first: one
+  // time in this many.
+  static constexpr Moment kTick = std::chrono::nanoseconds(40);
+  static constexpr std::uint64_t kTurns = 16;
+  void read_a_clock() {
+    tick(kTick);
+    if (pick(kTurns) == 0) yield();
+  }
   std::uint64_t pick(std::uint64_t count) { return random() % count; }
 
   // Lets others run until the caller, which has said what it waits for, is ready.

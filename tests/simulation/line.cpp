@@ -202,7 +202,7 @@ void LinePort::write(ByteView data) {
   was_congested_ = was_congested_ || congested();
   if (congested())
     line_->most_kept = std::max(line_->most_kept, line_->to_far_.size() - line_->kind_.capacity);
-  quiet_since_ = Loop::now();
+  quiet_since_ = world_->loop().now();
   line_->on_readable();
 }
 
@@ -237,7 +237,7 @@ void LinePort::read_pending() {
   if (up_ && reading_) deliver(line_->to_near_.size());
 }
 
-void LinePort::soon() { timer_.set(Loop::now()); }
+void LinePort::soon() { timer_.set(world_->loop().now()); }
 
 void LinePort::come_up() {
   up_ = true;
@@ -298,15 +298,15 @@ void LinePort::look() {
   const bool gone = !line_->open_ && !interrupted_;
   if (gone) {
     drop_unsent();
-    if (!gone_since_) gone_since_ = Loop::now();
-    const bool kept =
-        !line_->to_near_.empty() && listener().wants_rest() && Loop::now() - *gone_since_ < kRestLimit;
+    if (!gone_since_) gone_since_ = world_->loop().now();
+    const bool kept = !line_->to_near_.empty() && listener().wants_rest() &&
+                      world_->loop().now() - *gone_since_ < kRestLimit;
     if (kept) return timer_.set_after(kLook);
     return go_down(LineDown::Reason::closed);
   }
   if (line_->ended_ && line_->to_near_.empty()) {
     if (!std::exchange(asked_, true)) {
-      quiet_since_ = Loop::now();
+      quiet_since_ = world_->loop().now();
       answers_ = listener().on_ended();
       if (!up_) return;
       if (*answers_ == PortListener::Answers::none) {
@@ -315,7 +315,7 @@ void LinePort::look() {
       }
     }
     const bool ends = answers_ == PortListener::Answers::until_it_is_quiet;
-    if (ends && !congested() && Loop::now() - quiet_since_ >= kQuiet)
+    if (ends && !congested() && world_->loop().now() - quiet_since_ >= kQuiet)
       return go_down(LineDown::Reason::closed);
     if (ends) timer_.set_after(kLook);
   }

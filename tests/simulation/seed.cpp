@@ -173,7 +173,7 @@ SeedResult run_seed(std::uint64_t seed, const std::filesystem::path& folder, boo
     live(world, world.chance(0.4));
     result.trouble = world.trouble();
     result.trace = world.told();
-    result.seconds = std::chrono::duration<double>(world.kernel().now()).count();
+    result.seconds = std::chrono::duration<double>(world.kernel().passed()).count();
   }
   take_down_lines();
   return result;

@@ -28,14 +28,15 @@ class World::LogSink final : public spdlog::sinks::base_sink<spdlog::details::nu
 
 // One timer for all that the world does.
 struct World::Later {
-  explicit Later(Loop& loop) : timer(loop, [this] { run(); }) {}
+  explicit Later(Loop& on) : loop(on), timer(on, [this] { run(); }) {}
   void run() {
-    while (!due.empty() && due.begin()->first <= Loop::now()) {
+    while (!due.empty() && due.begin()->first <= loop.now()) {
       const auto first = due.extract(due.begin());
       first.mapped()();
     }
     if (!due.empty()) timer.set(due.begin()->first);
   }
+  Loop& loop;
   std::multimap<Instant, std::function<void()>> due;
   Timer timer;
 };
@@ -44,7 +45,7 @@ World::World(std::uint64_t seed, std::filesystem::path folder, bool tracing)
     : kernel_(seed),
       folder_(std::move(folder)),
       tracing_(tracing),
-      loop_(std::make_unique<Loop>()),
+      loop_(std::make_unique<Loop>(kernel_, kernel_)),
       log_(std::make_shared<spdlog::logger>("channel", std::make_shared<LogSink>(*this))),
       later_(std::make_unique<Later>(*loop_)) {
   log_->set_level(spdlog::level::debug);
@@ -75,13 +76,13 @@ Bytes World::some_bytes(std::size_t size) {
 }
 
 void World::after(Nanos time, std::function<void()> what) {
-  const Instant when = Loop::now() + time;
+  const Instant when = loop_->now() + time;
   later_->due.emplace(when, std::move(what));
   if (later_->due.begin()->first == when) later_->timer.set(when);
 }
 
 void World::note(std::string line) {
-  const double seconds = std::chrono::duration<double>(kernel_.now()).count();
+  const double seconds = std::chrono::duration<double>(kernel_.passed()).count();
   trace_.push_back(fmt::format("{:12.6f}  {}", seconds, line));
 }
 

@@ -24,9 +24,9 @@ using Effect = ProbeFindings::Effect;
 class ProbeCallsTest : public testing::Test {
  public:
   int run(std::vector<std::string> command) {
-    std::vector<std::unique_ptr<CallPart>> parts;
-    parts.push_back(std::make_unique<ProbeCalls>(findings));
     Loop loop;
+    std::vector<std::unique_ptr<CallPart>> parts;
+    parts.push_back(std::make_unique<ProbeCalls>(findings, loop.clock()));
     std::optional<int> status;
     SupervisedCommand::Trouble trouble;
     const auto running = SupervisedCommand::start(
@@ -37,8 +37,7 @@ class ProbeCallsTest : public testing::Test {
          .traps = parts.front()->traps()},
         [&](int wait_status) { status = wait_status; }, trouble);
     if (!running) return -1;
-    const Supervisor supervisor(loop, running->take_listener(), std::move(parts),
-                                std::make_unique<RealClock>(loop));
+    const Supervisor supervisor(loop, running->take_listener(), std::move(parts));
     while (!status) loop.run_one();
     return WEXITSTATUS(*status);
   }

@@ -215,8 +215,7 @@ class TapCallsTest : public testing::Test {
       return {};
     }
     process = running->command();
-    const Supervisor supervisor(loop, running->take_listener(), std::move(parts),
-                                std::make_unique<RealClock>(loop));
+    const Supervisor supervisor(loop, running->take_listener(), std::move(parts));
     while (!status || (tapped && line.open())) loop.run_one();
     device->catch_up();
     EXPECT_TRUE(WIFEXITED(*status) && WEXITSTATUS(*status) == 0) << *status;

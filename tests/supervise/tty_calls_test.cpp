@@ -123,8 +123,7 @@ class TtyCallsTest : public testing::Test {
       ADD_FAILURE() << trouble.message;
       return {};
     }
-    const Supervisor supervisor(loop, running->take_listener(), std::move(parts),
-                                std::make_unique<RealClock>(loop));
+    const Supervisor supervisor(loop, running->take_listener(), std::move(parts));
     while (!over) loop.run_one();
     return lines_of(dir / "result");
   }

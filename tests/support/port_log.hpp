@@ -114,7 +114,8 @@ struct Reader {
 // Runs the loop until `done`, and fails the test when that takes absurdly long.
 inline void run_until(Loop& loop, const std::function<bool()>& done) {
   bool late = false;
-  Timer limit(loop, [&late] { late = true; });
+  Timer limit(
+      loop, [&late] { late = true; }, Timer::By::machine);
   limit.set_after(std::chrono::seconds(20));
   while (!done() && !late) loop.run_one();
   EXPECT_FALSE(late) << "what the test waits for did not come";

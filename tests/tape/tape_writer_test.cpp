@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/tape/tape_reader.hpp"
+#include "tests/support/manual_clock.hpp"
 #include "tests/support/tape_bytes.hpp"
 #include "tests/support/temp_dir.hpp"
 
@@ -185,14 +186,16 @@ TEST(TapeWriter, EveryTapeHasAnIdOfItsOwn) {
 }
 
 TEST(TapeWriter, TheZeroIsOnBothClocks) {
-  const Instant zero = Instant{} + std::chrono::hours(1);
-  const TapeZero now = tape_zero(zero, zero);
-  const TapeZero past = tape_zero(zero, zero + std::chrono::hours(24 * 365 * 20));
-  EXPECT_EQ(now.monotonic_us, 3'600'000'000);
+  ManualClock clock;
+  clock.set(Instant{std::chrono::hours(2)});
+  const TapeZero now = tape_zero(clock.now(), clock);
+  const TapeZero past = tape_zero(clock.now() - std::chrono::hours(1), clock);
+  EXPECT_EQ(now.monotonic_us, 7'200'000'000);
+  EXPECT_EQ(past.monotonic_us, 3'600'000'000);
   EXPECT_EQ(now.boot, past.boot);
   EXPECT_THAT(now.boot, testing::MatchesRegex("[0-9a-f-]{36}"));
-  EXPECT_THAT(now.wall, testing::MatchesRegex("2[0-9]{3}-[0-9]{2}-[0-9]{2}T[0-9:]{8}\\.[0-9]{6}Z"));
-  EXPECT_LT(past.wall, now.wall);
+  EXPECT_EQ(now.wall, "2023-11-15T00:13:20.000000Z");
+  EXPECT_EQ(past.wall, "2023-11-14T23:13:20.000000Z");
 }
 
 TEST(TapeZeros, OfOneBootAreApartByItsClock) {

@@ -8,6 +8,7 @@
 #include "libport/tape/tape_reader.hpp"
 #include "libport/taped/tap_port.hpp"
 #include "libport/taped/tape_keeper.hpp"
+#include "tests/support/manual_clock.hpp"
 #include "tests/support/memory_port.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
@@ -18,19 +19,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-Instant scripted_now;  // the clock that the port under test reads
-Instant read_scripted_clock() { return scripted_now; }
-
 class RecordingTest : public testing::Test {
  protected:
-  RecordingTest() {
-    scripted_now = Instant{} + std::chrono::hours(1);
-    make_port();
-  }
+  RecordingTest() { make_port(); }
 
   void make_port(bool overwrite = false, bool fail_closed = false) {
-    port = std::make_unique<TapPort>(PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(device),
-                                     &read_scripted_clock);
+    port = std::make_unique<TapPort>(PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(device));
     port->add(std::make_unique<TapeKeeper>(
         PortContext{&loop, book.log()},
         TapeKeeper::Options{.tape = tape,
@@ -50,7 +44,10 @@ class RecordingTest : public testing::Test {
   void run_until_told(std::string_view text) {
     run_until(loop, [this, text] { return book.text().find(text) != std::string::npos; });
   }
-  static void pass(std::int64_t us) { scripted_now += Micros(us); }
+  void pass(std::int64_t us) {
+    clock.pass(Micros(us));
+    loop.clock_moved();
+  }
 
   static std::string text_of(const Event& event) {
     const auto* settings = std::get_if<event::Settings>(&event);
@@ -80,7 +77,8 @@ class RecordingTest : public testing::Test {
 
   test::TempDir dir;
   TapePaths tape = literal_tape((dir.path() / "x.log").string());
-  Loop loop;
+  ManualClock clock;
+  Loop loop{clock};
   LogBook book;
   PortLog log;
   MemoryPort::Peer device;
@@ -267,8 +265,8 @@ TEST_F(RecordingTest, ATapeThatCouldNotBeMadeIsTriedAgainAndSaysWhatIsMissing) {
   port->write(as_bytes("lost"));
   run_until_told("nothing is recorded");
   fs::create_directory(dir.path());
+  let_pass(loop, clock, Micros(1'000'000));  // it is tried again every millisecond
   run_until_told("recording to");
-  pass(1'000'000);
   port->write(as_bytes("kept"));
   EXPECT_EQ(finish(), exit_status::kRuntime);
   EXPECT_EQ(records(tape), "open@0 gap@2000000 w:kept@2000000 close@2000001 end@2000001 ");

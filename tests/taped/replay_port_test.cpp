@@ -41,10 +41,10 @@ class ReplayPortTest : public testing::Test {
   void write(std::string_view text) { port->write(as_bytes(text)); }
   // How long it took until finish() was done.
   Nanos finish() {
-    const Instant begin = Loop::now();
+    const Instant begin = loop.now();
     port->finish();
     run_until(loop, [this] { return log.status.has_value(); });
-    return Loop::now() - begin;
+    return loop.now() - begin;
   }
 
   test::TempDir dir;
@@ -406,7 +406,7 @@ TEST_F(ReplayPortTest, TheDevicesHalfCloseIsToldAndTheDriversIsWaitedFor) {
   write("ask");
   const auto due = port->waiting()->next_due();
   ASSERT_TRUE(due.has_value());
-  EXPECT_GT(*due - Loop::now(), std::chrono::milliseconds(500)) << "patience";
+  EXPECT_GT(*due - loop.now(), std::chrono::milliseconds(500)) << "patience";
   EXPECT_TRUE(port->end_writing());
   run_until(loop, [this] { return log.events.find("hung_up") != std::string::npos; });
   EXPECT_EQ(log.data, "answer");
@@ -472,10 +472,10 @@ TEST_F(ReplayPortTest, ATapeOfEmptyBlocksHoldsNothingUp) {
   }
   start();
   for (int i = 0; i < 50; ++i) {
-    const Instant begin = Loop::now();
+    const Instant begin = loop.now();
     write("hello");
     loop.poll_one();
-    EXPECT_LT(Loop::now() - begin, std::chrono::milliseconds(500));
+    EXPECT_LT(loop.now() - begin, std::chrono::milliseconds(500));
   }
   port->close();
   EXPECT_LT(finish(), std::chrono::seconds(8));
@@ -520,8 +520,8 @@ TEST_F(ReplayPortTest, AStallDuringTheRunIsADoubt) {
   test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
   start();
   write("one");
-  loop.post([begin = Loop::now()] {
-    while (Loop::now() - begin < std::chrono::milliseconds(60)) {
+  loop.post([this, begin = loop.now()] {
+    while (loop.now() - begin < std::chrono::milliseconds(60)) {
     }
   });
   loop.post([this] { port->close(); });
@@ -545,9 +545,9 @@ class FlushOfATape : public ReplayPortTest {
     start();
     port->set_reading(false);
     write("ask");
-    run_until(loop, [begin = Loop::now(), this] {
+    run_until(loop, [begin = loop.now(), this] {
       loop.post([] {});
-      return Loop::now() - begin > std::chrono::milliseconds(5);
+      return loop.now() - begin > std::chrono::milliseconds(5);
     });
     port->peer_flushed(queue);
     port->set_reading(true);
@@ -711,12 +711,12 @@ TEST_F(SignalsOfATape, AreNotToldWhereNobodyLooks) {
 
 TEST_F(SignalsOfATape, ADrainLastsAsLongAsItsRecordedOne) {
   start();
-  const Instant begin = Loop::now();
+  const Instant begin = loop.now();
   int sent = 0;
   port->drain([&sent] { ++sent; });
   EXPECT_EQ(sent, 0);
   run_until(loop, [&sent] { return sent > 0; });
-  EXPECT_GE(Loop::now() - begin, std::chrono::milliseconds(5));
+  EXPECT_GE(loop.now() - begin, std::chrono::milliseconds(5));
   port->drain([&sent] { ++sent; });
   EXPECT_EQ(sent, 2) << "the tape has no other";
 }

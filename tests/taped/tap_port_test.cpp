@@ -115,8 +115,7 @@ class Busy final : public PortListener {
 class TapPortTest : public testing::Test {
  protected:
   TapPortTest()
-      : tap({&loop, book.log()}, std::make_unique<MemoryPort>(device), &Loop::now,
-            std::chrono::milliseconds(1)) {
+      : tap({&loop, book.log()}, std::make_unique<MemoryPort>(device), std::chrono::milliseconds(1)) {
     tap.add(std::make_unique<Notes>(one));
     tap.add(std::make_unique<Notes>(other));
     tap.listen(log);
@@ -209,11 +208,11 @@ TEST_F(TapPortTest, ALineWithoutSettingsHasThoseOfItsDriver) {
 }
 
 TEST_F(TapPortTest, AFloodOfFlushesIsTheDevicesToSeeAndToldOnce) {
-  const Instant begin = Loop::now();
+  const Instant begin = loop.now();
   int flushes = 0;
   for (; flushes < 10'000; ++flushes) tap.peer_flushed(FlushQueue::in);
   const auto told = static_cast<std::int64_t>(one.text.size() / std::string_view("flush ").size());
-  EXPECT_LE(told, 1 + (Loop::now() - begin) / RepeatFilter::kFlushes);
+  EXPECT_LE(told, 1 + (loop.now() - begin) / RepeatFilter::kFlushes);
   EXPECT_EQ(device.calls.size(), std::string_view("peer_flushed ").size() * 10'000);
   one.text.clear();
   device.send("a");

@@ -22,7 +22,7 @@ namespace {
 class TapeGroupTest : public testing::Test {
  protected:
   void make(OnExisting on_existing) {
-    group = std::make_shared<TapeGroup>(new_tape(dir / "laser"), on_existing);
+    group = std::make_shared<TapeGroup>(new_tape(dir / "laser"), on_existing, machine_clock());
   }
   // A tape that is complete.
   Result<void> tape(unsigned part, unsigned connection) {
@@ -137,7 +137,7 @@ TEST_F(TapeGroupTest, AKeeperOfAGroupCountsFromItsZero) {
                                                             .connection = connection},
                                         [] {});
   };
-  const Instant first = Loop::now();
+  const Instant first = loop.now();
   const auto one = keep(1);
   const auto two = keep(2);
   EXPECT_TRUE(one->check().has_value());

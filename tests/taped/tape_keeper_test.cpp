@@ -52,10 +52,10 @@ class TapeKeeperTest : public testing::Test {
 };
 
 TEST_F(TapeKeeperTest, WhatItsTapeTellsAfterItWasGivenUpCompletesNothing) {
-  keeper->opened(Loop::now());
+  keeper->opened(loop.now());
   const std::function<void()> news = disk->reached.get_future().get();
   std::optional<bool> complete;
-  keeper->finish(Loop::now(), [&complete](bool all) { complete = all; });
+  keeper->finish(loop.now(), [&complete](bool all) { complete = all; });
   keeper->give_up();
   news();
   run_posted();
@@ -63,9 +63,9 @@ TEST_F(TapeKeeperTest, WhatItsTapeTellsAfterItWasGivenUpCompletesNothing) {
 }
 
 TEST_F(TapeKeeperTest, GivenUpItTellsHowManyBytesAreNotOnTheTape) {
-  keeper->opened(Loop::now());
-  keeper->block(Direction::read, Loop::now(), as_bytes("seven b"));
-  keeper->finish(Loop::now(), [](bool) {});
+  keeper->opened(loop.now());
+  keeper->block(Direction::read, loop.now(), as_bytes("seven b"));
+  keeper->finish(loop.now(), [](bool) {});
   keeper->give_up();
   EXPECT_NE(book.text().find("x.log: its disk did not answer in time; 7 bytes and the end are not on it"),
             std::string::npos)
@@ -73,8 +73,8 @@ TEST_F(TapeKeeperTest, GivenUpItTellsHowManyBytesAreNotOnTheTape) {
 }
 
 TEST_F(TapeKeeperTest, GivenUpWithoutAnEndItTellsThatToo) {
-  keeper->opened(Loop::now());
-  keeper->block(Direction::read, Loop::now(), as_bytes("seven b"));
+  keeper->opened(loop.now());
+  keeper->block(Direction::read, loop.now(), as_bytes("seven b"));
   keeper->give_up();
   EXPECT_NE(book.text().find("7 bytes and the end are not on it"), std::string::npos) << book.text();
 }
@@ -111,15 +111,15 @@ TEST(TapeKeeperOnAFullDisk, RefusesAMarkThatCannotBeWritten) {
       TapeKeeper::Options{
           .tape = literal_tape("x.log"), .header = {.device = "memory", .driver = "test"}, .make = make},
       [] {});
-  keeper.opened(Loop::now());
+  keeper.opened(loop.now());
   run_until(loop, [&book] { return book.text().find("recording to") != std::string::npos; });
-  keeper.block(Direction::read, Loop::now(), as_bytes("direct from here"));
+  keeper.block(Direction::read, loop.now(), as_bytes("direct from here"));
   *full = true;
-  const Result<bool> marked = keeper.request(Loop::now(), RecorderRequest::mark("lost"));
+  const Result<bool> marked = keeper.request(loop.now(), RecorderRequest::mark("lost"));
   ASSERT_FALSE(marked);
   EXPECT_EQ(marked.error().message, "tape x.log: nothing can be written on it now: No space left on device");
   *full = false;
-  EXPECT_TRUE(keeper.request(Loop::now(), RecorderRequest::mark("there is room again")));
+  EXPECT_TRUE(keeper.request(loop.now(), RecorderRequest::mark("there is room again")));
 }
 
 }  // namespace

@@ -67,7 +67,7 @@ class CommandRunOnAFlood : public testing::Test {
   TempDir dir;
   std::string full = dir / "full";
   Flood device{full};
-  const Instant start = Loop::now();
+  const Instant start = machine_clock().now();
   CommandRun command{{.name = "test"}};
 
   void begin(const std::string& driver) {
@@ -85,19 +85,19 @@ TEST_F(CommandRunOnAFlood, AReaderThatTheCommandLeavesBehindDoesNotKeepItFromIts
                        "sleep 1000) & exit 0"});
   EXPECT_THAT(ran.err, HasSubstr("left running, now ended: "));
   EXPECT_THAT(ran.err, HasSubstr("0 bytes in 0 blocks from the command, "));
-  EXPECT_LT(Loop::now() - start, seconds(20));
+  EXPECT_LT(machine_clock().now() - start, seconds(20));
 }
 
 // As where one of many lines always has something.
 TEST_F(CommandRunOnAFlood, ALoopThatIsNeverIdleDoesNotKeepItFromItsEnd) {
   begin("pty:" + (dir / "line"));
   const std::function<void()> again = [&] {
-    if (Loop::now() - start < seconds(10)) command.loop().post(again);
+    if (machine_clock().now() - start < seconds(10)) command.loop().post(again);
   };
   again();
   ASSERT_TRUE(command.run_command({"/bin/true"}));
   command.finish();
-  EXPECT_LT(Loop::now() - start, seconds(5));
+  EXPECT_LT(machine_clock().now() - start, seconds(5));
 }
 
 // It would be the first stop, and that of finish() the second, which passes nothing on.
@@ -107,7 +107,8 @@ TEST_F(CommandRunOnAFlood, ASignalBetweenTheCommandAndTheEndStopsNothing) {
   Socket driver = Socket::connect_to(command.channel()->driver().place().port);
   ASSERT_TRUE(command.run_command({"/bin/true"}));
   ::raise(SIGTERM);
-  while (driver.got.size() < kMoreThanAnyQueue && driver.ended.empty() && Loop::now() - start < seconds(20)) {
+  while (driver.got.size() < kMoreThanAnyQueue && driver.ended.empty() &&
+         machine_clock().now() - start < seconds(20)) {
     command.loop().poll_one();
     driver.receive();
   }
@@ -121,7 +122,7 @@ TEST_F(CommandRunOnAFlood, ASignalAfterTheCommandEndsTheLineAtOnce) {
   begin("tcp-listen:127.0.0.1:0");
   const Socket driver = Socket::connect_to(command.channel()->driver().place().port);
   ASSERT_TRUE(command.run_command({"/bin/sh", "-c", "until test -e " + full + "; do sleep 0.02; done"}));
-  const Instant end = Loop::now();
+  const Instant end = machine_clock().now();
   std::atomic<bool> finished = false;
   std::thread user([&finished] {
     for (; !finished; std::this_thread::sleep_for(milliseconds(20))) ::kill(::getpid(), SIGTERM);
@@ -129,7 +130,7 @@ TEST_F(CommandRunOnAFlood, ASignalAfterTheCommandEndsTheLineAtOnce) {
   command.finish();
   finished = true;
   user.join();
-  EXPECT_LT(Loop::now() - end, seconds(4));
+  EXPECT_LT(machine_clock().now() - end, seconds(4));
   EXPECT_EQ(command.interrupted_by(), 0);
 }
 

@@ -563,10 +563,10 @@ TEST_F(PtyPortTest, TheEndOfADriverThatIsNotReadAndLeftNothingIsSeenAtOnce) {
     UniqueFd fd = driver();
     run_until(loop, [&] { return log.events.ends_with("up "); });
     port.set_reading(false);
-    const Instant begin = Loop::now();
+    const Instant begin = loop.now();
     fd.reset();
     until(expected);
-    EXPECT_LT(Loop::now() - begin, std::chrono::seconds(9)) << "nothing is kept for a device that may come";
+    EXPECT_LT(loop.now() - begin, std::chrono::seconds(9)) << "nothing is kept for a device that may come";
     port.set_reading(true);
   }
 }

@@ -88,8 +88,8 @@ TEST_F(PtySettingsTest, OneThatClosesAndOpensAtOnceMaySetItsLineAgain) {
   start();
   UniqueFd fd = driver();
   until("up ");
-  const Instant later = Loop::now() + Sampler::kYoung + std::chrono::milliseconds(100);
-  run_until(loop, [&] { return Loop::now() >= later; });
+  const Instant later = loop.now() + Sampler::kYoung + std::chrono::milliseconds(100);
+  run_until(loop, [&] { return loop.now() >= later; });
   fd.reset();
   fd = driver();
   until("up closed up ");
@@ -97,9 +97,9 @@ TEST_F(PtySettingsTest, OneThatClosesAndOpensAtOnceMaySetItsLineAgain) {
   ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
   tio.c_cflag |= CLOCAL;
   ASSERT_EQ(::tcsetattr(fd.get(), TCSANOW, &tio), 0);
-  const Instant set_at = Loop::now();
+  const Instant set_at = loop.now();
   run_until(loop, [&] { return ::tcgetattr(fd.get(), &tio) != 0 || (tio.c_cflag & CLOCAL) == 0; });
-  EXPECT_LT(Loop::now() - set_at, Sampler::kRarely / 2);
+  EXPECT_LT(loop.now() - set_at, Sampler::kRarely / 2);
 }
 
 TEST_F(PtySettingsTest, WhatADriverFindsIsNoNews) {

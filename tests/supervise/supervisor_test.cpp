@@ -1,0 +1,106 @@
+// A real program under the supervisor of a loop whose clock the test moves.
+
+#include "libport/supervise/supervisor.hpp"
+
+#include <chrono>
+#include <csignal>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <utility>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "libport/supervise/supervised_command.hpp"
+#include "tests/support/manual_clock.hpp"
+#include "tests/support/port_log.hpp"
+
+namespace porttape {
+namespace {
+
+using std::chrono::hours;
+using std::chrono::nanoseconds;
+using std::chrono::seconds;
+
+// A program's sleeps, which last by the supervisor's clock.
+class Sleeps final : public CallPart {
+ public:
+  explicit Sleeps(std::vector<Nanos>& asked) : asked_(&asked) {}
+
+  [[nodiscard]] std::vector<CallTrap> traps() const override {
+    return {{.number = SYS_nanosleep}, {.number = SYS_clock_nanosleep}};
+  }
+  Decision decide(Supervisor& supervisor, const Call& call) override {
+    const auto time = call.read_as<timespec>(call.argument(call.number() == SYS_nanosleep ? 0 : 2));
+    if (!time) return NotMine{};
+    const Nanos length = seconds(time->tv_sec) + nanoseconds(time->tv_nsec);
+    const std::shared_ptr<KeptCall> kept = supervisor.keep_until_signal(call);
+    kept->call_after(length, [weak = std::weak_ptr(kept)] {
+      if (const auto waiting = weak.lock()) waiting->finish(outcome::Answer{0});
+    });
+    asked_->push_back(length);
+    return Kept{};
+  }
+
+ private:
+  std::vector<Nanos>* asked_;
+};
+
+class SupervisorOnAMovedClock : public testing::Test {
+ protected:
+  // Runs the command until it ends; `then` comes once it sleeps.
+  std::optional<int> run(std::vector<std::string> command, const std::function<void(pid_t)>& then) {
+    std::vector<std::unique_ptr<CallPart>> parts;
+    parts.push_back(std::make_unique<Sleeps>(asked));
+    std::optional<int> status;
+    SupervisedCommand::Trouble trouble;
+    const auto running = SupervisedCommand::start(
+        loop,
+        {.command = std::move(command),
+         .environment = {"PATH=/usr/bin:/bin"},
+         .traps = parts.front()->traps()},
+        [&](int wait_status) { status = wait_status; }, trouble);
+    if (!running) {
+      ADD_FAILURE() << trouble.message;
+      return std::nullopt;
+    }
+    const Supervisor supervisor(loop, running->take_listener(), std::move(parts));
+    run_until(loop, [&] { return !asked.empty() || status; });
+    then(running->command());
+    run_until(loop, [&] { return status.has_value(); });
+    return status;
+  }
+
+  ManualClock clock;
+  Loop loop{clock};
+  std::vector<Nanos> asked;
+};
+
+TEST_F(SupervisorOnAMovedClock, AnHourOfSleepIsOverWhenTheClockHasIt) {
+  const auto status = run({"sleep", "3600"}, [this](pid_t) {
+    EXPECT_EQ(loop.next_timer(), clock.now() + hours(1));
+    clock.pass(hours(1));
+    loop.clock_moved();
+  });
+  ASSERT_TRUE(status.has_value());
+  EXPECT_TRUE(WIFEXITED(*status) && WEXITSTATUS(*status) == 0) << *status;
+  EXPECT_EQ(asked, std::vector<Nanos>{hours(1)});
+}
+
+// The clock stands, and so would a look for signals that went by it.
+TEST_F(SupervisorOnAMovedClock, ASignalInterruptsASleepWhileTheClockStands) {
+  const Instant begin = clock.now();
+  const auto status = run({"perl", "-e", "$SIG{USR1} = sub {}; sleep 3600; exit 7"},
+                          [](pid_t command) { ::kill(command, SIGUSR1); });
+  ASSERT_TRUE(status.has_value());
+  EXPECT_TRUE(WIFEXITED(*status) && WEXITSTATUS(*status) == 7) << *status;
+  EXPECT_EQ(clock.now(), begin);
+}
+
+}  // namespace
+}  // namespace porttape
