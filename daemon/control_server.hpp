@@ -7,7 +7,7 @@
 #include <memory>
 #include <sys/types.h>
 
-#include <spdlog/logger.h>
+#include <spdlog/fwd.h>
 
 #include "daemon/control_listener.hpp"
 #include "daemon/control_protocol.hpp"

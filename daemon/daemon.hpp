@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include <spdlog/logger.h>
+#include <spdlog/fwd.h>
 
 #include "daemon/control_protocol.hpp"
 #include "daemon/supervised_channel.hpp"

@@ -10,6 +10,7 @@
 #include <unistd.h>
 #include <utility>
 
+#include <spdlog/logger.h>
 #include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/sink.h>
 

@@ -12,6 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include <spdlog/logger.h>
+
 #include "daemon/background.hpp"
 #include "daemon/control_server.hpp"
 #include "daemon/daemon.hpp"

@@ -7,6 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include <spdlog/common.h>
+
 #include "libport/catalog/channel.hpp"
 #include "libport/loop/loop.hpp"
 #include "libport/loop/signal_watch.hpp"

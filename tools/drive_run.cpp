@@ -3,6 +3,8 @@
 #include <signal.h>
 #include <utility>
 
+#include <spdlog/logger.h>
+
 #include "libport/tape/disks.hpp"
 #include "tools/command_end.hpp"
 #include "tools/tool_log.hpp"

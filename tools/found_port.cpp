@@ -1,5 +1,7 @@
 #include "tools/found_port.hpp"
 
+#include <spdlog/logger.h>
+
 #include "libport/base/printable.hpp"
 
 namespace porttape {

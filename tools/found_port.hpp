@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include <spdlog/logger.h>
+#include <spdlog/fwd.h>
 
 #include "libport/port/port.hpp"
 #include "libport/supervise/device_view.hpp"

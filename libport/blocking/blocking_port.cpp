@@ -6,6 +6,8 @@
 #include <fmt/format.h>
 #include <utility>
 
+#include <spdlog/logger.h>
+
 #include "libport/catalog/port_types.hpp"
 #include "libport/port/context.hpp"
 #include "libport/taped/replay_port.hpp"

@@ -9,7 +9,7 @@
 #include <string>
 #include <string_view>
 
-#include <spdlog/logger.h>
+#include <spdlog/fwd.h>
 
 #include "libport/base/result.hpp"
 #include "libport/blocking/input_buffer.hpp"

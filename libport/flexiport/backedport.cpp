@@ -10,6 +10,7 @@
 #include <typeinfo>
 #include <utility>
 
+#include <spdlog/logger.h>
 #include <spdlog/sinks/stdout_sinks.h>
 
 #include "libport/flexiport/backing.hpp"

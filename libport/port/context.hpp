@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include <spdlog/logger.h>
+#include <spdlog/fwd.h>
 
 #include "libport/loop/loop.hpp"
 
