@@ -25,7 +25,7 @@ END_OF_DEVICE
 # The driver finds its port as a user would name it: by an argument, or the environment.
 cat >driver.py <<'END_OF_DRIVER'
 import os, sys, time, serial
-port = serial.Serial(os.environ["PORTTAPE_PORT"], 9600, timeout=5)
+port = serial.Serial(os.environ["PORTTAPE_PORT"], 9600, timeout=60)
 requests = sys.argv[1].split(",")
 for request in requests:
     if request.startswith("wait"):

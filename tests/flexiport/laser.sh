@@ -12,7 +12,7 @@ same() {
   local name=$1 run
   shift
   for ((run = 1; run <= runs; run++)); do
-    timeout 60 "$@" >"$work/got" 2>"$work/err" || die "$name, run $run: $(cat "$work/err")"
+    timeout 120 "$@" >"$work/got" 2>"$work/err" || die "$name, run $run: $(cat "$work/err")"
     cmp -s "$work/expected" "$work/got" || die "$name, run $run: $(diff "$work/expected" "$work/got")"
   done
   say "$name: $runs of $runs"
