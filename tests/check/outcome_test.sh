@@ -7,8 +7,9 @@ trap 'rm -rf "$work"' EXIT
 die() { echo "outcome_test: FAIL: $*" >&2; exit 1; }
 
 # The program, with a table of its own of what is known.
-mkdir -p "$work/tests/check" "$work/bin" "$work/build"
-cp "$here/outcome" "$work/tests/check/outcome"
+mkdir -p "$work"/{tests/check,tests/support,bin,build}
+cp "$here/outcome" "$work/tests/check"
+cp "$here/../support/time_bound.py" "$work/tests/support"
 cat >"$work/tests/README.md" <<'END'
 | test | cause | since |
 |---|---|---|
@@ -35,9 +36,9 @@ script hangs_with_a_report "$first_time; first || exit 0; echo '==12==ERROR: Add
 script late_with_a_report "$first_time; first || exit 0; echo 'WARNING: ThreadSanitizer: data race'; echo 'x: bound of time: 3 s'; exit 75"
 script loses_a_byte_once "$first_time; first || exit 0; echo 'loses_a_byte_once: FAIL: 9 of 10 bytes'; exit 1"
 script crashes_once "$first_time; first || exit 0; kill -SEGV \$\$"
-script has_unstable_cases 'echo "trouble.core: unstable: record writev.tape: it took 21 s"; echo "1 unstable"'
-for ((n = 2; n < 5; n++)); do echo 'echo "trouble.core: unstable: case '"$n"'"'; done >"$work/cases"
-script has_many_unstable_cases 'echo "trouble.core: unstable: case 1"; '"$(paste -sd';' "$work/cases")"
+script has_unstable_cases 'echo "trouble: unstable: record writev.tape: it took 21 s"; echo "1 unstable"'
+for ((n = 2; n < 5; n++)); do echo 'echo "trouble: unstable: case '"$n"'"'; done >"$work/cases"
+script has_many_unstable_cases 'echo "trouble: unstable: case 1"; '"$(paste -sd';' "$work/cases")"
 
 # list [--all] TEST…: runs those under ctest and sets $list and $status. A test with a dot at its end is one of the gtest program's.
 list() {

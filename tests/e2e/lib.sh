@@ -10,14 +10,14 @@ devices=$e2e/../devices
 : "${DEVICE_BIN:=$e2e/../../build/release/tests/devices}" # modbus_slave and serprog_flash
 : "${SHARED_DIR:=$e2e/../../../shared}"
 self=$(basename "$0" .sh)
+# shellcheck source=../support/time_bound.sh
+source "$e2e/../support/time_bound.sh"
 work=$(mktemp -d "${TMPDIR:-/tmp}/porttape-e2e.XXXXXX")
 export RUNTIME_DIRECTORY=$work/control # daemons of other tests, and of this machine, are not seen
 pids=()
 
 say() { printf '%s: %s\n' "$self" "$*"; }
 die() { printf '%s: FAIL: %s\n' "$self" "$*" >&2; exit 1; }
-# The helper for bounds of time (tests/README.md): only for a comparison of durations, and never for bytes that do not come.
-late() { printf '%s: bound of time: %s\n' "$self" "$*" >&2; exit 75; }
 skip() { printf '%s: skipped: %s\n' "$self" "$*" >&2; exit 77; }
 
 need() {

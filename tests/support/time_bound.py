@@ -8,6 +8,7 @@ import sys
 
 BOUND_OF_TIME = 75  # the exit status; EX_TEMPFAIL
 MARK = "bound of time: "  # begins what such a test says
+MOST_UNSTABLE = 3  # more of them are red
 
 
 def late(text):
