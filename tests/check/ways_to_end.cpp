@@ -1,4 +1,5 @@
-// No tests of anything: outcome_test.sh runs them to see how a unit test skips, and how it ends when time was its only fault.
+// No tests of anything: outcome_test.sh runs them to see how a unit test skips, and how it ends when time was
+// its only fault.
 
 #include <chrono>
 

@@ -1,12 +1,13 @@
-// The main function of the unit tests: GoogleMock's, except for the exit status of a run in which only bounds of time failed.
-
-#include "tests/support/time_bound.hpp"
-
-#include <gmock/gmock.h>
+// The main function of the unit tests: GoogleMock's, except for the exit status of a run in which only bounds
+// of time failed.
 
 #include <atomic>
 #include <memory>
 #include <string_view>
+
+#include <gmock/gmock.h>
+
+#include "tests/support/time_bound.hpp"
 
 namespace {
 
@@ -18,7 +19,8 @@ class CountFailures : public testing::EmptyTestEventListener {
  private:
   void OnTestPartResult(const testing::TestPartResult& result) override {
     if (result.failed()) {
-      ++(std::string_view(result.message()).starts_with(porttape::test::kBoundOfTimeMark) ? bounds_ : others_);
+      ++(std::string_view(result.message()).starts_with(porttape::test::kBoundOfTimeMark) ? bounds_
+                                                                                          : others_);
     }
   }
 

@@ -108,7 +108,8 @@ TEST_F(CommandRunOnAFlood, ASignalBetweenTheCommandAndTheEndStopsNothing) {
   Socket driver = Socket::connect_to(command.channel()->driver().place().port);
   ASSERT_TRUE(command.run_command({"/bin/true"}));
   ::raise(SIGTERM);
-  while (driver.got.size() < kMoreThanAnyQueue && driver.ended.empty() && Loop::now() - start < seconds(120)) {
+  while (driver.got.size() < kMoreThanAnyQueue && driver.ended.empty() &&
+         Loop::now() - start < seconds(120)) {
     command.loop().poll_one();
     driver.receive();
   }

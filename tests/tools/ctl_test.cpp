@@ -21,9 +21,9 @@
 
 #include "libport/base/unique_fd.hpp"
 #include "tests/support/temp_dir.hpp"
+#include "tests/support/time_bound.hpp"
 #include "tools/control_client.hpp"
 #include "tools/verbs.hpp"
-#include "tests/support/time_bound.hpp"
 
 namespace porttape {
 namespace {

@@ -567,7 +567,8 @@ TEST_F(PtyPortTest, TheEndOfADriverThatIsNotReadAndLeftNothingIsSeenAtOnce) {
     const Instant begin = Loop::now();
     fd.reset();
     until(expected);
-    EXPECT_WITHIN(Loop::now() - begin, std::chrono::seconds(9)) << "nothing is kept for a device that may come";
+    EXPECT_WITHIN(Loop::now() - begin, std::chrono::seconds(9))
+        << "nothing is kept for a device that may come";
     port.set_reading(true);
   }
 }
