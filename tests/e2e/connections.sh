@@ -15,7 +15,7 @@ import socket, sys
 where, lines = sys.argv[1], {}
 def connect():
     if where.isdigit(): return socket.create_connection(("127.0.0.1", int(where)), 20)
-    line = socket.socket(socket.AF_UNIX); line.settimeout(20); line.connect(where); return line
+    line = socket.socket(socket.AF_UNIX); line.settimeout(60); line.connect(where); return line
 for order in sys.stdin:
     verb, name, text = (order.split() + [""])[:3]
     if verb == "CONNECT":

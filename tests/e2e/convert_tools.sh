@@ -87,7 +87,7 @@ say "ser2net's trace has the line's bytes and replays"
 cat >logging_driver.py <<'END'
 import binascii, logging, serial, sys
 logging.basicConfig(level=logging.DEBUG, format="%(asctime)s %(levelname)s (%(threadName)s) [meter.uart] %(message)s")
-with serial.Serial(sys.argv[1], 19200, timeout=10) as port:
+with serial.Serial(sys.argv[1], 19200, timeout=60) as port:
     for question in (b"\x01\xff'\"\n", b"second\n"):
         logging.debug("Sending: %s", binascii.hexlify(question) if len(sys.argv) > 2 else question)
         port.write(question)

@@ -154,6 +154,9 @@ verdict_is() {
   [[ $verdict == "$1" ]] || die "verdict $verdict, expected $1: $(cat "$2")"
 }
 
+# without_doubts FILE: a report without what it adds where the machine stood still for a moment.
+without_doubts() { sed -e 's/, with doubts//' -e '/^  doubt  /d' "$1"; }
+
 # converted NAME FORMAT FILE [OPTION…]: evidence in FORMAT becomes the tape NAME.log, sound and without a problem; what convert
 # says is in NAME.told.
 converted() {
