@@ -17,7 +17,7 @@ cat >"$work/tests/README.md" <<'END'
 END
 
 script() { printf '#!/bin/bash\n%s\n' "$2" >"$work/bin/$1"; chmod +x "$work/bin/$1"; }
-# The first time is told from the second by a file.
+# A file says whether a script has run before.
 first_time="first() { [[ ! -e $work/\${0##*/}.ran ]] && touch $work/\${0##*/}.ran; }"
 script passes 'echo all is well'
 script fails 'seq 20; echo "fails: skipped: nothing, it failed"; exit 1'
@@ -30,9 +30,9 @@ done
 script late_twice 'echo "late_twice: bound of time: 3 s for 2 s"; exit 75'
 script late_then_wrong "$first_time; first || { echo 'late_then_wrong: FAIL: a byte'; exit 1; }; echo 'x: bound of time: 3 s for 2 s'; exit 75"
 script status_75 "$first_time; first || exit 0; echo 'a program of somebody else gave 75'; exit 75"
-script hangs_once "$first_time; first || exit 0; echo it waits; sleep 60"
-script hangs_and_is_wrong "$first_time; first || exit 0; echo 'hangs_and_is_wrong: FAIL: a byte is missing'; sleep 60"
-script hangs_with_a_report "$first_time; first || exit 0; echo '==12==ERROR: AddressSanitizer: heap-use-after-free'; sleep 60"
+script hangs_once "$first_time; first || exit 0; echo it waits; sleep 600"
+script hangs_and_is_wrong "$first_time; first || exit 0; echo 'hangs_and_is_wrong: FAIL: a byte is missing'; sleep 600"
+script hangs_with_a_report "$first_time; first || exit 0; echo '==12==ERROR: AddressSanitizer: heap-use-after-free'; sleep 600"
 script late_with_a_report "$first_time; first || exit 0; echo 'WARNING: ThreadSanitizer: data race'; echo 'x: bound of time: 3 s'; exit 75"
 script loses_a_byte_once "$first_time; first || exit 0; echo 'loses_a_byte_once: FAIL: 9 of 10 bytes'; exit 1"
 script crashes_once "$first_time; first || exit 0; kill -SEGV \$\$"
@@ -40,18 +40,20 @@ script has_unstable_cases 'echo "trouble: unstable: record writev.tape: it took 
 for ((n = 2; n < 5; n++)); do echo 'echo "trouble: unstable: case '"$n"'"'; done >"$work/cases"
 script has_many_unstable_cases 'echo "trouble: unstable: case 1"; '"$(paste -sd';' "$work/cases")"
 
-# list [--all] TEST…: runs those under ctest and sets $list and $status. A test with a dot at its end is one of the gtest program's.
+# list [--all] TEST…: runs those under ctest and sets $list and $status. WaysToEnd.NAME is one of the gtest program's.
 list() {
-  local test command all=()
+  local test command limit all=()
   [[ ${1:-} != --all ]] || { all=(--all); shift; }
   rm -f "$work"/*.ran
   : >"$work/build/CTestTestfile.cmake"
   for test; do
     command="\"$work/bin/$test\""
     [[ $test != WaysToEnd.* ]] || command="\"$gtest\" \"--gtest_filter=$test\""
+    limit=60
+    [[ $test != hangs* ]] || limit=5
     cat >>"$work/build/CTestTestfile.cmake" <<END_OF_TEST
 add_test($test $command)
-set_tests_properties($test PROPERTIES TIMEOUT 2 SKIP_RETURN_CODE 77 SKIP_REGULAR_EXPRESSION "\\\\[  SKIPPED \\\\]")
+set_tests_properties($test PROPERTIES TIMEOUT $limit SKIP_RETURN_CODE 77 SKIP_REGULAR_EXPRESSION "\\\\[  SKIPPED \\\\]")
 END_OF_TEST
   done
   if "$work/tests/check/outcome" "${all[@]}" "$work/build" "$work/list" >"$work/said" 2>&1; then status=0; else status=$?; fi
@@ -85,7 +87,7 @@ list passes
 list
 expect 1 "failed: ctest ended with 0 after 0 tests" "0 passed, 0 failed, 0 skipped"
 
-# Only time: once more, alone, behind all others.
+# A test whose only fault is time runs once more, alone, after all others.
 list late passes hangs_once
 expect 0 "unstable: late (a bound of time): known since 2026-01-31: it counts the stars" "  alone it passed:" \
   "unstable: hangs_once (ended by its time limit): not known" "  alone it passed:" "3 passed, 0 failed, 0 skipped"
@@ -110,7 +112,7 @@ list late_then_wrong late
 expect 1 "failed: late_then_wrong: a bound of time" "  alone it failed again: status 1" \
   "failed: late: a bound of time; not run again" "0 passed, 2 failed, 0 skipped"
 
-# Anything else is red at once, though it would pass the second time.
+# A test with any other fault is red at once, though it would pass the second time.
 list status_75
 expect 1 "failed: status_75: status 75" "0 passed, 1 failed, 0 skipped"
 list hangs_and_is_wrong hangs_with_a_report
@@ -121,14 +123,14 @@ expect 1 "failed: late_with_a_report: a bound of time" "failed: loses_a_byte_onc
   "1 passed, 3 failed, 0 skipped"
 ! grep -q 'once more, alone' "$work/said" || die "it was run once more: $(cat "$work/said")"
 
-# Unit tests: the exit status tells whether all that failed are bounds of time.
+# A unit test ends with 75 when all assertions that failed are bounds of time, and only then.
 list WaysToEnd.InTime WaysToEnd.Wrong WaysToEnd.LateAndWrong
 expect 1 "failed: WaysToEnd.Wrong: status 1" "failed: WaysToEnd.LateAndWrong: status 1" "1 passed, 2 failed, 0 skipped"
 list WaysToEnd.Late
 expect 1 "failed: WaysToEnd.Late: a bound of time" "  alone it failed again: a bound of time" "0 passed, 1 failed, 0 skipped"
 [[ $list == *'bound of time: milliseconds(2001) is 2001 ms, over seconds(2), which is 2000 ms'* ]] || die "$list"
 
-# A test that judges its own cases tells which are unstable.
+# A test that judges its own cases prints which of them are unstable.
 list has_unstable_cases passes
 expect 0 "unstable: has_unstable_cases (record writev.tape: it took 21 s): not known" "2 passed, 0 failed, 0 skipped"
 list has_many_unstable_cases passes

@@ -50,5 +50,5 @@ inline testing::AssertionResult in_time(const char* text, bool condition) {
 
 // elapsed <= bound, for durations and numbers.
 #define EXPECT_WITHIN(elapsed, bound) EXPECT_PRED_FORMAT2(::porttape::test::within, elapsed, bound)
-// A condition that is about time alone: "it was not yet ready".
+// A condition that only time can break, such as "the loop never stalled".
 #define EXPECT_IN_TIME(condition) EXPECT_PRED_FORMAT1(::porttape::test::in_time, condition)

@@ -192,7 +192,7 @@ void wait_for(pid_t pid) {
 
 // Connects as soon as the other one listens.
 void open_patiently(flexiport::Port& port) {
-  for (int n = 0; n < 200 && !thrown([&] { port.Open(); }).empty(); ++n) usleep(20000);
+  for (int n = 0; n < 3000 && !thrown([&] { port.Open(); }).empty(); ++n) usleep(20000);
   CHECK(port.IsOpen());
 }
 
