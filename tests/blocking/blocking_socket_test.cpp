@@ -37,7 +37,7 @@ class BlockingListener : public testing::Test {
   // A peer that is there before the port opens: open() takes it.
   void open(const std::string& more) {
     number = Socket::bound().port();
-    port = made(fmt::format("type=tcp,listen,timeout=5,port={}{}", number, more));
+    port = made(fmt::format("type=tcp,listen,timeout=60,port={}{}", number, more));
     std::atomic<bool> given_up = false;
     std::thread peer([this, &given_up] {
       while (!given_up) {
@@ -100,7 +100,7 @@ TEST_F(BlockingListener, AHalfClosedPeerGetsItsAnswer) {
 
 TEST(BlockingSocket, AServerThatHalfClosesIsStillWrittenTo) {
   Socket server = Socket::listening();
-  auto port = made(fmt::format("type=tcp,timeout=5,port={}", server.port()));
+  auto port = made(fmt::format("type=tcp,timeout=60,port={}", server.port()));
   ASSERT_TRUE(port->open().has_value());
   Socket peer = server.accept();
   peer.send("greeting\n");
@@ -114,7 +114,8 @@ TEST(BlockingSocket, AServerThatHalfClosesIsStillWrittenTo) {
 
 TEST(BlockingSocket, DatagramsGoToANameAndHaveALimit) {
   const Socket peer = Socket::datagrams();
-  auto port = made(fmt::format("type=udp,dest_ip=localhost,dest_port={},recv_port=0,timeout=5", peer.port()));
+  auto port =
+      made(fmt::format("type=udp,dest_ip=localhost,dest_port={},recv_port=0,timeout=60", peer.port()));
   const Result<void> opened = port->open();
   ASSERT_TRUE(opened.has_value()) << opened.error().message;
   EXPECT_EQ(told(port->write_string("hello")), "5 ");
@@ -122,7 +123,7 @@ TEST(BlockingSocket, DatagramsGoToANameAndHaveALimit) {
 }
 
 TEST(BlockingSocket, ANameThatDoesNotResolveIsTold) {
-  auto port = made("type=udp,dest_ip=nowhere.invalid,recv_port=0,timeout=5");
+  auto port = made("type=udp,dest_ip=nowhere.invalid,recv_port=0,timeout=60");
   const Result<void> opened = port->open();
   ASSERT_FALSE(opened.has_value());
   EXPECT_THAT(opened.error().message, HasSubstr("nowhere.invalid"));

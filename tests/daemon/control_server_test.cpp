@@ -58,7 +58,7 @@ class ControlServerTest : public testing::Test {
   // Sends while the server takes it; how much that was.
   std::size_t send(const UniqueFd& fd, const std::string& text) {
     std::size_t sent = 0;
-    const Instant limit = machine_clock().now() + std::chrono::seconds(20);
+    const Instant limit = machine_clock().now() + std::chrono::seconds(60);
     for (int full = 0; sent < text.size() && full < 200 && machine_clock().now() < limit;) {
       const ssize_t part = ::send(fd.get(), text.data() + sent, text.size() - sent, MSG_NOSIGNAL);
       if (part < 0 && errno != EAGAIN) break;
@@ -75,7 +75,7 @@ class ControlServerTest : public testing::Test {
   // So many lines, or what comes up to the end.
   std::string read(const UniqueFd& fd, std::ptrdiff_t lines) {
     std::string text;
-    const Instant limit = machine_clock().now() + std::chrono::seconds(20);
+    const Instant limit = machine_clock().now() + std::chrono::seconds(60);
     while (std::ranges::count(text, '\n') < lines && machine_clock().now() < limit) {
       std::array<char, 65536> buffer;
       const ssize_t size = ::recv(fd.get(), buffer.data(), buffer.size(), 0);

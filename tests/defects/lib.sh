@@ -5,6 +5,8 @@ set -euo pipefail
 
 : "${PORTTAPE:=porttape}"
 self=$(basename "$here")
+# shellcheck source=../support/time_bound.sh
+source "$here/../../support/time_bound.sh"
 runs=5 busy='' patches=()
 while (($# > 0)); do
   case $1 in

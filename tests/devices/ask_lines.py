@@ -4,7 +4,7 @@ import sys
 
 import serial
 
-with serial.serial_for_url(sys.argv[1], 19200, timeout=10) as port:
+with serial.serial_for_url(sys.argv[1], 19200, timeout=60) as port:
     for number in range(5):
         question = b"question %d\n" % number
         port.write(question)

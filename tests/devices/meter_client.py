@@ -50,7 +50,7 @@ def main():
     parser.add_argument("tty")
     parser.add_argument("--polls", type=int, default=10, metavar="N")
     parser.add_argument("--interval", type=float, default=0.1, help="seconds between polls (default 0.1)")
-    parser.add_argument("--timeout", type=float, default=10, help="seconds to wait for an answer (default 10)")
+    parser.add_argument("--timeout", type=float, default=60, help="seconds to wait for an answer (default 60)")
     parser.add_argument("--fixed", action="store_true", help="without the bug")
     options = parser.parse_args()
     line = Line(options.tty, 19200)

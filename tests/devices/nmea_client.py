@@ -22,7 +22,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("tty")
     parser.add_argument("--sentences", type=int, default=20, metavar="N", help="end after so many (default 20)")
-    parser.add_argument("--timeout", type=float, default=10, help="seconds to wait for a sentence (default 10)")
+    parser.add_argument("--timeout", type=float, default=60, help="seconds to wait for a sentence (default 60)")
     options = parser.parse_args()
     line = Line(options.tty)
     first = line.read_until(b"\n", options.timeout)

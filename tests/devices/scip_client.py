@@ -75,7 +75,7 @@ def run_script(line, options):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("tty")
-    parser.add_argument("--timeout", type=float, default=10, help="seconds to wait for an answer (default 10)")
+    parser.add_argument("--timeout", type=float, default=60, help="seconds to wait for an answer (default 60)")
     parser.add_argument("--save", metavar="FILE", help="write the received bytes there")
     script = parser.add_argument_group("replaying a recording's requests")
     script.add_argument("--script", metavar="FILE.logw", help="send these requests")

@@ -9,9 +9,9 @@ connection = at115200
 logfile = $work/log
 logformat = textalldate
 END_OF_CONFIGURATION
-timeout 60 gammu -c "$work/gammurc" identify >"$work/said" 2>&1 || die "gammu identify gave $?: $(cat "$work/said"; tail -n 5 "$work/log")"
+timeout 120 gammu -c "$work/gammurc" identify >"$work/said" 2>&1 || die "gammu identify gave $?: $(cat "$work/said"; tail -n 5 "$work/log")"
 grep -q 'IMEI *: 490154203237518' "$work/said" || die "another phone: $(cat "$work/said")"
-timeout 60 gammu -c "$work/gammurc" sendsms TEXT +49301234567 -text "The line behaves." >"$work/said" 2>&1 ||
+timeout 120 gammu -c "$work/gammurc" sendsms TEXT +49301234567 -text "The line behaves." >"$work/said" 2>&1 ||
   die "gammu sendsms gave $?: $(cat "$work/said"; tail -n 5 "$work/log")"
 grep -q 'message reference=7' "$work/said" || die "no reference: $(cat "$work/said")"
 say "identified, and a message sent"

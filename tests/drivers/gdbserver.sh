@@ -55,15 +55,15 @@ line_pair line
 for ((run = 1; run <= runs; run++)); do
   start gdbserver --once "$work/line.far" ./program >served 2>&1
   server=$started
-  until_true 20 has_open "$server" "$work/line.far" || die "it does not open its line: $(cat served)"
+  until_true has_open "$server" "$work/line.far" || die "it does not open its line: $(cat served)"
   begun=$(date +%s%N)
-  timeout 60 "$PORTTAPE" record --device "serial:$work/line.near" --tape gdb --overwrite -- "${debugger[@]}" >recorded 2>said ||
+  timeout 120 "$PORTTAPE" record --device "serial:$work/line.near" --tape gdb --overwrite -- "${debugger[@]}" >recorded 2>said ||
     die "run $run: gdb gives $? on its program: $(cat recorded said served)"
   stop "$server" # on a tty it waits for another debugger
   of_interest recorded | grep -qF '#3 ' || die "run $run: no backtrace of four functions: $(cat recorded said)"
   "$PORTTAPE" verify gdb >verified || die "run $run: $(cat verified)"
   middle=$(date +%s%N)
-  try timeout 60 "$PORTTAPE" test --tape gdb --report report.json -- "${debugger[@]}" >replayed 2>said
+  try timeout 120 "$PORTTAPE" test --tape gdb --report report.json -- "${debugger[@]}" >replayed 2>said
   ended=$(date +%s%N)
   [[ $status == 0 ]] || die "run $run: from the tape status $status: $(cat replayed said)"
   verdict_is pass report.json

@@ -24,10 +24,10 @@ print(text.decode())
 END_OF_PROGRAM
 }
 is_there() { ! alive "$driver" || [[ -S $work/genericups-ups ]]; }
-until_true 30 is_there || die "the driver does not start: $(tail -n 5 "$work/log")"
+until_true is_there || die "the driver does not start: $(tail -n 5 "$work/log")"
 is_right() { found 2>/dev/null && grep -qxF "SETINFO ups.status \"$status_expected\"" "$work/found"; }
 alive "$driver" || die "the driver ended: $(tail -n 5 "$work/log")"
-until_true 2 is_right || die "not $status_expected: $(cat "$work/found")"
+patience=2 until_true is_right || die "not $status_expected: $(cat "$work/found")"
 sleep 2.2 # it reads the signals each second
 is_right || die "no more after two polls: $(cat "$work/found" "$work/log")"
 alive "$driver" || die "the driver ended: $(tail -n 5 "$work/log")"

@@ -20,7 +20,7 @@ client=$started
 has_seen() { [[ $(grep -c '"class":"TPV".*"lat":' "$work/seen") -ge $1 ]]; }
 wait_for_more_fixes() {
   enough=$((enough + fixes))
-  until_true 60 has_seen "$enough" || die "no $enough fixes: $(tail -n 3 "$work/seen") $(tail -n 5 "$work/gpsd.log")"
+  until_true has_seen "$enough" || die "no $enough fixes: $(tail -n 3 "$work/seen") $(tail -n 5 "$work/gpsd.log")"
 }
 enough=0
 wait_for_more_fixes
@@ -31,10 +31,10 @@ if [[ -n $rate ]]; then
   grep -q "SER: speed $rate," "$work/gpsd.log" || die "gpsd took no other rate: $(grep SER: "$work/gpsd.log")"
 fi
 # A tape of this must have some to spare: what a flush costs the driver that reads it is not to be what it waits for.
-until_true 3 has_seen $((enough + 10)) || true
+patience=3 until_true has_seen $((enough + 10)) || true
 stop "$client"
 wrong=$(grep '"class":"TPV".*"lat":' "$work/seen" | grep -v '"lat":54.1801[0-9]*,"lon":7.8895' || true)
 [[ -z $wrong ]] || die "another place: $wrong"
 kill "$gpsd"
-ended "$gpsd" 10 || die "gpsd does not end"
+ended "$gpsd" || die "gpsd does not end"
 say "all fixes"

@@ -17,7 +17,7 @@ set transfer display none
 set transfer slow-start off
 set streaming off
 set window 1
-set send timeout 60 fixed
+set send timeout 120 fixed
 set receive timeout 60
 set receive packet-length 1000
 hangup
@@ -33,6 +33,6 @@ if fail exit 3 get failed
 finish
 exit 0
 END_OF_COMMANDS
-timeout 60 kermit "$work/commands" -Y </dev/null >"$work/said" 2>&1 || die "kermit gave $?: $(tail -n 5 "$work/said")"
+timeout 120 kermit "$work/commands" -Y </dev/null >"$work/said" 2>&1 || die "kermit gave $?: $(tail -n 5 "$work/said")"
 cmp "$DRIVER_FOLDER/down.bin" "$work/down.bin" || die "another file than was sent"
 say "both files"

@@ -13,7 +13,7 @@ wait 10 \\cd \\dsr \\cts
 if fail exit 2 no signals
 exit 0
 END_OF_COMMANDS
-timeout 60 kermit "$work/commands" -Y </dev/null >"$work/said" 2>&1 || die "kermit gave $?: $(tail -n 5 "$work/said")"
+timeout 120 kermit "$work/commands" -Y </dev/null >"$work/said" 2>&1 || die "kermit gave $?: $(tail -n 5 "$work/said")"
 grep -E '\): *(On|Off)' "$work/said" | outcome
 ! grep -q 'signals unavailable' "$work/said" || die "signals unavailable: $(cat "$work/said")"
 for line in CD DSR CTS; do

@@ -2,7 +2,7 @@
 # list_ports.sh PORT: a program that looks for its adapter finds it, and talks to it: by pyserial, udevadm, the names in /dev.
 # shellcheck source=lib.sh
 source "$(dirname "$0")/lib.sh"
-timeout 20 "$PYTHON" - "$port" >"$work/found" 2>"$work/log" <<'END_OF_PROGRAM' || die "$(tail -n 1 "$work/log"): $(cat "$work/found")"
+timeout 120 "$PYTHON" - "$port" >"$work/found" 2>"$work/log" <<'END_OF_PROGRAM' || die "$(tail -n 1 "$work/log"): $(cat "$work/found")"
 import os, sys
 import serial
 from serial.tools import list_ports
@@ -22,7 +22,7 @@ with serial.serial_for_url("hwgrep://0403:6001", 9600, parity="E", timeout=10) a
     print(line.name, line.read(12))
 END_OF_PROGRAM
 outcome <"$work/found"
-timeout 20 udevadm info -e >"$work/udev" || die "udevadm gave $?"
+timeout 120 udevadm info -e >"$work/udev" || die "udevadm gave $?"
 awk -v RS= -v name="DEVNAME=$port" 'index($0, name "\n")' "$work/udev" >"$work/entry"
 grep -E '^E: (DEVNAME|SUBSYSTEM|ID_VENDOR_ID|ID_MODEL_ID|ID_SERIAL_SHORT)=' "$work/entry" | sort | outcome
 for key in ID_VENDOR_ID=0403 ID_MODEL_ID=6001 ID_SERIAL_SHORT=PT1; do

@@ -8,6 +8,6 @@ case $1 in
   rz) command=(rz -b -y -q) ;;
   *) die "sz or rz, not $1" ;;
 esac
-(stty 115200 && exec timeout 60 "${command[@]}") <>"$port" >&0 2>err || die "$1 gave $?: $(cat err)"
+(stty 115200 && exec timeout 120 "${command[@]}") <>"$port" >&0 2>err || die "$1 gave $?: $(cat err)"
 [[ $1 == sz ]] || cmp "$DRIVER_FOLDER/down.bin" down.bin || die "another file than was sent"
 say "the whole file"

@@ -12,7 +12,7 @@ options=(-i 1 -x "port=$port")
 [[ $driver != nutdrv_qx ]] || options+=(-x protocol=megatec)
 [[ $driver == apcsmart ]] || options+=(-x default.battery.voltage.low=20.8 -x default.battery.voltage.high=26)
 # NUT's drivers open the port with the rights of the user they run as.
-timeout 60 "/lib/nut/$driver" -u "$(id -un)" -s ups "${options[@]}" -d "$updates" >"$work/found" 2>"$work/log" ||
+timeout 120 "/lib/nut/$driver" -u "$(id -un)" -s ups "${options[@]}" -d "$updates" >"$work/found" 2>"$work/log" ||
   die "$driver gave $?: $(tail -n 5 "$work/log")"
 for line in "${expected[@]}"; do
   grep -qxF "$line" "$work/found" || die "not found: $line; it says $(cat "$work/found")"

@@ -22,7 +22,7 @@ chmod 640 "$work"/*.conf "$work/upsd.users"
 
 start /lib/nut/nutdrv_qx -u "$(id -un)" -a ups -F -D >"$work/driver.log" 2>&1
 driver=$started
-until_true 30 test -S "$work/nutdrv_qx-ups" || die "the driver does not start: $(tail -n 5 "$work/driver.log")"
+until_true test -S "$work/nutdrv_qx-ups" || die "the driver does not start: $(tail -n 5 "$work/driver.log")"
 upsd=/lib/nut/upsd
 [[ -x $upsd ]] || upsd=upsd
 start "$upsd" -u "$(id -un)" -F -D >"$work/upsd.log" 2>&1
@@ -35,7 +35,7 @@ is_right() {
     grep -qxF "$line" "$work/found" || return 1
   done
 }
-until_true 30 is_right || die "not found; upsc says $(cat "$work/found" "$work/upsc.log")"
+until_true is_right || die "not found; upsc says $(cat "$work/found" "$work/upsc.log")"
 # Data that are older than MAXAGE are stale, and upsc says so.
 for ((n = 0; n < seconds; n++)); do
   sleep 1

@@ -13,8 +13,8 @@ END_OF_CONFIGURATION
 start ser2net -n -d -c "$work/ser2net.yaml" >"$work/log" 2>&1
 ser2net=$started
 wait_listening "$tcp" "$work/log"
-timeout 60 "$PYTHON" "$(dirname "$0")/rfc2217_client.py" "$tcp" >"$work/said" 2>&1 ||
+timeout 120 "$PYTHON" "$(dirname "$0")/rfc2217_client.py" "$tcp" >"$work/said" 2>&1 ||
   die "the client: $(tail -n 5 "$work/said"); ser2net: $(tail -3 "$work/log")"
 kill "$ser2net"
-ended "$ser2net" 10 || die "ser2net does not end"
+ended "$ser2net" || die "ser2net does not end"
 say "all came back"

@@ -78,13 +78,13 @@ daemon=$started
 wait_for "$work/port" "$work/log"
 start "$devices/scip_client.py" "$work/port" "${client[@]:2}" --pause 100 --timeout 30 >"$work/out" 2>&1
 driver=$started
-until_true 20 grep -q '^exchange 3:' "$work/out" || die "the driver does not get on: $(cat "$work/out" "$work/log")"
+until_true grep -q '^exchange 3:' "$work/out" || die "the driver does not get on: $(cat "$work/out" "$work/log")"
 kill -STOP "$driver"
 sleep 3
 kill -CONT "$driver"
 status_of "$driver"
 [[ $status == 0 ]] || die "the stopped driver gave $status: $(cat "$work/out")"
-ended "$daemon" 20 || die "porttaped replay --once does not end after the run"
+ended "$daemon" || die "porttaped replay --once does not end after the run"
 status_of "$daemon"
 expect 0 pass
 byte_exact

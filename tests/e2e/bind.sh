@@ -47,7 +47,7 @@ announced() { [[ $(grep -c "$work/port is there" log) == "$1" ]]; }
 serve() { # the how many-th daemon it is: one that is killed has told of its mount by then
   start "$PORTTAPED" bridge --device "serial:$work/dev" --driver "pty:$work/link,bind=$work/port" 2>>log
   daemon=$started
-  until_true 20 announced "$1" || die "no port, or what a killed daemon left is not replaced: $(cat log)"
+  until_true announced "$1" || die "no port, or what a killed daemon left is not replaced: $(cat log)"
   [[ -c port ]] || die "nothing is mounted: $(cat log)"
 }
 
@@ -60,9 +60,9 @@ status_of "$daemon"
 [[ -c port ]] || die "the mount has gone with the killed daemon"
 serve 2
 touch there
-until_true 20 test -e asked || die "no answer in the container: $(cat container.log log)"
+until_true test -e asked || die "no answer in the container: $(cat container.log log)"
 stop "$device"
-until_true 20 grep -q 'hung up' log || die "the line is not hung up: $(cat log)"
+until_true grep -q 'hung up' log || die "the line is not hung up: $(cat log)"
 plug
 touch back
 status_of "$container"

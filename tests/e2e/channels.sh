@@ -41,7 +41,7 @@ daemon=$started
 wait_for "$work/good" log
 talk "$work/good" first
 for name in no_device no_folder no_tape port_taken link_taken; do
-  until_true 10 grep -q "$name: .*trying again" log || die "the trouble of $name is not told: $(cat log)"
+  until_true grep -q "$name: .*trying again" log || die "the trouble of $name is not told: $(cat log)"
 done
 [[ $(cat file) == precious ]] || die "a file in the way was touched"
 talk "$work/good" second
@@ -53,9 +53,9 @@ rm file
 stop "$listener"
 start socat "UNIX-LISTEN:$work/device.socket,fork" PIPE
 for name in no_device no_folder no_tape file; do
-  until_true 45 is_link "$work/$name" || die "$name does not come up: $(cat log)"
+  until_true is_link "$work/$name" || die "$name does not come up: $(cat log)"
 done
-until_true 45 listens_on "$taken" || die "port_taken does not come up: $(cat log)"
+until_true listens_on "$taken" || die "port_taken does not come up: $(cat log)"
 talk "$work/no_device" third
 talk "$work/no_folder" fourth
 talk "$work/file" fifth
@@ -63,7 +63,7 @@ talk "$work/file" fifth
 say "each comes up when its trouble is mended"
 
 kill -TERM "$daemon"
-ended "$daemon" 10 || die "SIGTERM does not end it"
+ended "$daemon" || die "SIGTERM does not end it"
 status_of "$daemon"
 # The replay's driver has not come: incomplete.
 [[ $status == 5 ]] || die "exit $status: $(cat log)"
@@ -73,14 +73,14 @@ status_of "$daemon"
 start "$PORTTAPED" run channels.conf 2>log
 wait_for "$work/good" log
 talk "$work/good" sixth
-until_true 10 grep -q sixth good.2.logr || die "the tape does not come: $(cat log)" # made while the first bytes pass
+until_true grep -q sixth good.2.logr || die "the tape does not come: $(cat log)" # made while the first bytes pass
 kill -KILL "$started"
 status_of "$started"
 start "$PORTTAPED" run channels.conf 2>log
 daemon=$started
-until_true 10 grep -q "good is there" log || die "it does not come up after a kill: $(cat log)"
+until_true grep -q "good is there" log || die "it does not come up after a kill: $(cat log)"
 talk "$work/good" seventh
-until_true 10 grep -q seventh good.3.logr || die "the tape does not come: $(cat log)"
+until_true grep -q seventh good.3.logr || die "the tape does not come: $(cat log)"
 stop "$daemon"
 [[ $(payload good.2.logr) == sixth && $(payload good.3.logr) == seventh ]] || die "the tapes are $(ls): $(cat log)"
 try "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/good" --tape good 2>err
@@ -90,7 +90,7 @@ say "after a kill: the next tape, and exit 2 on the command line"
 # Wrong configurations stop a start.
 wrong() { # PATTERN < CONFIG
   cat >wrong.conf
-  try timeout 10 "$PORTTAPED" run wrong.conf 2>err
+  try timeout 120 "$PORTTAPED" run wrong.conf 2>err
   [[ $status == 2 ]] || die "exit $status: $(cat err)"
   grep -qE -- "$1" err || die "no /$1/ in: $(cat err)"
 }
@@ -125,7 +125,7 @@ done >many.conf
 for limit in 30 31; do
   start prlimit "--nofile=$limit:$limit" "$PORTTAPED" run many.conf 2>log
   daemon=$started
-  until_true 20 grep -q 'trying again' log || die "$limit descriptors are enough for 40 channels?"
+  until_true grep -q 'trying again' log || die "$limit descriptors are enough for 40 channels?"
   mapfile -t up < <(find . -name 'c*' -type l | sort)
   [[ ${#up[@]} -gt 4 ]] || die "only ${#up[@]} channels are up: $(cat log)"
   alive "$daemon" || die "it has ended: $(cat log)"
@@ -133,7 +133,7 @@ for limit in 30 31; do
     talk "$work/$name" "on $name"
   done
   kill -TERM "$daemon"
-  ended "$daemon" 10 || die "SIGTERM does not end it: $(cat log)"
+  ended "$daemon" || die "SIGTERM does not end it: $(cat log)"
   status_of "$daemon"
   [[ $status == 0 ]] || die "exit $status: $(tail log)"
   say "$limit descriptors: ${#up[@]} of 40 channels are up and work"

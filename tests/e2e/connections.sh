@@ -15,7 +15,7 @@ import socket, sys
 where, lines = sys.argv[1], {}
 def connect():
     if where.isdigit(): return socket.create_connection(("127.0.0.1", int(where)), 20)
-    line = socket.socket(socket.AF_UNIX); line.settimeout(20); line.connect(where); return line
+    line = socket.socket(socket.AF_UNIX); line.settimeout(60); line.connect(where); return line
 for order in sys.stdin:
     verb, name, text = (order.split() + [""])[:3]
     if verb == "CONNECT":
@@ -38,7 +38,7 @@ for order in sys.stdin:
             if lines[name].recv(100): sys.exit(f"{name}: bytes came, and no end")
         except ConnectionError: pass
 END
-client() { timeout 60 "$PYTHON" client.py "$@" || die "the client failed: $(cat log)"; }
+client() { timeout 120 "$PYTHON" client.py "$@" || die "the client failed: $(cat log)"; }
 
 # begin_client: a client that takes its orders from $to_client, until end_client.
 begin_client() {
@@ -67,7 +67,7 @@ replayer() {
 }
 done_with() {
   kill -TERM "$daemon"
-  ended "$daemon" 20 || die "the daemon does not end: $(cat log)"
+  ended "$daemon" || die "the daemon does not end: $(cat log)"
   status_of "$daemon"
   [[ $status == "$1" ]] || die "exit $status, expected $1: $(cat log)"
 }
@@ -187,7 +187,7 @@ recorder --tape turned --connections each
 begin_client
 printf 'CONNECT a\nSEND a 1\nEXPECT a 1\nCONNECT b\nSEND b 2\nEXPECT b 2\n' >&"$to_client"
 has_payload() { [[ $(payload "$1" 2>/dev/null) == "$2" ]]; }
-until_true 20 has_payload turned.c2.logw 2 || die "no second tape: $(cat log)"
+until_true has_payload turned.c2.logw 2 || die "no second tape: $(cat log)"
 kill -USR1 "$daemon"
 for tape in turned.2 turned.2.c2; do wait_for $tape.loge log; done
 printf 'SEND a 3\nEXPECT a 3\nCONNECT c\nSEND c 4\nEXPECT c 4\n' >&"$to_client"
@@ -221,7 +221,7 @@ say "each, in a configuration"
 wrong() { # EXPECTED-TEXT ARGUMENT…
   local text=$1
   shift
-  try timeout 20 "$PORTTAPED" "$@" 2>log
+  try timeout 120 "$PORTTAPED" "$@" 2>log
   [[ $status == 2 ]] || die "$*: exit $status"
   grep -q "$text" log || die "$*: $(cat log)"
 }
@@ -244,7 +244,7 @@ begin_client
   printf 'CONNECT a\nSEND a 1\nEXPECT a 1\n'
   for ((n = 0; n < 60; n++)); do printf 'CONNECT f%d\n' "$n"; done
 } >&"$to_client"
-until_true 20 grep -qi 'too many open files' log || die "the limit is not told: $(cat log)"
+until_true grep -qi 'too many open files' log || die "the limit is not told: $(cat log)"
 {
   printf 'SEND a 2\nEXPECT a 2\n'
   for ((n = 0; n < 60; n++)); do printf 'CLOSE f%d\n' "$n"; done
@@ -252,7 +252,7 @@ until_true 20 grep -qi 'too many open files' log || die "the limit is not told: 
 } >&"$to_client"
 end_client
 # Those that waited are accepted and closed one by one: until then there are no descriptors for another.
-another() { printf 'CONNECT b\nSEND b 4\nEXPECT b 4\n' | timeout 60 "$PYTHON" client.py "$driver" 2>/dev/null; }
-until_true 20 another || die "nobody is served once there are descriptors again: $(cat log)"
+another() { printf 'CONNECT b\nSEND b 4\nEXPECT b 4\n' | timeout 120 "$PYTHON" client.py "$driver" 2>/dev/null; }
+until_true another || die "nobody is served once there are descriptors again: $(cat log)"
 done_with 0
 say "each: more connections than descriptors"

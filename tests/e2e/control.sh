@@ -19,7 +19,7 @@ fails 1 "no porttaped" ctl stop
 start "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/port" --tape first 2>log
 record=$started
 wait_for "$work/port" log
-until_true 10 test -S "control/$record.sock" || die "no control socket: $(cat log)"
+until_true test -S "control/$record.sock" || die "no control socket: $(cat log)"
 [[ $(stat -c %a "control/$record.sock") == 600 ]] || die "the socket is not its owner's alone"
 fails 1 "no driver has opened the port yet" ctl mark early
 fails 2 "accepted: mark, pause, resume, step, seek, rate, stop" ctl frobnicate
@@ -63,8 +63,8 @@ start "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/
 record=$started
 wait_for "$work/two" log2
 wait_for "$work/port" log
-until_true 10 test -S "control/$record.sock"
-until_true 10 test -S "control/$run.sock"
+until_true test -S "control/$record.sock"
+until_true test -S "control/$run.sock"
 fails 2 "2 daemons could be meant; say which with -p PID: " ctl stop
 fails 1 "no porttaped runs with a channel 'three'" ctl -c three stop
 own ctl -c one stop || die "stop of a channel: $(cat err)"
@@ -120,7 +120,7 @@ line = Line(sys.argv[2])
 for n in range(200):
     words = b"line %d\n" % n
     line.write(words)
-    if line.read_until(b"\n", 10) != words: over.set(); sys.exit("no answer")
+    if line.read_until(b"\n", 60) != words: over.set(); sys.exit("no answer")
 over.set()
 END
 after=$(rss "$record")
@@ -133,7 +133,7 @@ say "flood, long lines, nonsense, silence: the line works, $((after - before)) k
 
 # A killed daemon leaves its socket behind: whoever finds it removes it.
 start "$PORTTAPED" bridge --device "serial:$work/line.near" --driver "pty:$work/port" 2>log
-until_true 10 test -S "control/$started.sock" || die "no control socket: $(cat log)"
+until_true test -S "control/$started.sock" || die "no control socket: $(cat log)"
 kill -KILL "$started"
 status_of "$started"
 rm -f "$work/port" # it may lead to another's pty by now
@@ -152,7 +152,7 @@ done
 mkdir -m 777 "$work/open"
 mkdir -m 777 "$work/open/porttape"
 if [[ $(id -u) != 0 ]]; then
-  env -u RUNTIME_DIRECTORY XDG_RUNTIME_DIR="$work/open" timeout 10 "$PORTTAPED" bridge --device "serial:$work/line.near" \
+  env -u RUNTIME_DIRECTORY XDG_RUNTIME_DIR="$work/open" timeout 120 "$PORTTAPED" bridge --device "serial:$work/line.near" \
     --driver "pty:$work/port" 2>log &
   wait_for "$work/port" log
   grep -q "others have access to the folder" log || die "a folder that all may use is used: $(cat log)"

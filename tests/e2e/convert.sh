@@ -12,7 +12,7 @@ cd "$work"
 line_pair modbus
 start "$DEVICE_BIN/modbus_slave" modbus.far 19200
 modbus=$started
-until_true 20 has_open "$modbus" modbus.far || die "the slave does not open its line"
+until_true has_open "$modbus" modbus.far || die "the slave does not open its line"
 mbpolls=$(command -v mbpoll)
 # shellcheck disable=SC2016 # the inner shell's
 asks='for range in "10 3" "11 2"; do set -- "$1" $range; '"$mbpolls"' -m rtu -b 19200 -P none -a 1 -o 2 -1 -0 -t 3 -r "$2" -c "$3" "$1" || exit; done'
@@ -44,7 +44,7 @@ grep -q gap short.verify || die "short: $(cat short.verify)"
 line_pair flash
 "$PYTHON" -c 'import random; open("chip", "wb").write(random.Random(1).randbytes(1 << 20))'
 start "$DEVICE_BIN/serprog_flash" "$work/flash.far" "$work/chip"
-timeout 100 strace -f -xx -ttt -T -s 65536 -o flash.strace flashrom -p "serprog:dev=$work/flash.near:115200" \
+timeout 120 strace -f -xx -ttt -T -s 65536 -o flash.strace flashrom -p "serprog:dev=$work/flash.near:115200" \
   -c W25Q80.V -r back >flash.said 2>&1 || die "flashrom: $(cat flash.said)"
 cmp back chip
 rm back

@@ -27,7 +27,7 @@ passes from-umockdev "$PYTHON" "$devices/ask_lines.py" '{port}'
 # And umockdev plays what we write to a driver that asks the same.
 "$PORTTAPE" convert from-umockdev.log --to umockdev -o ours.script >/dev/null
 printf 'P: /devices/virtual/tty/ttyTape\nN: ttyTape\nE: DEVNAME=/dev/ttyTape\nE: SUBSYSTEM=tty\nA: dev=4:64\n' >ours.umockdev
-try timeout 60 umockdev-run --device ours.umockdev --script "/dev/ttyTape=ours.script" -- \
+try timeout 120 umockdev-run --device ours.umockdev --script "/dev/ttyTape=ours.script" -- \
   "$PYTHON" "$devices/ask_lines.py" /dev/ttyTape >said 2>&1
 [[ $status == 0 ]] || die "umockdev-run on our script: status $status: $(cat said)"
 say "umockdev-record's script has the line's bytes and replays; umockdev-run plays ours"
@@ -36,7 +36,7 @@ say "umockdev-record's script has the line's bytes and replays; umockdev-run pla
 printf 'int main(void) {\n  int n = 3;\n  return n;\n}\n' >program.c
 gcc -g -O0 -o program program.c || die "gcc gave $?"
 debug() { # WHERE OPTION…
-  timeout 60 gdb -nx -batch -ex 'set sysroot /' "${@:2}" -ex "target remote $1" -ex 'break main' -ex continue -ex next \
+  timeout 120 gdb -nx -batch -ex 'set sysroot /' "${@:2}" -ex "target remote $1" -ex 'break main' -ex continue -ex next \
     -ex 'print n' -ex kill program
 }
 export -f debug
@@ -51,7 +51,7 @@ for base in ascii hex octal; do
   debug "127.0.0.1:$tap" -ex "set remotelogfile $work/$base.gdb" -ex "set remotelogbase $base" >said 2>&1 || die "gdb: $(cat said)"
   # shellcheck disable=SC2016 # gdb's
   grep -q '^\$1 = 3' said || die "gdb: $(cat said)"
-  ended "$relay" 20 || die "the relay does not end"
+  ended "$relay" || die "the relay does not end"
   converted "from-$base" gdb "$base.gdb"
   has_bytes "from-$base" "$base.w" "$base.r"
 done
@@ -76,7 +76,7 @@ start ser2net -n -c ser2net.yaml -P "$work/ser2net.pid" >ser2net.log 2>&1
 service=$started
 wait_listening "$server" ser2net.log
 "$PYTHON" "$devices/ask_lines.py" "socket://127.0.0.1:$server" >said 2>&1 || die "by ser2net: $(cat said)"
-until_true 20 grep -q 'CLOSE port' ser2net.trace || die "ser2net does not close its line: $(cat ser2net.log ser2net.trace)"
+until_true grep -q 'CLOSE port' ser2net.trace || die "ser2net does not close its line: $(cat ser2net.log ser2net.trace)"
 stop "$service"
 converted from-ser2net ser2net ser2net.trace
 has_bytes from-ser2net ser2net.w ser2net.r
@@ -87,7 +87,7 @@ say "ser2net's trace has the line's bytes and replays"
 cat >logging_driver.py <<'END'
 import binascii, logging, serial, sys
 logging.basicConfig(level=logging.DEBUG, format="%(asctime)s %(levelname)s (%(threadName)s) [meter.uart] %(message)s")
-with serial.Serial(sys.argv[1], 19200, timeout=10) as port:
+with serial.Serial(sys.argv[1], 19200, timeout=60) as port:
     for question in (b"\x01\xff'\"\n", b"second\n"):
         logging.debug("Sending: %s", binascii.hexlify(question) if len(sys.argv) > 2 else question)
         port.write(question)

@@ -20,7 +20,7 @@ from line import Line
 line = Line(sys.argv[2])
 for word in sys.argv[3:]:
     line.write(word.encode() + b"\n")
-    if not line.read_until(b"\n", 10).endswith(b"\n"): sys.exit("no answer to " + word)
+    if not line.read_until(b"\n", 60).endswith(b"\n"): sys.exit("no answer to " + word)
 PY
 # tape NAME DEVICE WORD…: a tape of a driver that asks the words of what a shell's loop answers.
 tape() {

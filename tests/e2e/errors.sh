@@ -48,7 +48,7 @@ case_() {
   shift 2
   cases=$((cases + 1))
   before=$(state)
-  try timeout -k 5 20 "$@" </dev/null >"$work/out" 2>"$work/err"
+  try timeout -k 5 120 "$@" </dev/null >"$work/out" 2>"$work/err"
   lines=$(grep -c . "$work/err" || true)
   [[ $status == "$want" ]] || complain "exit $status instead of $want: $(printf '%q ' "$@")"
   [[ $lines == 1 ]] || complain "$lines lines on stderr instead of 1: $(printf '%q ' "$@")"
@@ -63,7 +63,7 @@ tool() { case_ "$1" "$2" "$PORTTAPE" "${@:3}"; }
 # works COMMAND…: must succeed.
 works() {
   cases=$((cases + 1))
-  try timeout -k 5 20 "$@" </dev/null >"$work/out" 2>"$work/err"
+  try timeout -k 5 120 "$@" </dev/null >"$work/out" 2>"$work/err"
   [[ $status == 0 ]] || complain "exit $status instead of 0: $(printf '%q ' "$@")"
 }
 

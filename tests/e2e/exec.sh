@@ -26,8 +26,8 @@ on_device=(exec --device "serial:$work/near,baud=115200" --lines loopback)
 run_exec() {
   local what=$1
   shift
-  try timeout -k 5 60 "$PORTTAPE" "$@" >said 2>&1
-  [[ $status != 124 && $status != 137 ]] || die "$what: not at its end after 60 s: $(cat said)"
+  try timeout -k 5 120 "$PORTTAPE" "$@" >said 2>&1
+  [[ $status != 124 && $status != 137 ]] || die "$what: not at its end after 120 s: $(cat said)"
 }
 right() {
   run_exec "$@"
@@ -35,10 +35,10 @@ right() {
 }
 drivers_left() { pgrep -f "^[^ ]*$work/line_" >left; }
 no_driver_left() { ! drivers_left; }
-expect_no_driver() { until_true 20 no_driver_left || die "$1: left running: $(xargs -r ps -o pid,stat,wchan:20,args -p <left)"; }
+expect_no_driver() { until_true no_driver_left || die "$1: left running: $(xargs -r ps -o pid,stat,wchan:20,args -p <left)"; }
 
 fails_on_pty() {
-  try timeout 60 "$driver" "$@" near >said 2>&1
+  try timeout 120 "$driver" "$@" near >said 2>&1
   [[ $status == 1 ]] || die "$1 on a plain pty: exit $status, expected 1: $(cat said)"
 }
 
@@ -132,7 +132,7 @@ others() {
   # Root may look into every process, as long as it has that right.
   local without_ptrace=()
   [[ $EUID != 0 ]] || without_ptrace=(setpriv --bounding-set -sys_ptrace --inh-caps -sys_ptrace)
-  try timeout -k 5 60 "${without_ptrace[@]}" "$PORTTAPE" "${on_device[@]}" -- "$work/line_extras" closed '{port}' >said 2>&1
+  try timeout -k 5 120 "${without_ptrace[@]}" "$PORTTAPE" "${on_device[@]}" -- "$work/line_extras" closed '{port}' >said 2>&1
   [[ $status == 3 ]] || die "a closed program: exit $status, expected 3: $(cat said)"
   [[ $(grep -c 'lets nobody look into its memory' said) == 1 ]] || die "a closed program is not told once: $(cat said)"
   right "an open program" "${on_device[@]}" -- "$driver" lines '{port}'
@@ -141,7 +141,7 @@ others() {
 
   # What is forbidden is told, and no driver is left in the dark.
   for call in seccomp pidfd_getfd process_vm_readv; do
-    try timeout -k 5 60 "$work/line_extras" without "$call" -- "$PORTTAPE" "${on_device[@]}" -- "$driver" lines '{port}' >said 2>&1
+    try timeout -k 5 120 "$work/line_extras" without "$call" -- "$PORTTAPE" "${on_device[@]}" -- "$driver" lines '{port}' >said 2>&1
     [[ $status == 0 ]] || grep '^porttape' said | grep -q "$call" || die "without $call: exit $status, not told: $(cat said)"
     say "without $call: exit $status $(grep -m 1 ^porttape said || true)"
   done
@@ -149,15 +149,15 @@ others() {
 }
 
 has_lines() { [[ -e $2 && $(grep -c "$1" "$2") -ge $3 ]]; }
-goes_on() { until_true 20 has_lines calls "$1" $(($(grep -c calls "$1") + 2)) || die "$2: the driver stands still"; }
+goes_on() { until_true has_lines calls "$1" $(($(grep -c calls "$1") + 2)) || die "$2: the driver stands still"; }
 
 ends() {
   local times pid state
   for ((times = 0; times < ${RUNS:-5}; times++)); do
     rm -f notes waits
     start "$PORTTAPE" "${on_device[@]}" -- bash -c "\"$driver\" wait-for-ever \"\$0\" $work/waits & exec \"$driver\" for-ever \"\$0\" $work/notes" '{port}' 2>said
-    until_true 20 has_lines calls notes 1 || die "no calls: $(cat said)"
-    until_true 20 has_lines waits waits 2 || die "no waits: $(cat said)"
+    until_true has_lines calls notes 1 || die "no calls: $(cat said)"
+    until_true has_lines waits waits 2 || die "no waits: $(cat said)"
     kill -KILL "$started"
     status_of "$started"
     expect_no_driver "porttape killed"
@@ -168,9 +168,9 @@ ends() {
   rm -f notes
   start "$PORTTAPE" "${on_device[@]}" -- "$driver" for-ever '{port}' "$work/notes" 2>said
   pid=$started
-  until_true 20 has_lines calls notes 1 || die "no calls: $(cat said)"
+  until_true has_lines calls notes 1 || die "no calls: $(cat said)"
   kill -STOP "$pid"
-  until_true 20 grep -q '^State:.*T' "/proc/$pid/status" || die "porttape does not stop"
+  until_true grep -q '^State:.*T' "/proc/$pid/status" || die "porttape does not stop"
   sleep 0.3
   kill -CONT "$pid"
   goes_on notes "porttape stopped and continued"
@@ -183,7 +183,7 @@ ends() {
   say "SIGTERM: exit $status"
 
   for descriptors in {3..24} 32 64; do
-    try timeout -k 5 60 bash -c "ulimit -n $descriptors && exec \"\$@\"" bash "$PORTTAPE" "${on_device[@]}" -- "$driver" lines '{port}' >said 2>&1
+    try timeout -k 5 120 bash -c "ulimit -n $descriptors && exec \"\$@\"" bash "$PORTTAPE" "${on_device[@]}" -- "$driver" lines '{port}' >said 2>&1
     [[ $status != 124 && $status != 137 && $status -lt 128 ]] || die "$descriptors descriptors: exit $status: $(cat said)"
     [[ $status == 0 || $descriptors -lt 64 ]] || die "$descriptors descriptors: exit $status: $(cat said)"
     [[ $status == 0 || -s said ]] || die "$descriptors descriptors: exit $status, and no word"
@@ -201,9 +201,9 @@ many() {
   local count=$1 before n
   before=("$(processes)" "$(mounts)" "$(ptys)")
   for ((n = 0; n < count; n++)); do
-    timeout -k 5 60 "$PORTTAPE" "${on_device[@]}" -- "$driver" open '{port}' >said 2>&1 || die "run $n: exit $?: $(cat said)"
+    timeout -k 5 120 "$PORTTAPE" "${on_device[@]}" -- "$driver" open '{port}' >said 2>&1 || die "run $n: exit $?: $(cat said)"
   done
-  until_true 10 at_most "${before[0]}" || die "processes left: $(pgrep -af "$work")"
+  until_true at_most "${before[0]}" || die "processes left: $(pgrep -af "$work")"
   # Others of this machine come and go meanwhile.
   [[ $(($(mounts) - before[1])) -lt $((count / 4)) ]] || die "$(mounts) mounts, ${before[1]} before"
   [[ $(($(ptys) - before[2])) -lt $((count / 4)) ]] || die "$(ptys) ptys, ${before[2]} before"

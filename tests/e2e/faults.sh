@@ -17,7 +17,7 @@ def serve(line):
 while True:
     threading.Thread(target=serve, args=(server.accept()[0],), daemon=True).start()
 '
-until_true 20 test -S device || die "no device"
+until_true test -S device || die "no device"
 cat >driver.py <<'END'
 import os, sys, termios, tty
 def asked(port):

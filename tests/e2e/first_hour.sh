@@ -25,7 +25,7 @@ END_OF_DEVICE
 # The driver finds its port as a user would name it: by an argument, or the environment.
 cat >driver.py <<'END_OF_DRIVER'
 import os, sys, time, serial
-port = serial.Serial(os.environ["PORTTAPE_PORT"], 9600, timeout=5)
+port = serial.Serial(os.environ["PORTTAPE_PORT"], 9600, timeout=60)
 requests = sys.argv[1].split(",")
 for request in requests:
     if request.startswith("wait"):
@@ -51,7 +51,7 @@ quietly=(sh -c 'exec "$@" >said 2>&1' sh "$PYTHON" driver.py)
 # first_five PATTERN…: each stands in the first five lines that porttape says.
 first_five() {
   local pattern
-  head -5 out >top
+  without_doubts out | sed -n 1,5p >top
   for pattern; do grep -qE -- "$pattern" top || die "not in the first five lines: $pattern"$'\n'"$(cat out)"; done
 }
 

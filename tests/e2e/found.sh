@@ -14,7 +14,7 @@ by_id="usb-FTDI_FT232R_USB_UART_PT0001-if00-port0"
 as_user=()
 
 # within COMMAND…: what it says, its stderr in the file `said`. $as is the value of --as.
-within() { timeout -k 5 60 "${as_user[@]}" "$PORTTAPE" exec --device "$device" --as "$as" -- "$@" 2>said; }
+within() { timeout -k 5 120 "${as_user[@]}" "$PORTTAPE" exec --device "$device" --as "$as" -- "$@" 2>said; }
 expect() { # PATTERN COMMAND…
   local pattern=$1 got
   shift
@@ -62,7 +62,7 @@ passes() { # bytes reach the device by a name that only the command has
   as=$usb
   within sh -c "printf '%s' \"\$1\" >/dev/serial/by-id/$by_id" sh "$1" >/dev/null || die "$(cat said)"
   passed() { grep -qaF "$1" line.w.tap; }
-  until_true 20 passed "$1" || die "'$1' did not reach the device"
+  until_true passed "$1" || die "'$1' did not reach the device"
 }
 
 finds

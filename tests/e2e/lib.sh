@@ -1,7 +1,7 @@
 # shellcheck shell=bash
 # Sourced by every script of this folder. Gives $work (a folder that goes away at exit), processes that end with the
-# script, waiting, and the exit statuses: 0 right, 1 wrong, 77 skipped: this
-# machine has no such thing. What ./check installs or builds is never a reason to skip.
+# script, waiting, and the exit statuses: 0 right, 1 wrong, 75 something took too long and nothing else is wrong, 77 skipped:
+# this machine has no such thing. What ./check installs or builds is never a reason to skip.
 set -euo pipefail
 
 e2e=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -10,6 +10,8 @@ devices=$e2e/../devices
 : "${DEVICE_BIN:=$e2e/../../build/release/tests/devices}" # modbus_slave and serprog_flash
 : "${SHARED_DIR:=$e2e/../../../shared}"
 self=$(basename "$0" .sh)
+# shellcheck source=../support/time_bound.sh
+source "$e2e/../support/time_bound.sh"
 work=$(mktemp -d "${TMPDIR:-/tmp}/porttape-e2e.XXXXXX")
 export RUNTIME_DIRECTORY=$work/control # daemons of other tests, and of this machine, are not seen
 pids=()
@@ -34,22 +36,27 @@ start() {
 
 alive() { kill -0 "$1" 2>/dev/null; }
 
-# ended PID SECONDS: waits for the end; status 1 when it still runs then.
-ended() {
-  local n
-  for ((n = 0; n < $2 * 50; n++)); do
-    alive "$1" || return 0
+# until_true COMMAND…: tries the command until it succeeds. Status 1 when it does not within $patience seconds, which only
+# end what hangs.
+patience=60
+until_true() {
+  local limit=$((SECONDS + patience))
+  until "$@"; do
+    ((SECONDS < limit)) || return 1
     sleep 0.02
   done
-  return 1
 }
 
-# stop PID…: ends what start started, with all its children; by force when it takes over 10 s.
+# ended PID: waits for the end; status 1 when it does not come.
+has_ended() { ! alive "$1"; }
+ended() { until_true has_ended "$1"; }
+
+# stop PID…: ends what start started, with all its children; by force when they do not end.
 stop() {
   local pid
   for pid; do kill -TERM -- "-$pid" 2>/dev/null || true; done
   for pid; do
-    ended "$pid" 10 || say "pid $pid had to be killed" >&2
+    ended "$pid" || say "pid $pid had to be killed" >&2
     kill -KILL -- "-$pid" 2>/dev/null || true
     wait "$pid" 2>/dev/null || true
   done
@@ -76,19 +83,8 @@ finish() {
 trap finish EXIT
 trap 'exit 130' INT TERM
 
-# until_true SECONDS COMMAND…: tries the command until it succeeds.
-until_true() {
-  local n limit=$1
-  shift
-  for ((n = 0; n < limit * 50; n++)); do
-    "$@" && return 0
-    sleep 0.02
-  done
-  return 1
-}
-
 is_link() { [[ -e $1 ]]; } # through a link: it is there and not dangling
-wait_for() { until_true 20 is_link "$1" || die "$1 did not come${2:+: $(cat "$2")}"; }
+wait_for() { until_true is_link "$1" || die "$1 did not come${2:+: $(cat "$2")}"; }
 
 # has_open PID PATH: whether the process, or a child of it, has that file open.
 has_open() {
@@ -107,7 +103,7 @@ from line import Line
 line = Line(sys.argv[2])
 for word in sys.argv[3:]:
     line.write(word.encode() + b"\n")
-    if line.read_until(b"\n", 10) != b"got " + word.encode() + b"\n": sys.exit("no answer to " + word)' "$devices" "$@"; }
+    if line.read_until(b"\n", 60) != b"got " + word.encode() + b"\n": sys.exit("no answer to " + word)' "$devices" "$@"; }
 export -f ask
 export PYTHON devices
 # closes LOG COUNT: so many drivers of the daemon have gone.
@@ -143,7 +139,7 @@ listens_on() {
     *) grep -qE "$(printf ':%04X 00000000:0000 (0A|07)' "$1")" /proc/net/tcp /proc/net/udp ;;
   esac
 }
-wait_listening() { until_true 20 listens_on "$1" || die "nobody listens on $1${2:+: $(cat "$2")}"; }
+wait_listening() { until_true listens_on "$1" || die "nobody listens on $1${2:+: $(cat "$2")}"; }
 
 payload() { "$PYTHON" "$devices/tapefile.py" payload "$1"; }
 
@@ -157,6 +153,9 @@ verdict_is() {
   verdict=$(json "$2" verdict) || die "no report in $2"
   [[ $verdict == "$1" ]] || die "verdict $verdict, expected $1: $(cat "$2")"
 }
+
+# without_doubts FILE: a report without what it adds where the machine stood still for a moment.
+without_doubts() { sed -e 's/, with doubts//' -e '/^  doubt  /d' "$1"; }
 
 # converted NAME FORMAT FILE [OPTION…]: evidence in FORMAT becomes the tape NAME.log, sound and without a problem; what convert
 # says is in NAME.told.
@@ -201,6 +200,6 @@ sys.path.insert(0, sys.argv[1])
 from line import Line
 line = Line(sys.argv[2])
 line.write(sys.argv[3].encode() + b"\n")
-got = line.read_until(b"\n", 10)
+got = line.read_until(b"\n", 60)
 sys.exit(got != sys.argv[3].encode() + b"\n")' "$devices" "$1" "$2" || die "no answer on $1: $(cat log)"
 }

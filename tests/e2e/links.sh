@@ -13,7 +13,7 @@ record() {
   local before
   before=$(announced) || true
   start "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/port" --tape "$1" 2>>"$work/log"
-  until_true 20 one_more_than "$before" || die "$work/port did not come: $(cat "$work/log")"
+  until_true one_more_than "$before" || die "$work/port did not come: $(cat "$work/log")"
 }
 : >"$work/log"
 # The device end sends everything back.
@@ -22,7 +22,7 @@ for signal in TERM INT; do
   record "$work/$signal.log"
   talk "$work/port" hello
   kill "-$signal" "$started"
-  ended "$started" 10 || die "SIG$signal does not end porttaped"
+  ended "$started" || die "SIG$signal does not end porttaped"
   status_of "$started"
   [[ $status == 0 ]] || die "SIG$signal: exit $status: $(cat "$work/log")"
   [[ ! -L $work/port ]] || die "SIG$signal leaves the link behind"
@@ -34,7 +34,7 @@ record "$work/turn.log"
 talk "$work/port" first
 find . -name '*.logr' | sort >before
 kill -USR1 "$started"
-until_true 10 grep -q "turn.log is complete" "$work/log" || die "SIGUSR1 does not end the tape: $(cat "$work/log")"
+until_true grep -q "turn.log is complete" "$work/log" || die "SIGUSR1 does not end the tape: $(cat "$work/log")"
 talk "$work/port" second
 kill -TERM "$started"
 status_of "$started"
@@ -57,7 +57,7 @@ stop "$started"
 say "a killed daemon's dangling link is taken over"
 
 start "$PORTTAPED" replay --tape "$work/TERM.log" --driver pty >"$work/name" 2>>"$work/log"
-until_true 10 test -s "$work/name" || die "pty without a link prints no name"
+until_true test -s "$work/name" || die "pty without a link prints no name"
 [[ $(wc -l <"$work/name") == 1 && -c $(cat "$work/name") ]] || die "not one line with a tty: $(cat "$work/name")"
 stop "$started"
 say "a pty without a link: its name on stdout"

@@ -14,14 +14,14 @@ start "$PORTTAPED" bridge --device "serial:$work/line.near,uucplock,alwaysopen" 
 daemon=$started
 wait_for port log
 [[ $(tr -d ' ' <"$lock") == "$daemon" ]] || die "no lock of the daemon's: $(cat log)"
-timeout 20 kermit -Y -C "set line $tty, exit" </dev/null >kermit.log 2>&1 || true
+timeout 120 kermit -Y -C "set line $tty, exit" </dev/null >kermit.log 2>&1 || true
 grep -q "$daemon" kermit.log || die "kermit does not see who has the device: $(cat kermit.log)"
 stop "$daemon"
 [[ ! -e $lock ]] || die "the lock is left behind"
 
 start kermit -Y -C "set carrier-watch off, set line $tty, pause 60, exit"
 kermit=$started
-until_true 20 test -s "$lock" || die "kermit makes no lock"
+until_true test -s "$lock" || die "kermit makes no lock"
 try "$PORTTAPED" bridge --device "serial:$work/line.near" --driver "pty:$work/port" 2>log
 [[ $status == 6 ]] || die "a device that kermit has: status $status: $(cat log)"
 grep -q "busy: process $kermit ('kermit')" log || die "who has it is not told: $(cat log)"

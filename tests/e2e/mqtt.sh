@@ -23,9 +23,9 @@ clients() {
   start stdbuf -oL mosquitto_sub -d -h 127.0.0.1 -p "$driver" -i the-subscriber -t test/value -q 1 -C "$messages" -W 60 \
     >"$work/sub.log" 2>&1
   local subscriber=$started
-  until_true 20 subscribed "$work/sub.log" || die "no subscription: $(cat "$work/sub.log" "$work/log")"
+  until_true subscribed "$work/sub.log" || die "no subscription: $(cat "$work/sub.log" "$work/log")"
   for ((n = 1; n <= messages; n++)); do echo "message $n"; done |
-    timeout 60 mosquitto_pub -h 127.0.0.1 -p "$driver" -i the-publisher -t test/value -q 1 -l ||
+    timeout 120 mosquitto_pub -h 127.0.0.1 -p "$driver" -i the-publisher -t test/value -q 1 -l ||
     die "the publisher failed: $(cat "$work/log")"
   status_of "$subscriber"
   [[ $status == 0 ]] || die "the subscriber ended with $status: $(cat "$work/sub.log" "$work/log")"
@@ -46,7 +46,7 @@ for ((run = 1; run <= runs; run++)); do
   clients
   cmp "$work/expected" "$work/got" || die "run $run: the line that records gives other messages"
   kill -TERM "$daemon"
-  ended "$daemon" 20 || die "run $run: the recorder does not end: $(cat "$work/log")"
+  ended "$daemon" || die "run $run: the recorder does not end: $(cat "$work/log")"
   status_of "$daemon"
   [[ $status == 0 ]] || die "run $run: recording ended with $status: $(cat "$work/log")"
   stop "$server"
@@ -61,7 +61,7 @@ for ((run = 1; run <= runs; run++)); do
   wait_listening "$driver" "$work/log"
   clients
   cmp "$work/expected" "$work/got" || die "run $run: the replay gives other messages: $(cat "$work/log")"
-  ended "$daemon" 20 || die "run $run: replay --once does not end with the last connection: $(cat "$work/log")"
+  ended "$daemon" || die "run $run: replay --once does not end with the last connection: $(cat "$work/log")"
   status_of "$daemon"
   [[ $status == 0 ]] || die "run $run: replay ended with $status: $(cat "$work/log")"
   [[ $(json "$work/report" runs.count) == 2 && $(json "$work/report" runs.worst) == pass ]] ||

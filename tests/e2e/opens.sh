@@ -51,18 +51,22 @@ def held():
     return {"descriptors": len(fds), "watches": watches, "threads": int(status["Threads"]),
             "KiB": int(status["VmRSS"].split()[0])}
 
-def settled():
-    """What is held once the last close has been handled: the least of some looks."""
-    looks = []
-    for _ in range(20):
+def least(looks):
+    return {key: min(look[key] for look in looks) for key in looks[0]}
+
+def settled(wanted=None):
+    """What is held once the last close has been handled: the least of some looks; of more where it is not yet as `wanted`."""
+    looks, end = [], time.monotonic() + 30
+    while len(looks) < 20 or wanted and time.monotonic() < end and any(
+            least(looks)[key] > wanted[key] for key in ("descriptors", "watches")):
         time.sleep(0.02)
         looks.append(held())
-    return {key: min(look[key] for look in looks) for key in looks[0]}
+    return least(looks)
 
 first = [one() for _ in range(tenth)]
 before = settled()
 rest = [one() for _ in range(count - tenth)]
-after = settled()
+after = settled(before)
 def usual(times):
     return sorted(times)[len(times) // 2]
 

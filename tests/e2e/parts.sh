@@ -29,13 +29,13 @@ start "$PORTTAPED" record --device "serial:$work/line.near,baud=19200" --driver 
 daemon=$started
 wait_for port log
 ask port one two
-until_true 10 closes log 1 || die "the first close is not seen: $(cat log)"
+until_true closes log 1 || die "the first close is not seen: $(cat log)"
 "$PORTTAPE" ctl -p "$daemon" mark begin >/dev/null
 ask port three
-until_true 10 closes log 2 || die "the second close is not seen: $(cat log)"
+until_true closes log 2 || die "the second close is not seen: $(cat log)"
 "$PORTTAPE" ctl -p "$daemon" mark end >/dev/null
 ask port four five
-until_true 10 closes log 3 || die "the third close is not seen: $(cat log)"
+until_true closes log 3 || die "the third close is not seen: $(cat log)"
 stop "$daemon"
 made 0 verify whole
 

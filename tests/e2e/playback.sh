@@ -30,22 +30,22 @@ END
 start "$PORTTAPED" replay --tape stream --driver "pty:$work/port" --start 1 --end 15 --start-paused --report report 2>log
 replay=$started
 wait_for "$work/port" log
-until_true 10 test -S "control/$replay.sock"
+until_true test -S "control/$replay.sock"
 fails 1 "no driver has the port open" ctl step
 fails 1 "no driver has the port open" ctl seek 3
 start cat "$work/port" >got
 reader=$started
-until_true 10 stands_at 1.000 || die "it does not begin paused: $(cat out err)"
+until_true stands_at 1.000 || die "it does not begin paused: $(cat out err)"
 [[ ! -s got ]] || die "something came though it is paused: $(cat got)"
 own ctl step || die "step: $(cat err)"
-until_true 10 has_lines 10 || die "a step is not a second: $(cat got)"
+until_true has_lines 10 || die "a step is not a second: $(cat got)"
 own ctl seek 14.75 || die "seek: $(cat err)"
 [[ $(wc -l <got) == 10 ]] || die "a seek while it is paused plays: $(cat got)"
 fails 1 "accepted: 1 to 15 s" ctl seek 99
 fails 2 "accepted: a number, 0.000001 to 1000000" ctl rate 0
 own ctl rate 0.5 || die "rate: $(cat err)"
 own ctl resume || die "resume: $(cat err)"
-until_true 10 ends_with "line 149" || die "it does not go on from there: $(cat got)"
+until_true ends_with "line 149" || die "it does not go on from there: $(cat got)"
 [[ $(sed -n 11p got) == "line 148" ]] || die "it does not go on at 14.75 s: $(cat got)"
 fails 1 "it is not paused" ctl step
 own ctl pause || die "pause: $(cat err)"

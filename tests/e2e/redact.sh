@@ -26,7 +26,7 @@ line = Line(sys.argv[2])
 for part in b"user ann", b"a\n", b"pass hunt", b"er2\n", b"serial 4711\n":
     line.write(part)
     time.sleep(0.02)
-    if part.endswith(b"\n") and not line.read_until(b"\n", 10): sys.exit("no answer")' "$devices" "$work/port"
+    if part.endswith(b"\n") and not line.read_until(b"\n", 60): sys.exit("no answer")' "$devices" "$work/port"
 "$PORTTAPE" ctl -p "$daemon" mark "hunter2 was typed" >/dev/null
 stop "$daemon"
 cat >secrets.rules <<'END'

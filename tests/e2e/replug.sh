@@ -30,7 +30,7 @@ from line import Line, LineClosed
 
 def ask(line, word):
     line.write(word + b"\n")
-    got = line.read_until(b"\n", 20)
+    got = line.read_until(b"\n", 60)
     if got != b"got " + word + b"\n": sys.exit(f"{word}: got {got!r}")
     print(word.decode(), flush=True)
 
@@ -42,7 +42,7 @@ ask(line, b"one")
 if sys.argv[2] == "stays":
     until_back()
 else:
-    try: sys.exit(f"no hang-up, but {line.read_until(b'end', 20)!r}")
+    try: sys.exit(f"no hang-up, but {line.read_until(b'end', 60)!r}")
     except LineClosed: print("hung up", flush=True)
     line.close()
     until_back()
@@ -61,10 +61,10 @@ recorded() {
   wait_for port log
   start "$PYTHON" driver.py port "$kind" "$devices" >saw
   driver=$started
-  until_true 20 grep -q one saw || die "$kind: no answer: $(cat log)"
+  until_true grep -q one saw || die "$kind: no answer: $(cat log)"
   unplug
-  until_true 20 grep -q 'is lost' log || die "$kind: the loss is not told: $(cat log)"
-  [[ $kind == stays ]] || until_true 20 grep -q 'hung up' saw || die "$kind: the driver's line is not hung up: $(cat log)"
+  until_true grep -q 'is lost' log || die "$kind: the loss is not told: $(cat log)"
+  [[ $kind == stays ]] || until_true grep -q 'hung up' saw || die "$kind: the driver's line is not hung up: $(cat log)"
   ! find "/proc/$daemon/fd" -lname '*pts/*(deleted)*' | grep -q . || die "$kind: the dead device is held"
   plug "tty$kind.b"
   touch back
@@ -106,7 +106,7 @@ wait_for port log
 touch back
 start "$PYTHON" driver.py port stays "$devices" >saw
 driver=$started
-until_true 20 grep -q 'a driver has opened it' log || die "the driver is not seen: $(cat log)"
+until_true grep -q 'a driver has opened it' log || die "the driver is not seen: $(cat log)"
 plug tty.c
 status_of "$driver"
 [[ $status == 0 ]] || die "wait: the driver ends with $status: $(cat saw log)"

@@ -63,7 +63,7 @@ scenario() {
 
 daemon_ends() { # sets $status
   kill -TERM "$1"
-  ended "$1" 10 || die "porttaped does not end on SIGTERM"
+  ended "$1" || die "porttaped does not end on SIGTERM"
   status_of "$1"
 }
 

@@ -7,6 +7,8 @@ source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 [[ $# == 2 ]] || { echo "usage: $0 DRIVER DEVICE|-" >&2; exit 64; }
 driver=$1 device=$2
 
+# sleeps PID: the process waits for something, its children too.
+sleeps() { ! ps -o stat= --pid "$1" --ppid "$1" | grep -vq '^S'; }
 has_device() { [[ $device != - ]]; }
 
 # device COMMAND…: starts the device and waits until it has its tty open, unless it is replayed.
@@ -21,6 +23,6 @@ device() {
     wait_for "$device"
     return
   fi
-  until_true 20 has_open "$started" "$device" || die "the device does not open $device"
-  sleep 0.1 # it may still set the line up
+  until_true has_open "$started" "$device" || die "the device does not open $device"
+  until_true sleeps "$started" || die "the device does not get ready" # it may still set the line up
 }

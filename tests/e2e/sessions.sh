@@ -13,9 +13,9 @@ start "$PORTTAPED" record --device "serial:$work/line.near" --driver "pty:$work/
 daemon=$started
 wait_for port log
 ask port one
-until_true 10 closes log 1 || die "the first close is not seen: $(cat log)"
+until_true closes log 1 || die "the first close is not seen: $(cat log)"
 ask port two three
-until_true 10 closes log 2 || die "the second close is not seen: $(cat log)"
+until_true closes log 2 || die "the second close is not seen: $(cat log)"
 stop "$daemon"
 
 "$PORTTAPE" info two >info
@@ -59,11 +59,11 @@ ends_with() {
 }
 replayed
 (ask port wrong) 2>/dev/null || true
-until_true 10 closes log 1 || die "the first run's close is not seen: $(cat log)"
+until_true closes log 1 || die "the first run's close is not seen: $(cat log)"
 ask port one
-until_true 10 closes log 2 || die "the second run's close is not seen: $(cat log)"
+until_true closes log 2 || die "the second run's close is not seen: $(cat log)"
 stty -F port >/dev/null
-until_true 10 closes log 3 || die "the look's close is not seen: $(cat log)"
+until_true closes log 3 || die "the look's close is not seen: $(cat log)"
 ends_with 3
 verdict_is pass report
 [[ $(json report runs.count) == 2 && $(json report runs.looks) == 1 && $(json report runs.worst) == data-mismatch ]] ||
@@ -76,11 +76,11 @@ verdict_is incomplete report
 grep -q 'nobody has opened the port' log || die "the log does not tell that nobody came: $(cat log)"
 replayed --strictness 0
 stty -F port >/dev/null
-until_true 10 closes log 1 || die "the look's close is not seen: $(cat log)"
+until_true closes log 1 || die "the look's close is not seen: $(cat log)"
 ends_with 5
 replayed --once
 stty -F port >/dev/null
-until_true 10 closes log 1 || die "the look's close is not seen: $(cat log)"
+until_true closes log 1 || die "the look's close is not seen: $(cat log)"
 ask port one
 status_of "$daemon"
 [[ $status == 0 ]] || die "--once ends with $status: $(cat log)"
@@ -96,7 +96,7 @@ start "$PORTTAPED" record --device "tcp:127.0.0.1:$device" --driver "tcp-listen:
 daemon=$started
 wait_listening "$port" log
 [[ $(printf hello | socat -t 20 - "TCP:127.0.0.1:$port") == 5 ]] || die "no answer behind the half-close: $(cat log)"
-until_true 10 closes log 1 || die "the close is not seen: $(cat log)"
+until_true closes log 1 || die "the close is not seen: $(cat log)"
 stop "$daemon"
 grep -q '"event":"half-close","by":"driver"' asks.loge || die "no half-close on the tape: $(cat asks.loge)"
 # test_tcp STATUS TAPE SHELL
@@ -141,7 +141,7 @@ start "$PORTTAPED" record --device "tcp:127.0.0.1:$device" --driver "tcp-listen:
 daemon=$started
 wait_listening "$port" log
 "$PYTHON" listener.py "127.0.0.1:$port"
-ended "$greeter" 20 || die "the device still waits: $(cat log)"
+ended "$greeter" || die "the device still waits: $(cat log)"
 [[ $(cat heard) == 'bye, hello' ]] || die "what the driver wrote after the device's half-close is lost: $(cat heard log)"
 stop "$daemon"
 grep -q '"event":"half-close","by":"device"' greets.loge || die "no half-close on the tape: $(cat greets.loge)"

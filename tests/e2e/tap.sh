@@ -16,12 +16,12 @@ wait_for "$work/near"
 
 # tapped TAPE OPTIONS… -- COMMAND…
 tapped() {
-  try timeout -k 5 60 "$PORTTAPE" exec --tap --tape "$1" "${@:2}" >out 2>said
+  try timeout -k 5 120 "$PORTTAPE" exec --tap --tape "$1" "${@:2}" >out 2>said
   [[ $status == 0 ]] || die "$1: exit $status: $(cat said)"
 }
 
 for check in reads copies reopen signals race; do
-  timeout 60 "$driver" "$check" near >/dev/null 2>said || die "$check without porttape: $(cat said)"
+  timeout 120 "$driver" "$check" near >/dev/null 2>said || die "$check without porttape: $(cat said)"
   tapped "$check" -- "$driver" "$check" near
   "$PORTTAPE" verify "$check" >/dev/null || die "$check: $("$PORTTAPE" verify "$check")"
   say "$check: as without"
@@ -42,15 +42,15 @@ say "5000 writes that another thread changes: 0 differ from the wire"
 [[ $("$PORTTAPE" cat reopen | grep -c -- '-  open$') == 20 ]] || die "not 20 opens: $("$PORTTAPE" cat reopen)"
 grep -q "\"device\":\"serial:$(readlink -f near)\"" reopen.loge || die "another device: $(head -n 1 reopen.loge)"
 tapped named --device near -- "$driver" reopen '{port}'
-try timeout -k 5 60 "$PORTTAPE" test --exec --tape named --report report -- "$driver" reopen '{port}' >out 2>said
+try timeout -k 5 120 "$PORTTAPE" test --exec --tape named --report report -- "$driver" reopen '{port}' >out 2>said
 [[ $status == 0 ]] || die "played: exit $status: $(cat said)"
 verdict_is pass report
 say "opens, closes and the device are on the tape, which plays"
 
-try timeout -k 5 60 "$PORTTAPE" exec --tap --tape other --device /dev/null -- "$driver" reopen near >out 2>said
+try timeout -k 5 120 "$PORTTAPE" exec --tap --tape other --device /dev/null -- "$driver" reopen near >out 2>said
 [[ $status == 0 && ! -e other.logr ]] || die "/dev/null: exit $status: $(cat said)"
 grep -q 'never opened serial:/dev/null' said || die "a device that it never opened: $(cat said)"
-try timeout -k 5 60 "$work/line_extras" without seccomp -- "$PORTTAPE" exec --tap --tape other -- "$driver" reopen near >said 2>&1
+try timeout -k 5 120 "$work/line_extras" without seccomp -- "$PORTTAPE" exec --tap --tape other -- "$driver" reopen near >said 2>&1
 [[ $status != 0 ]] || die "without seccomp: exit 0"
 grep -q 'record --device PORT' said || die "without seccomp: no pty is offered: $(cat said)"
 say "another device, seccomp forbidden: told"
@@ -58,8 +58,8 @@ say "another device, seccomp forbidden: told"
 drivers_left() { pgrep -f "^[^ ]*$work/tap_calls"; }
 no_driver_left() { ! drivers_left >left; }
 start "$PORTTAPE" exec --tap --tape killed -- sh -c "$driver signals near; $driver signals near" 2>said
-until_true 20 test -s killed.logr || die "nothing on the tape: $(cat said)"
+until_true test -s killed.logr || die "nothing on the tape: $(cat said)"
 kill -KILL "$started"
 status_of "$started"
-until_true 20 no_driver_left || die "killed: left running: $(cat left)"
+until_true no_driver_left || die "killed: left running: $(cat left)"
 say "killed: no driver is left"

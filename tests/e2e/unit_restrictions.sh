@@ -53,7 +53,7 @@ wait_for "$work/links/pty" log
 wait_for "$work/links/unix" log
 wait_listening "$port" log
 
-"$PYTHON" - "$work" "$port" <<'END' || die "$(cat log)"
+"$PYTHON" - "$work" "$port" >slowest <<'END' || die "$(cat log)"
 import os, socket, sys, termios, time, tty
 work, port = sys.argv[1], int(sys.argv[2])
 def closes(name):
@@ -61,12 +61,13 @@ def closes(name):
         return sum(f" {name}: " in line and "the driver has closed it" in line for line in log)
 def socket_to(family, address):
     line = socket.socket(family)
-    line.settimeout(10)
+    line.settimeout(60)
     line.connect(address)
     return line.sendall, line.recv, line.close
 def pty_at(path):
     fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
     return lambda data: os.write(fd, data), lambda size: os.read(fd, size), lambda: os.close(fd)
+slowest = 0
 for n in range(1, 4):
     for name, open_line in (
         ("tcp", lambda: socket_to(socket.AF_INET, ("127.0.0.1", port))),
@@ -81,14 +82,17 @@ for n in range(1, 4):
         close()
         closed = time.monotonic()
         while closes(name) < n:
-            if time.monotonic() - closed > 1: sys.exit(f"{name}: the close is not seen within 1 s")
+            if time.monotonic() - closed > 60: sys.exit(f"{name}: the close is not seen")
             time.sleep(0.005)
+        slowest = max(slowest, time.monotonic() - closed)
+print(round(1000 * slowest))
 END
+[[ $(<slowest) -le 1000 ]] || late "a close is seen after $(<slowest) ms: $(cat log)"
 kill -TERM "$daemon"
-ended "$daemon" 10 || die "SIGTERM does not end it: $(cat log)"
+ended "$daemon" || die "SIGTERM does not end it: $(cat log)"
 status_of "$daemon"
 [[ $status == 0 ]] || die "exit $status: $(cat log)"
 for name in tcp pty unix; do
   [[ $(payload "tapes/$name.logr") == hellohellohello ]] || die "the tape of $name has $(payload "tapes/$name.logr")"
 done
-say "by $how: TCP, pty and Unix channels work, closes are seen within 1 s"
+say "by $how: TCP, pty and Unix channels work, closes are seen after $(<slowest) ms at most"

@@ -12,12 +12,12 @@ start "$devices/storm.py" device "$work/line.far" "$work/device.got"
 wait_for "$work/device.got"
 start "$devices/storm.py" driver "$work/port" "$work/driver.got"
 driver=$started
-until_true 20 test -s "$work/driver.got" || die "no traffic: $(cat "$work/log")"
+until_true test -s "$work/driver.got" || die "no traffic: $(cat "$work/log")"
 sleep 0.2
 kill -TERM "$pair" # both ttys are gone
-until_true 10 grep -qiE 'lost|gone|hung|unplug' "$work/log" || die "the log does not tell that the device is lost: $(cat "$work/log")"
-ended "$daemon" 1 || kill -TERM "$daemon"
-ended "$daemon" 10 || die "porttaped does not end"
+until_true grep -qiE 'lost|gone|hung|unplug' "$work/log" || die "the log does not tell that the device is lost: $(cat "$work/log")"
+patience=1 ended "$daemon" || kill -TERM "$daemon"
+ended "$daemon" || die "porttaped does not end"
 status_of "$daemon"
 [[ $status == 0 || $status == 6 ]] || die "exit $status: $(cat "$work/log")"
 stop "$driver"

@@ -18,7 +18,7 @@ every_part() {
     rm -rf "${work:?}/$part"
     mkdir "$work/$part"
     port=$(two_free_ports) || die "no two free ports in a row"
-    timeout 100 "$1" "$part" "$work/$part" "$port" || die "$part"
+    timeout 120 "$1" "$part" "$work/$part" "$port" || die "$part"
   done
 }
 two_free_ports() {

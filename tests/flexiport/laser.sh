@@ -12,7 +12,7 @@ same() {
   local name=$1 run
   shift
   for ((run = 1; run <= runs; run++)); do
-    timeout 60 "$@" >"$work/got" 2>"$work/err" || die "$name, run $run: $(cat "$work/err")"
+    timeout 120 "$@" >"$work/got" 2>"$work/err" || die "$name, run $run: $(cat "$work/err")"
     cmp -s "$work/expected" "$work/got" || die "$name, run $run: $(diff "$work/expected" "$work/got")"
   done
   say "$name: $runs of $runs"
@@ -22,7 +22,7 @@ same() {
 on() {
   local tape=$1 daemon port
   shift
-  local in_process="type=logreader,file=$tape,timing=reactive,strictness=1,timeout=5"
+  local in_process="type=logreader,file=$tape,timing=reactive,strictness=1,timeout=60"
   "$DEVICE_BIN/scip_laser" "$in_process" "$@" >"$work/expected" || die "the client of the blocking ports fails"
   [[ $(grep -c 'status' "$work/expected") -ge $# ]] || die "answers are missing: $(cat "$work/expected")"
   for client in mini_laser_example scip_laser; do
@@ -31,14 +31,14 @@ on() {
     start "$PORTTAPED" replay --tape "$tape" --driver "pty:$work/port" 2>"$work/log"
     daemon=$started
     wait_for "$work/port" "$work/log"
-    same "$client over a pty" "$DEVICE_BIN/$client" "type=serial,device=$work/port,timeout=5" "$@"
+    same "$client over a pty" "$DEVICE_BIN/$client" "type=serial,device=$work/port,timeout=60" "$@"
     stop "$daemon"
 
     free_ports port
     start "$PORTTAPED" replay --tape "$tape" --driver "tcp-listen:127.0.0.1:$port" 2>"$work/log"
     daemon=$started
     wait_listening "$port" "$work/log"
-    same "$client over TCP" "$DEVICE_BIN/$client" "type=tcp,port=$port,timeout=5" "$@"
+    same "$client over TCP" "$DEVICE_BIN/$client" "type=tcp,port=$port,timeout=60" "$@"
     stop "$daemon"
   done
 }
@@ -51,7 +51,7 @@ recorded() {
   start "$PORTTAPED" replay --tape "$tape" --driver "pty:$work/port" 2>"$work/log"
   daemon=$started
   wait_for "$work/port" "$work/log"
-  "$DEVICE_BIN/mini_laser_example" "type=seriallog,device=$work/port,timeout=5,file=$again" "$@" >"$work/expected"
+  "$DEVICE_BIN/mini_laser_example" "type=seriallog,device=$work/port,timeout=60,file=$again" "$@" >"$work/expected"
   stop "$daemon"
   for direction in r w; do
     cmp <(payload "$tape$direction") <(payload "$again$direction") || die "the tape made in-process differs: $direction"

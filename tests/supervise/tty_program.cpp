@@ -158,8 +158,8 @@ int main(int count, char** words) {
       fprintf(out, "drain %d\n", tcdrain(fd));
     } else if (strcmp(step, "flush") == 0) {
       fprintf(out, "flush %d\n", tcflush(fd, TCIOFLUSH));
-    } else if (strcmp(step, "break") == 0) {
-      const int result = ioctl(fd, TCSBRKP, 1);
+    } else if (strcmp(step, "break") == 0 || strncmp(step, "break:", 6) == 0) {
+      const int result = ioctl(fd, TCSBRKP, step[5] == ':' ? atoi(step + 6) : 1);
       fprintf(out, "break %d %s\n", result, error_name());
     } else if (strcmp(step, "break+") == 0) {
       const int result = ioctl(fd, TIOCSBRK);

@@ -23,6 +23,7 @@ struct BadDriver {
   std::string command;  // it may leave the pid of a process in the file `pid`
   int status;
   std::string told;  // on stdout or stderr
+  const char* timeout = "60";
 };
 
 void PrintTo(const BadDriver& driver, std::ostream* out) { *out << driver.name; }
@@ -52,8 +53,8 @@ class BadDrivers : public BadDriversTape, public testing::WithParamInterface<Bad
 TEST_P(BadDrivers, IsNamedAndEndedAndTheReportsAreWritten) {
   const std::string report = dir / "report.json";
   const std::string junit = dir / "junit.xml";
-  const Ran ran = run({"test", "--tape", tape, "--timeout", "0.5", "--report", report, "--junit", junit, "--",
-                       "/bin/bash", "-c", "cd " + (dir / "") + "; " + GetParam().command});
+  const Ran ran = run({"test", "--tape", tape, "--timeout", GetParam().timeout, "--report", report, "--junit",
+                       junit, "--", "/bin/bash", "-c", "cd " + (dir / "") + "; " + GetParam().command});
   EXPECT_EQ(ran.status, GetParam().status) << ran.out << ran.err;
   EXPECT_THAT(ran.out + ran.err, HasSubstr(GetParam().told));
   expect_gone();
@@ -65,11 +66,11 @@ INSTANTIATE_TEST_SUITE_P(
     Each, BadDrivers,
     testing::Values(
         BadDriver{"hangs", std::string(kAsk) + "echo $$ >pid; exec sleep 1000", 1,
-                  "ran longer than --timeout and was ended"},
+                  "ran longer than --timeout and was ended", "2"},
         // It is killed five seconds later.
         BadDriver{"ignores_sigterm",
                   std::string("trap '' TERM; ") + kAsk + "echo $$ >pid; while :; do sleep 0.1; done", 1,
-                  "ran longer than --timeout and was ended"},
+                  "ran longer than --timeout and was ended", "2"},
         BadDriver{"crashes", std::string(kAsk) + "kill -SEGV $$", 1, "was ended by SIGSEGV (11)"},
         BadDriver{"forks", std::string(kAsk) + "sleep 1000 & echo $! >pid", 0,
                   "the command left running, now ended: "},
@@ -89,7 +90,7 @@ INSTANTIATE_TEST_SUITE_P(
 // In a suite, too, and the others are not held up by it.
 TEST_F(BadDriversTape, OfASuiteLeaveNothing) {
   std::ofstream(dir / "suite.toml")
-      << "timeout = 0.5\ntape = \"t\"\n"
+      << "timeout = 3\ntape = \"t\"\n"
          "[[test]]\nname = \"good\"\ncommand = '"
       << kAsk
       << "'\n"

@@ -28,7 +28,7 @@ pid_t shell(const std::string& command) {
 }
 
 bool comes_true(const std::function<bool()>& condition) {
-  const auto until = std::chrono::steady_clock::now() + seconds(20);
+  const auto until = std::chrono::steady_clock::now() + seconds(60);
   while (!condition()) {
     if (std::chrono::steady_clock::now() > until) return false;
     std::this_thread::sleep_for(milliseconds(5));

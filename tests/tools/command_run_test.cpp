@@ -16,6 +16,7 @@
 
 #include "libport/base/time.hpp"
 #include "tests/support/sockets.hpp"
+#include "tests/support/time_bound.hpp"
 #include "tests/tools/run.hpp"
 
 namespace porttape::test {
@@ -85,7 +86,7 @@ TEST_F(CommandRunOnAFlood, AReaderThatTheCommandLeavesBehindDoesNotKeepItFromIts
                        "sleep 1000) & exit 0"});
   EXPECT_THAT(ran.err, HasSubstr("left running, now ended: "));
   EXPECT_THAT(ran.err, HasSubstr("0 bytes in 0 blocks from the command, "));
-  EXPECT_LT(machine_clock().now() - start, seconds(20));
+  EXPECT_WITHIN(machine_clock().now() - start, seconds(20));
 }
 
 // As where one of many lines always has something.
@@ -97,7 +98,7 @@ TEST_F(CommandRunOnAFlood, ALoopThatIsNeverIdleDoesNotKeepItFromItsEnd) {
   again();
   ASSERT_TRUE(command.run_command({"/bin/true"}));
   command.finish();
-  EXPECT_LT(machine_clock().now() - start, seconds(5));
+  EXPECT_WITHIN(machine_clock().now() - start, seconds(5));
 }
 
 // It would be the first stop, and that of finish() the second, which passes nothing on.
@@ -108,7 +109,7 @@ TEST_F(CommandRunOnAFlood, ASignalBetweenTheCommandAndTheEndStopsNothing) {
   ASSERT_TRUE(command.run_command({"/bin/true"}));
   ::raise(SIGTERM);
   while (driver.got.size() < kMoreThanAnyQueue && driver.ended.empty() &&
-         machine_clock().now() - start < seconds(20)) {
+         machine_clock().now() - start < seconds(120)) {
     command.loop().poll_one();
     driver.receive();
   }
@@ -130,7 +131,7 @@ TEST_F(CommandRunOnAFlood, ASignalAfterTheCommandEndsTheLineAtOnce) {
   command.finish();
   finished = true;
   user.join();
-  EXPECT_LT(machine_clock().now() - end, seconds(4));
+  EXPECT_WITHIN(machine_clock().now() - end, seconds(4));
   EXPECT_EQ(command.interrupted_by(), 0);
 }
 

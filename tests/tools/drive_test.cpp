@@ -108,9 +108,9 @@ TEST_F(DriveVerb, AnAnswerTooMuchIsExtra) {
 
 TEST_F(DriveVerb, ASilentDeviceIsIncompleteWithinItsTime) {
   const SocketDevice device(answering("4"));
-  const Ran ran = drive(device, {"--timeout", "0.05", "--report", dir / "report.json"});
+  const Ran ran = drive(device, {"--timeout", "1", "--report", dir / "report.json"});
   EXPECT_EQ(ran.status, 5) << ran.err;
-  EXPECT_THAT(ran.out, StartsWith("incomplete: the device was silent for 0.05 s\n"));
+  EXPECT_THAT(ran.out, StartsWith("incomplete: the device was silent for 1 s\n"));
   EXPECT_THAT(std::string(as_text(read_file(dir / "report.json"))), HasSubstr(R"("exit":5)"));
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <re2/re2.h>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -16,11 +17,17 @@ struct Ran {
   std::string err;
 };
 
+// A report without what it adds where the machine stood still for a moment.
+inline std::string without_doubts(std::string report) {
+  RE2::GlobalReplace(&report, "(?m), with doubts|^  doubt     .*\n", "");
+  return report;
+}
+
 inline Ran run(const std::vector<std::string>& args) {
   std::ostringstream out;
   std::ostringstream err;
   const int status = run_porttape(args, out, err);
-  return {status, out.str(), err.str()};
+  return {status, without_doubts(out.str()), err.str()};
 }
 
 inline constexpr std::string_view kEventsHeader =

@@ -43,7 +43,7 @@ class ModemWatchTest : public testing::Test {
     });
   }
   static bool ends(const std::shared_future<void>& left) {
-    return left.wait_for(std::chrono::seconds(20)) == std::future_status::ready;
+    return left.wait_for(std::chrono::seconds(60)) == std::future_status::ready;
   }
 
   Loop loop;

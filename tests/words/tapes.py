@@ -31,7 +31,7 @@ def native(data):
 
 def until(what, condition):
     """Waits for what comes by itself."""
-    end = time.monotonic() + 20
+    end = time.monotonic() + 60
     while not condition():
         if time.monotonic() > end:
             sys.exit(f"words: {what} did not come")
@@ -56,7 +56,7 @@ def record(daemon, name, answers):
     for each in (driver, line, device):
         each.close()
     process.send_signal(signal.SIGTERM)
-    process.wait(20)
+    process.wait(60)
     os.unlink("device")
 
 

@@ -503,7 +503,7 @@ def run(command):
     global count
     count += 1
     as_user = WITHOUT_ROOT if os.geteuid() == 0 else []
-    done = subprocess.run(as_user + command, capture_output=True, timeout=30, stdin=subprocess.DEVNULL, check=False)
+    done = subprocess.run(as_user + command, capture_output=True, timeout=120, stdin=subprocess.DEVNULL, check=False)
     return done.returncode, done.stdout.decode(errors="replace"), done.stderr.decode(errors="replace")
 
 
@@ -554,7 +554,7 @@ def replayed(name):
         tapes.until(f"the port of {name}", lambda: os.path.lexists("played") or process.poll() is not None)
         if process.poll() is None:
             process.send_signal(signal.SIGTERM)
-        err = process.communicate(timeout=30)[1].decode(errors="replace")
+        err = process.communicate(timeout=120)[1].decode(errors="replace")
     return command, process.returncode, err
 
 

@@ -11,7 +11,7 @@ if [[ $driver =~ ^[0-9]+$ ]]; then
 fi
 device "$DEVICE_BIN/modbus_slave" "${line[@]}"
 
-ask() { timeout 20 mbpoll "${mode[@]}" -a 1 -o 2 -1 -0 "$@" 2>&1; }
+ask() { timeout 120 mbpoll "${mode[@]}" -a 1 -o 10 -1 -0 "$@" 2>&1; }
 values() { sed -n 's/^\[[0-9]*\]: *\t*\([-0-9]*\).*/\1/p' | paste -sd ' '; }
 expect() {
   local want=$1 got

@@ -11,7 +11,7 @@ fi
 address=(--bind 127.0.0.1 --port "$device") server=(-h 127.0.0.1 -p "$driver")
 if [[ $driver == /* ]]; then address=(--port 0 --unixsocket "$device") server=(-s "$driver"); fi
 device "$work/redis-server" "${address[@]}" --dir "$work" --save '' --appendonly no --logfile "$work/server.log"
-cli() { timeout 60 redis-cli "${server[@]}" "$@"; }
+cli() { timeout 120 redis-cli "${server[@]}" "$@"; }
 size=${SIZE:-500000}
 "$PYTHON" -c 'import random, sys; print(random.Random(1).randbytes(int(sys.argv[1])).hex(), end="")' "$size" >"$work/value"
 [[ $(cli -x set key <"$work/value") == OK ]] || die "set gave no OK"

@@ -5,7 +5,7 @@ source "$(dirname "$0")/../scenario.sh"
 need rigctl
 if has_device; then need rigctld; fi
 device rigctld -m 1 -T 127.0.0.1 -t "$device"
-rig() { timeout 30 rigctl -m 2 -r "127.0.0.1:$driver" "$@" 2>/dev/null; }
+rig() { timeout 120 rigctl -m 2 -r "127.0.0.1:$driver" "$@" 2>/dev/null; }
 rig F 14074000
 [[ $(rig f) == 14074000 ]] || die "the frequency is wrong"
 rig M USB 2400

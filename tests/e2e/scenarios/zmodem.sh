@@ -21,20 +21,20 @@ opened_or_over() { ! alive "$1" || has_open "$1" "$driver"; }
 
 start send_up
 upload=$started
-until_true 20 opened_or_over "$upload" || die "sz does not open $driver"
+until_true opened_or_over "$upload" || die "sz does not open $driver"
 cd "$work/far"
 device socat -t 0.05 "FILE:$device,raw,echo=0" EXEC:"rz -b -y -q" 2>/dev/null
 receiver=$started
 status_of "$upload"
 [[ $status == 0 ]] || die "sz gave $status: $(cat "$work/sz.err")"
 if has_device; then
-  until_true 10 cmp -s "$work/up.bin" "$work/far/up.bin" || die "the upload differs"
-  ended "$receiver" 1 || stop "$receiver"
+  until_true cmp -s "$work/up.bin" "$work/far/up.bin" || die "the upload differs"
+  patience=1 ended "$receiver" || stop "$receiver"
 fi
 
 start get_down
 download=$started
-until_true 20 opened_or_over "$download" || die "rz does not open $driver"
+until_true opened_or_over "$download" || die "rz does not open $driver"
 cd "$work"
 device socat -t 0.05 "FILE:$device,raw,echo=0" EXEC:"sz -b -q down.bin" 2>/dev/null
 status_of "$download"

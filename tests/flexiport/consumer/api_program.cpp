@@ -192,7 +192,7 @@ void wait_for(pid_t pid) {
 
 // Connects as soon as the other one listens.
 void open_patiently(flexiport::Port& port) {
-  for (int n = 0; n < 200 && !thrown([&] { port.Open(); }).empty(); ++n) usleep(20000);
+  for (int n = 0; n < 3000 && !thrown([&] { port.Open(); }).empty(); ++n) usleep(20000);
   CHECK(port.IsOpen());
 }
 
@@ -200,14 +200,14 @@ std::string number(int value) { return std::to_string(value); }
 
 void Tcp(const std::string& number_of_port) {
   const pid_t server = in_child([&] {
-    PortPointer port = create("type=tcp,listen,timeout=10,port=" + number_of_port);
+    PortPointer port = create("type=tcp,listen,timeout=60,port=" + number_of_port);
     port->Open();
     std::string line;
     while (port->ReadLine(line) > 0) port->WriteString("echo " + line);
     CHECK(!port->IsOpen());
   });
   {
-    PortPointer port = create("type=tcp,ip=127.0.0.1,timeout=5,port=" + number_of_port);
+    PortPointer port = create("type=tcp,ip=127.0.0.1,timeout=60,port=" + number_of_port);
     CHECK(port->GetPortType() == "tcp");
     open_patiently(*port);
     std::string line;
@@ -228,9 +228,9 @@ void Tcp(const std::string& number_of_port) {
 
 void Udp(int first) {
   const std::string here =
-      "type=udp,timeout=5,dest_ip=127.0.0.1,dest_port=" + number(first) + ",recv_port=" + number(first + 1);
+      "type=udp,timeout=60,dest_ip=127.0.0.1,dest_port=" + number(first) + ",recv_port=" + number(first + 1);
   const std::string there =
-      "type=udp,timeout=5,dest_ip=127.0.0.1,dest_port=" + number(first + 1) + ",recv_port=" + number(first);
+      "type=udp,timeout=60,dest_ip=127.0.0.1,dest_port=" + number(first + 1) + ",recv_port=" + number(first);
   PortPointer one = create(here);
   PortPointer two = create(there);
   CHECK(one->GetPortType() == "udp");
@@ -268,7 +268,7 @@ void Replay(const std::string& file) {
   for (const char* more :
        {"strictness=0", "strictness=1", "strictness=2,jitter=5000", "strictness=1,timing=reactive",
         "strictness=2,timing=reactive,jitter=5000", "ignoretimes", "strictness=2,ignoretimes"}) {
-    PortPointer port = create("type=logreader,timeout=5,file=" + file + "," + more);
+    PortPointer port = create("type=logreader,timeout=60,file=" + file + "," + more);
     CHECK(port->GetPortType() == "logreader");
     port->Open();
     Converse(*port);
@@ -277,10 +277,10 @@ void Replay(const std::string& file) {
     CHECK(port->Read(buffer, 1) == -1);
     port->Close();
   }
-  PortPointer loose = create("type=logreader,timeout=5,file=" + file);
+  PortPointer loose = create("type=logreader,timeout=60,file=" + file);
   loose->Open();
   CHECK(loose->WriteString("xxx 0\n") == 6);
-  PortPointer strict = create("type=logreader,strictness=1,timeout=5,file=" + file);
+  PortPointer strict = create("type=logreader,strictness=1,timeout=60,file=" + file);
   strict->Open();
   const std::string error = thrown([&] { strict->WriteString("ask X\n"); });
   CHECK(error.find("expected") != std::string::npos && error.find("byte 4") != std::string::npos);
@@ -292,7 +292,7 @@ void Log(const std::string& folder) {
     Device device;
     const pid_t answers = in_child([&] { answer_twice(device); });
     {
-      PortPointer port = create("type=seriallog,timeout=5,device=" + device.Name() + ",file=" + file);
+      PortPointer port = create("type=seriallog,timeout=60,device=" + device.Name() + ",file=" + file);
       CHECK(port->GetPortType() == "logwriter");
       port->Open();
       Converse(*port);
@@ -324,7 +324,7 @@ void Log(const std::string& folder) {
 void TcpLog(const std::string& folder, const std::string& number_of_port) {
   const std::string file = folder + "/tcp.log";
   const pid_t client = in_child([&] {
-    PortPointer port = create("type=tcp,timeout=5,port=" + number_of_port);
+    PortPointer port = create("type=tcp,timeout=60,port=" + number_of_port);
     open_patiently(*port);
     std::string line;
     for (int n = 0; n < 2; ++n) {
@@ -334,7 +334,7 @@ void TcpLog(const std::string& folder, const std::string& number_of_port) {
     CHECK(port->Read(&line[0], 1) == 0);
   });
   {
-    PortPointer port = create("type=tcplog,listen,timeout=5,port=" + number_of_port + ",file=" + file);
+    PortPointer port = create("type=tcplog,listen,timeout=60,port=" + number_of_port + ",file=" + file);
     port->Open();
     Converse(*port);
   }
