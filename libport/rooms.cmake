@@ -1,10 +1,11 @@
 # The rooms of the library and of the programs, and what each may include besides itself; libport/README.md has their
 # sentences. The build takes its folders from here, tests/layout holds the includes against it.
-set(rooms base tape formats pack replay rules infer loop port faults tty net taped catalog session testing supervise blocking flexiport)
+set(rooms base archive tape formats pack replay rules infer loop port faults tty net taped catalog session testing supervise blocking flexiport)
 set(below_base)
+set(below_archive base)
 set(below_tape base)
-set(below_formats base tape replay rules)
-set(below_pack base tape)
+set(below_formats base archive tape replay rules)
+set(below_pack base archive tape)
 set(below_replay base tape)
 set(below_rules base tape replay)
 set(below_infer base tape replay rules)

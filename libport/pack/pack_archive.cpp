@@ -1,8 +1,6 @@
 #include "libport/pack/pack_archive.hpp"
 
 #include <algorithm>
-#include <archive.h>
-#include <archive_entry.h>
 #include <cerrno>
 #include <locale.h>
 #include <optional>
@@ -10,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "libport/archive/lib_archive.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/tape/payload_totals.hpp"
 
@@ -23,13 +22,13 @@ constexpr std::uint64_t kHeaderBytes = 16384;
 constexpr std::uint64_t kPadding = std::uint64_t{1} << 20;
 
 struct ArchiveReadEnd {
-  void operator()(archive* reader) const { archive_read_free(reader); }
+  void operator()(archive* reader) const { libarchive().archive_read_free(reader); }
 };
 struct ArchiveWriteEnd {
-  void operator()(archive* writer) const { archive_write_free(writer); }
+  void operator()(archive* writer) const { libarchive().archive_write_free(writer); }
 };
 struct EntryEnd {
-  void operator()(archive_entry* entry) const { archive_entry_free(entry); }
+  void operator()(archive_entry* entry) const { libarchive().archive_entry_free(entry); }
 };
 // libarchive turns names from and to the locale's letters; while this object is there that is UTF-8.
 class Utf8Names {
@@ -54,7 +53,7 @@ using ArchiveReader = std::unique_ptr<archive, ArchiveReadEnd>;
 using ArchiveWriter = std::unique_ptr<archive, ArchiveWriteEnd>;
 
 std::string trouble_of(archive* from) {
-  const char* text = archive_error_string(from);
+  const char* text = libarchive().archive_error_string(from);
   return text == nullptr ? "it cannot be read" : text;
 }
 
@@ -62,21 +61,27 @@ std::string trouble_of(archive* from) {
 class Unpressed {
  public:
   Unpressed(ByteSource& source, std::uint64_t budget)
-      : source_(source), buffer_(kChunk), out_(kChunk), reader_(archive_read_new()), budget_(budget) {}
+      : source_(source),
+        buffer_(kChunk),
+        out_(kChunk),
+        reader_(libarchive().archive_read_new()),
+        budget_(budget) {}
 
   Result<void> open() {
     archive* const reader = reader_.get();
     // Others would be programs that are run, or not be those that packs are made with.
-    const bool ready = reader != nullptr && archive_read_support_filter_gzip(reader) == ARCHIVE_OK &&
-                       archive_read_support_filter_zstd(reader) == ARCHIVE_OK &&
-                       archive_read_support_format_raw(reader) == ARCHIVE_OK;
+    const bool ready = reader != nullptr &&
+                       libarchive().archive_read_support_filter_gzip(reader) == ARCHIVE_OK &&
+                       libarchive().archive_read_support_filter_zstd(reader) == ARCHIVE_OK &&
+                       libarchive().archive_read_support_format_raw(reader) == ARCHIVE_OK;
     if (!ready) return make_error(Errc::io, "this libarchive has no gzip or no zstd");
     archive_entry* entry = nullptr;
-    const bool begun = archive_read_open(reader, this, nullptr, &Unpressed::more, nullptr) == ARCHIVE_OK &&
-                       archive_read_next_header(reader, &entry) == ARCHIVE_OK;
+    const bool begun =
+        libarchive().archive_read_open(reader, this, nullptr, &Unpressed::more, nullptr) == ARCHIVE_OK &&
+        libarchive().archive_read_next_header(reader, &entry) == ARCHIVE_OK;
     if (failure_) return *failure_;
     // One, and the source itself.
-    if (archive_filter_count(reader) != 2)
+    if (libarchive().archive_filter_count(reader) != 2)
       return make_error(Errc::not_a_tape, "it is no pack: it is not compressed, or more than once");
     return begun ? Result<void>() : make_error(Errc::io, trouble_of(reader));
   }
@@ -91,7 +96,7 @@ class Unpressed {
   // The next bytes; none at the end. On an error failure() is there.
   ByteView next() {
     if (failure_) return {};
-    const la_ssize_t size = archive_read_data(reader_.get(), out_.data(), out_.size());
+    const la_ssize_t size = libarchive().archive_read_data(reader_.get(), out_.data(), out_.size());
     if (size < 0 && !failure_) failure_ = make_error(Errc::io, trouble_of(reader_.get()));
     if (size <= 0) return {};
     const ByteView bytes(out_.data(), static_cast<std::size_t>(size));
@@ -110,7 +115,7 @@ class Unpressed {
     if (failure_) return *failure_;
     const Result<std::uint64_t> size = source_.size();
     if (!size) return size.error();
-    const auto used = static_cast<std::uint64_t>(archive_filter_bytes(reader_.get(), -1));
+    const auto used = static_cast<std::uint64_t>(libarchive().archive_filter_bytes(reader_.get(), -1));
     if (used < *size)
       return make_error(Errc::io, "something follows its end, at offset " + std::to_string(used));
     return {};
@@ -122,7 +127,7 @@ class Unpressed {
     const Result<std::size_t> read = self.source_.read_at(self.offset_, self.buffer_);
     if (!read) {
       self.failure_ = read.error();
-      archive_set_error(reader, EIO, "%s", read.error().message.c_str());
+      libarchive().archive_set_error(reader, EIO, "%s", read.error().message.c_str());
       return -1;
     }
     self.offset_ += *read;
@@ -147,14 +152,15 @@ class PackReader {
       : bytes_(source, kLongestManifest + kHeaderBytes + kPadding),
         sink_(sink),
         limits_(limits),
-        tar_(archive_read_new()),
+        tar_(libarchive().archive_read_new()),
         chunk_(kChunk) {}
 
   Result<PackManifest> read() {
     if (Result<void> opened = bytes_.open(); !opened) return opened.error();
     archive* const tar = tar_.get();
-    const bool opened = tar != nullptr && archive_read_support_format_tar(tar) == ARCHIVE_OK &&
-                        archive_read_open(tar, this, nullptr, &PackReader::more, nullptr) == ARCHIVE_OK;
+    const bool opened =
+        tar != nullptr && libarchive().archive_read_support_format_tar(tar) == ARCHIVE_OK &&
+        libarchive().archive_read_open(tar, this, nullptr, &PackReader::more, nullptr) == ARCHIVE_OK;
     if (!opened)
       return bytes_.failure() ? *bytes_.failure()
                               : make_error(Errc::not_a_tape, "it is no pack: no tar is in it");
@@ -174,7 +180,7 @@ class PackReader {
     auto& self = *static_cast<PackReader*>(context);
     const ByteView bytes = self.bytes_.next();
     if (self.bytes_.failure()) {
-      archive_set_error(tar, EIO, "%s", self.bytes_.failure()->message.c_str());
+      libarchive().archive_set_error(tar, EIO, "%s", self.bytes_.failure()->message.c_str());
       return -1;
     }
     *data = bytes.data();
@@ -188,7 +194,7 @@ class PackReader {
   // Null at the archive's end.
   Result<archive_entry*> next() {
     archive_entry* entry = nullptr;
-    const int status = archive_read_next_header(tar_.get(), &entry);
+    const int status = libarchive().archive_read_next_header(tar_.get(), &entry);
     if (status == ARCHIVE_EOF && !bytes_.failure()) return static_cast<archive_entry*>(nullptr);
     if (status != ARCHIVE_OK || bytes_.failure()) return failed();
     return entry;
@@ -196,17 +202,18 @@ class PackReader {
 
   // The name without the folder, of an entry that is one of a pack.
   Result<std::string> plain(archive_entry* entry) {
-    const char* const told = archive_entry_pathname_utf8(entry);
+    const char* const told = libarchive().archive_entry_pathname_utf8(entry);
     if (told == nullptr) return make_error(Errc::io, "it has a file whose name is no UTF-8");
     const std::string path = told;
     const auto refused = [&](const char* why) {
       return make_error(Errc::io, "it holds " + in_quotes(path) + ", " + why + "; nothing was unpacked");
     };
-    if (archive_entry_hardlink(entry) != nullptr) return refused("a hard link");
-    if (archive_entry_symlink(entry) != nullptr || archive_entry_filetype(entry) == AE_IFLNK)
+    if (libarchive().archive_entry_hardlink(entry) != nullptr) return refused("a hard link");
+    if (libarchive().archive_entry_symlink(entry) != nullptr ||
+        libarchive().archive_entry_filetype(entry) == AE_IFLNK)
       return refused("a symbolic link");
-    if (archive_entry_filetype(entry) != AE_IFREG) return refused("which is no plain file");
-    if (archive_entry_sparse_count(entry) > 0) return refused("a file with holes");
+    if (libarchive().archive_entry_filetype(entry) != AE_IFREG) return refused("which is no plain file");
+    if (libarchive().archive_entry_sparse_count(entry) > 0) return refused("a file with holes");
     const std::size_t slash = path.find('/');
     if (slash == std::string::npos) return refused("which is in no folder");
     const std::string folder = path.substr(0, slash);
@@ -216,7 +223,8 @@ class PackReader {
     if (!folder_) folder_ = folder;
     if (folder != *folder_) return refused("in another folder than the first");
     if (!seen_.insert(name).second) return refused("twice");
-    if (archive_entry_size_is_set(entry) == 0 || archive_entry_size(entry) < 0) return refused("of no size");
+    if (libarchive().archive_entry_size_is_set(entry) == 0 || libarchive().archive_entry_size(entry) < 0)
+      return refused("of no size");
     return name;
   }
 
@@ -226,7 +234,7 @@ class PackReader {
     if (*entry == nullptr) return make_error(Errc::not_a_tape, "it is no pack: it is empty");
     const Result<std::string> name = plain(*entry);
     if (!name) return name.error();
-    const auto size = static_cast<std::uint64_t>(archive_entry_size(*entry));
+    const auto size = static_cast<std::uint64_t>(libarchive().archive_entry_size(*entry));
     if (*name != kManifestName)
       return make_error(Errc::not_a_tape, "it is no pack: its first file is no manifest.json");
     if (size > kLongestManifest) return make_error(Errc::io, "its manifest.json has more than 4 MiB");
@@ -270,7 +278,7 @@ class PackReader {
     const PackedFile* told = manifest_.file(*name);
     if (told == nullptr)
       return make_error(Errc::io, "it holds " + in_quotes(*name) + ", of which manifest.json does not tell");
-    const auto size = static_cast<std::uint64_t>(archive_entry_size(entry));
+    const auto size = static_cast<std::uint64_t>(libarchive().archive_entry_size(entry));
     if (size != told->size)
       return make_error(Errc::io, "its file " + in_quotes(*name) + " has " + std::to_string(size) +
                                       " bytes, and " + std::to_string(told->size) + " in manifest.json");
@@ -290,7 +298,7 @@ class PackReader {
     PayloadCounter digest;
     std::uint64_t left = size;
     for (;;) {
-      const la_ssize_t got = archive_read_data(tar_.get(), chunk_.data(), chunk_.size());
+      const la_ssize_t got = libarchive().archive_read_data(tar_.get(), chunk_.data(), chunk_.size());
       if (got < 0 || bytes_.failure()) return failed();
       if (got == 0) break;
       const ByteView bytes(chunk_.data(), static_cast<std::size_t>(got));
@@ -308,7 +316,7 @@ class PackReader {
       if (seen_.count(file.name) == 0)
         return make_error(Errc::io, "it lacks " + in_quotes(file.name) + ", of which manifest.json tells");
     }
-    const auto used = static_cast<std::uint64_t>(archive_filter_bytes(tar_.get(), -1));
+    const auto used = static_cast<std::uint64_t>(libarchive().archive_filter_bytes(tar_.get(), -1));
     if (Result<void> drained = bytes_.drain(); !drained) return drained;
     if (bytes_.written_end() > used) return make_error(Errc::io, "something follows the archive's end");
     return {};
@@ -330,7 +338,7 @@ struct PackWriter::Impl {
   Put put;
   std::string folder;
   std::optional<Error> failure;  // of put
-  ArchiveWriter writer{archive_write_new()};
+  ArchiveWriter writer{libarchive().archive_write_new()};
 
   [[nodiscard]] Error failed() const {
     return failure ? *failure : make_error(Errc::io, trouble_of(writer.get()));
@@ -340,7 +348,7 @@ struct PackWriter::Impl {
     const Result<void> done = self.put(ByteView(static_cast<const Byte*>(data), size));
     if (done) return static_cast<la_ssize_t>(size);
     if (!self.failure) self.failure = done.error();
-    archive_set_error(writer, EIO, "%s", done.error().message.c_str());
+    libarchive().archive_set_error(writer, EIO, "%s", done.error().message.c_str());
     return -1;
   }
 };
@@ -351,46 +359,49 @@ PackWriter& PackWriter::operator=(PackWriter&&) noexcept = default;
 PackWriter::~PackWriter() = default;
 
 Result<PackWriter> PackWriter::begin(Put put, PackFormat format, const std::string& folder) {
+  if (const auto& loaded = load_libarchive(); !loaded) return loaded.error();
   auto impl = std::make_unique<Impl>();
   impl->put = std::move(put);
   impl->folder = folder;
   archive* const writer = impl->writer.get();
   if (writer == nullptr) return make_error(Errc::io, errno_text(ENOMEM));
-  const int filter = format == PackFormat::gzip ? archive_write_add_filter_gzip(writer)
-                                                : archive_write_add_filter_zstd(writer);
-  if (filter != ARCHIVE_OK || archive_write_set_format_pax_restricted(writer) != ARCHIVE_OK ||
-      archive_write_set_bytes_in_last_block(writer, 1) != ARCHIVE_OK ||  // nothing is filled up
-      archive_write_open(writer, impl.get(), nullptr, &Impl::give, nullptr) != ARCHIVE_OK)
+  const int filter = format == PackFormat::gzip ? libarchive().archive_write_add_filter_gzip(writer)
+                                                : libarchive().archive_write_add_filter_zstd(writer);
+  if (filter != ARCHIVE_OK || libarchive().archive_write_set_format_pax_restricted(writer) != ARCHIVE_OK ||
+      libarchive().archive_write_set_bytes_in_last_block(writer, 1) != ARCHIVE_OK ||  // nothing is filled up
+      libarchive().archive_write_open(writer, impl.get(), nullptr, &Impl::give, nullptr) != ARCHIVE_OK)
     return impl->failed();
   return PackWriter(std::move(impl));
 }
 
 Result<void> PackWriter::begin_file(const std::string& name, std::uint64_t size) {
   const Utf8Names names;
-  const std::unique_ptr<archive_entry, EntryEnd> entry(archive_entry_new());
+  const std::unique_ptr<archive_entry, EntryEnd> entry(libarchive().archive_entry_new());
   if (!entry) return make_error(Errc::io, errno_text(ENOMEM));
-  archive_entry_set_pathname_utf8(entry.get(), (impl_->folder + "/" + name).c_str());
-  if (archive_entry_pathname(entry.get()) == nullptr)
+  libarchive().archive_entry_set_pathname_utf8(entry.get(), (impl_->folder + "/" + name).c_str());
+  if (libarchive().archive_entry_pathname(entry.get()) == nullptr)
     return make_error(Errc::usage,
                       "the name " + in_quotes(name) + " cannot be packed here: there is no locale C.UTF-8");
-  archive_entry_set_filetype(entry.get(), AE_IFREG);
-  archive_entry_set_perm(entry.get(), 0644);
-  archive_entry_set_size(entry.get(), static_cast<la_int64_t>(size));
-  const int status = archive_write_header(impl_->writer.get(), entry.get());
+  libarchive().archive_entry_set_filetype(entry.get(), AE_IFREG);
+  libarchive().archive_entry_set_perm(entry.get(), 0644);
+  libarchive().archive_entry_set_size(entry.get(), static_cast<la_int64_t>(size));
+  const int status = libarchive().archive_write_header(impl_->writer.get(), entry.get());
   return status == ARCHIVE_OK ? Result<void>() : impl_->failed();
 }
 
 Result<void> PackWriter::write(ByteView bytes) {
-  const la_ssize_t done = archive_write_data(impl_->writer.get(), bytes.data(), bytes.size());
+  const la_ssize_t done = libarchive().archive_write_data(impl_->writer.get(), bytes.data(), bytes.size());
   return done == static_cast<la_ssize_t>(bytes.size()) ? Result<void>() : impl_->failed();
 }
 
 Result<void> PackWriter::finish() {
   const Utf8Names names;
-  return archive_write_close(impl_->writer.get()) == ARCHIVE_OK ? Result<void>() : impl_->failed();
+  return libarchive().archive_write_close(impl_->writer.get()) == ARCHIVE_OK ? Result<void>()
+                                                                             : impl_->failed();
 }
 
 Result<PackManifest> read_pack(ByteSource& source, PackSink& sink, const PackLimits& limits) {
+  if (const auto& loaded = load_libarchive(); !loaded) return loaded.error();
   const Utf8Names names;
   return PackReader(source, sink, limits).read();
 }

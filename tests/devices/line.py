@@ -80,7 +80,8 @@ class Line:
         return data[:cut]
 
     def read_exactly(self, size, seconds):
-        deadline = time.monotonic() + seconds
+        """`size` bytes; TimeoutError when they do not come in time (None: waits for ever)."""
+        deadline = None if seconds is None else time.monotonic() + seconds
         data = b""
         while len(data) < size:
             self._wait_for_more(deadline, data)
@@ -89,7 +90,7 @@ class Line:
         return data[:size]
 
     def _wait_for_more(self, deadline, data):
-        if not self.wait(max(0.0, deadline - time.monotonic())):
+        if not self.wait(None if deadline is None else max(0.0, deadline - time.monotonic())):
             self.pending = data
             raise TimeoutError(f"no answer in time; so far {data[-80:]!r}")
 

@@ -168,3 +168,15 @@ for name in full killed; do
   if compgen -G "$name*" >/dev/null || compgen -G ".$name*" >/dev/null; then die "something is left: $(ls -a)"; fi
 done
 say "constant memory; nothing is left of what fails"
+
+# Archives need libarchive, which is loaded then: where it cannot be, that is told with what to install, and all else works.
+mkdir without
+: >without/libarchive.so.13
+for verb in "pack scip -o without.tgz" "unpack bug.tgz -o without.folder" "convert scip.log -o without.sr"; do
+  read -ra words <<<"$verb"
+  LD_LIBRARY_PATH=$PWD/without made 1 "${words[@]}"
+  grep -q 'libarchive13' err || die "$verb without libarchive: $(cat err)"
+  if compgen -G "without.*" >/dev/null || compgen -G ".without*" >/dev/null; then die "$verb: something is left: $(ls -a)"; fi
+done
+LD_LIBRARY_PATH=$PWD/without made 0 info scip
+say "without libarchive only archives are refused, in words"

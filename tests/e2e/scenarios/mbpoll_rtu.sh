@@ -1,5 +1,5 @@
 #!/bin/bash
-# driver: mbpoll, which opens and closes the port (or connects) for each of ten questions;  device: a libmodbus slave.
+# driver: mbpoll, which opens and closes the port (or connects) for each of ten questions;  device: a Modbus slave.
 # shellcheck source=scenario.sh
 source "$(dirname "$0")/../scenario.sh"
 need mbpoll
