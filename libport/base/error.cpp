@@ -5,6 +5,11 @@
 
 namespace porttape {
 
+const Error& no_error() {
+  static const Error none;
+  return none;
+}
+
 int exit_status_of(Errc code) {
   switch (code) {
     case Errc::usage:

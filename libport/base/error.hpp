@@ -24,6 +24,9 @@ struct Error {
   friend bool operator==(const Error&, const Error&) = default;
 };
 
+// The error of what went well: no message.
+const Error& no_error();
+
 // Exit statuses of both programs (contract section 4).
 namespace exit_status {
 inline constexpr int kPass = 0;

@@ -53,9 +53,9 @@ class [[nodiscard]] Result {
   T* operator->() { return &checked(*this); }
   const T* operator->() const { return &checked(*this); }
 
-  // Throw UncheckedError where it holds a value.
-  [[nodiscard]] const Error& error() const& { return checked_error(*this); }
-  [[nodiscard]] Error error() && { return std::move(checked_error(*this)); }
+  // An empty Error where it holds a value.
+  [[nodiscard]] const Error& error() const& { return has_value() ? no_error() : std::get<1>(held_); }
+  [[nodiscard]] Error error() && { return has_value() ? Error() : std::get<1>(std::move(held_)); }
 
   friend bool operator==(const Result& a, const Result& b) = default;
 
@@ -67,11 +67,6 @@ class [[nodiscard]] Result {
     if (auto* const value = std::get_if<0>(&self.held_)) return *value;
     throw UncheckedError(std::get<1>(self.held_).message);
   }
-  template <class Self>
-  static auto& checked_error(Self& self) {
-    if (auto* const error = std::get_if<1>(&self.held_)) return *error;
-    throw UncheckedError("a Result that holds a value was asked for its error");
-  }
 
   Held held_;
 };
@@ -79,12 +74,6 @@ class [[nodiscard]] Result {
 // Done, or an Error.
 template <>
 class [[nodiscard]] Result<void> {
-  template <class Self>
-  static auto& checked_error(Self& self) {
-    if (self.error_) return *self.error_;
-    throw UncheckedError("a Result that holds a value was asked for its error");
-  }
-
  public:
   using value_type = void;
 
@@ -96,8 +85,8 @@ class [[nodiscard]] Result<void> {
   void value() const {
     if (error_) throw UncheckedError(error_->message);
   }
-  [[nodiscard]] const Error& error() const& { return checked_error(*this); }
-  [[nodiscard]] Error error() && { return std::move(checked_error(*this)); }
+  [[nodiscard]] const Error& error() const& { return error_ ? *error_ : no_error(); }
+  [[nodiscard]] Error error() && { return error_ ? *std::move(error_) : Error(); }
 
   friend bool operator==(const Result& a, const Result& b) = default;
 
