@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -35,6 +36,8 @@ class ReplayChannel final : public Channel {
   void write_on();
   void next_step();
   void take_in(ByteView data);
+  bool is_in_order(ByteView data) const;
+  bool is_of_whole_answers(ByteView data);
   [[nodiscard]] std::size_t released() const;
   [[nodiscard]] std::string chunks() const;
   [[nodiscard]] bool by_lookup() const;
@@ -51,6 +54,8 @@ class ReplayChannel final : public Channel {
   std::uint64_t written_ = 0;
   Bytes expected_;  // all that the tape's device sent
   std::size_t read_ = 0;
+  std::set<std::size_t> answers_;       // where in it an answer begins
+  std::set<std::size_t> places_ = {0};  // where in it the driver may be that gets answers in any order
   bool acting_ = false;
   bool left_ = false;
 };
