@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "libport/base/result.hpp"
+#include "libport/base/time.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "tools/bounded_text.hpp"
 
