@@ -18,7 +18,6 @@ constexpr Instant kNow{std::chrono::hours(1)};
 struct Made {
   std::string bytes;
   std::string specs;
-  friend bool operator==(const Made&, const Made&) = default;
 };
 
 // Up to where the line breaks.

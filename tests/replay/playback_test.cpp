@@ -414,7 +414,7 @@ TEST_P(PlaybackProperty, NothingComesBeforeItIsDue) {
         rig.stand(stands = false);
         break;
       case 2:
-        rate = choose(2) == 0 ? 2 : 0.25;
+        rate = choose(2) == 0 ? 2.0L : 0.25L;
         rig.rate(static_cast<double>(rate));
         break;
       case 3: {

@@ -55,7 +55,7 @@ TEST_P(SettingsTest, OneThatLeavesOneOutIsTold) {
   Rig rig(settings_tape(), checking(GetParam()));
   play(rig, 0, 1200);
   EXPECT_EQ(rig.verdict(), Verdict::settings_mismatch);
-  EXPECT_EQ(rig.report->settings, (SettingsReport{2, 1, {{tape_time_us(100'000), baud(300)}}}));
+  EXPECT_EQ(rig.report->settings, (SettingsReport{2, 1, {{tape_time_us(100'000), {baud(300)}}}}));
   EXPECT_FALSE(rig.hung_up);
 }
 
@@ -65,7 +65,7 @@ TEST_P(SettingsTest, UncheckedItIsInTheReportAlone) {
   Rig rig(settings_tape(), config);
   play(rig, 300, 0);
   EXPECT_EQ(rig.verdict(), Verdict::pass);
-  EXPECT_EQ(rig.report->settings, (SettingsReport{2, 1, {{tape_time_us(400'000), baud(1200)}}}));
+  EXPECT_EQ(rig.report->settings, (SettingsReport{2, 1, {{tape_time_us(400'000), {baud(1200)}}}}));
 }
 
 TEST_P(SettingsTest, OtherDataOutranksThemAndTheyOutrankWhatIsMissing) {

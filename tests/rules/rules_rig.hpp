@@ -42,7 +42,8 @@ inline Outcome play(const MemoryTape& tape, const Expectation& rules, std::strin
   for (std::size_t at = 0; at < text.size(); at += cut) rig.write(text.substr(at, cut)).wait(apart_us);
   rig.wait(10'000'000);
   const Verdict verdict = rig.finish_unless_ended();
-  Outcome outcome{verdict};
+  Outcome outcome;
+  outcome.verdict = verdict;
   outcome.answers = rig.read();
   if (rig.report->mismatch) {
     const Mismatch& mismatch = *rig.report->mismatch;

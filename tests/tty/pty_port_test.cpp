@@ -608,7 +608,10 @@ TEST_F(PtyPortTest, WhileADriverIsNotReadItsFlushesKeepNobodyBusy) {
     Timer limit(loop, [&over] { over = true; });
     limit.set_after(std::chrono::milliseconds(300));
     int count = 0;
-    for (; !over; ++count) loop.run_one();
+    while (!over) {
+      loop.run_one();
+      ++count;
+    }
     return count;
   };
   ASSERT_EQ(::tcflush(fd.get(), TCIOFLUSH), 0);  // which waits to be read
