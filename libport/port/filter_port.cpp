@@ -16,13 +16,12 @@ FilterPort::FilterPort(const PortContext& context, std::unique_ptr<Port> inner)
     : ForwardingPort(std::move(inner)),
       loop_(context.loop),
       in_(*context.loop,
-          {.open = [this](bool) { return reading_; },
+          {.open = [this] { return reading_; },
            .pass = [this](ByteView data) { pass(data); },
            .given_up = [this](std::size_t bytes) { drop(bytes, "nobody read them before the line broke"); },
            .less = [this] { let_inner_read(); }}),
       out_(*context.loop,
-           {.open =
-                [this](bool at_once) { return !interrupted_ && (at_once || !ForwardingPort::congested()); },
+           {.open = [this] { return !interrupted_ && !ForwardingPort::congested(); },
             .pass = [this](ByteView data) { ForwardingPort::write(data); },
             .given_up = [this](std::size_t bytes) { drop(bytes, "they could not be sent"); },
             .less =
@@ -33,6 +32,7 @@ FilterPort::FilterPort(const PortContext& context, std::unique_ptr<Port> inner)
 void FilterPort::close() {
   pass_together();
   ++closes_;
+  end_ = nullptr;
   ForwardingPort::close();
   for (Lane* lane : {&out_, &in_}) drop_held(*lane, "they were held back when the line was closed");
   let_inner_read();
@@ -104,6 +104,7 @@ void FilterPort::on_up() {
 
 void FilterPort::on_down(const LineDown& down) {
   interrupted_ = false;
+  end_ = nullptr;
   drop_held(out_, "they were held back when the line went down");
   ++downs_untold_;
   const auto tell = [this, down, session = closes_] {
@@ -152,7 +153,7 @@ void FilterPort::on_finished(int exit_status) {
 
 PortListener::Answers FilterPort::on_ended() {
   const unsigned session = closes_;
-  in_.run(true);
+  in_.let_go();
   if (session != closes_) return Answers::none;
   if (in_.empty()) return ForwardingPort::on_ended();
   in_.put([this, session] {
@@ -198,18 +199,51 @@ void FilterPort::on_drained() {
 }
 
 bool FilterPort::end_writing() {
-  out_.run(true);
-  return ForwardingPort::end_writing();
+  out_.let_go();
+  if (out_.empty()) return ForwardingPort::end_writing();
+  end_behind_writes([this] { (void)ForwardingPort::end_writing(); });
+  return has_half_close();
 }
 
 void FilterPort::hang_up(bool after_reading) {
-  out_.run(true);
+  out_.let_go();
+  if (after_reading && !out_.empty()) {
+    return end_behind_writes([this] { ForwardingPort::hang_up(true); });
+  }
+  end_ = nullptr;
+  drop_held(out_, "they were held back when the line was hung up");
   ForwardingPort::hang_up(after_reading);
 }
 
+// One at a time: the last that is asked for is the one.
+void FilterPort::end_behind_writes(std::function<void()> end) {
+  const bool waits = end_ != nullptr;
+  end_ = std::move(end);
+  if (waits) return;
+  out_.put([this] {
+    if (const auto due = std::exchange(end_, nullptr)) due();
+  });
+}
+
+std::optional<LineSettings> FilterPort::settings() const {
+  if (!settings_waiting_.empty()) return settings_waiting_.back();
+  return ForwardingPort::settings();
+}
+
 Result<void> FilterPort::apply(const LineSettings& settings) {
-  out_.run(true);
-  return ForwardingPort::apply(settings);
+  out_.let_go();
+  if (out_.empty() || !ForwardingPort::settings()) return ForwardingPort::apply(settings);
+  settings_waiting_.push_back(settings);
+  out_.put([this] { apply_waiting(); });
+  return {};
+}
+
+void FilterPort::apply_waiting() {
+  const LineSettings settings = settings_waiting_.front();
+  settings_waiting_.pop_front();
+  if (ForwardingPort::apply(settings)) return;
+  if (const std::optional<LineSettings> kept = this->settings())
+    ForwardingPort::on_settings(SeenSettings::of(*kept), SettingsOrder::exact);
 }
 
 std::optional<std::size_t> FilterPort::unread_by_peer() const {

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -23,9 +24,10 @@ namespace porttape {
 //   goes down after the last one. Drops alone are told at once.
 // - It is congested while a write is held, since a session closes a line that is not: with delayed writes a
 //   caller has one on its way at a time.
-// - An end of writing, a hang-up and new settings wait for no `due`: held writes go out before them. Nor does
-//   the peer's end of writing, or read_pending(). Behind bytes that are not read, the inner port decides
-//   which answer to an ended peer is the last.
+// - An end of writing, a hang-up and new settings wait for no `due`, and held writes go out before them: at
+//   once as far as the inner port takes them, else they wait behind the last one. A hang-up at once drops the
+//   rest. Nor do the peer's end of writing and read_pending() wait for a `due`. Behind bytes that are not
+//   read, the inner port decides which answer to an ended peer is the last.
 // - While nothing is read bytes wait, and with them a line that its peer has closed, 10 s at most; one that
 //   breaks takes them with it, as the kernel's queue goes with a device.
 // - Held writes wait while the line is interrupted. They are dropped when it goes down, since they are not
@@ -47,6 +49,8 @@ class FilterPort : public ForwardingPort {
   [[nodiscard]] bool congested() const final { return !out_.empty() || ForwardingPort::congested(); }
   bool end_writing() final;
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const final;
+  // Those that wait are the line's already. Where it refuses them later, on_settings() tells.
+  [[nodiscard]] std::optional<LineSettings> settings() const final;
   Result<void> apply(const LineSettings& settings) final;
   void signal(const LineSignal& signal) final;
   void drain(std::function<void()> done) final;
@@ -106,6 +110,8 @@ class FilterPort : public ForwardingPort {
   void pass_together();
   void let_inner_read();
   void drop_held(Lane& lane, std::string_view why);
+  void end_behind_writes(std::function<void()> end);
+  void apply_waiting();
 
   Loop* loop_;
   std::optional<Together> together_;
@@ -114,6 +120,8 @@ class FilterPort : public ForwardingPort {
   bool reading_ = true;
   bool inner_reads_ = true;
   bool interrupted_ = false;  // the inner port's line, whether or not that is told yet
+  std::function<void()> end_;  // of writing, or of the line: waits behind held writes
+  std::deque<LineSettings> settings_waiting_;
   int downs_untold_ = 0;
   unsigned closes_ = 0;
 };

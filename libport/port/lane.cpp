@@ -8,7 +8,7 @@ namespace porttape {
 Lane::Lane(Loop& loop, Way way) : loop_(&loop), way_(std::move(way)), timer_(loop, [this] { run(); }) {}
 
 void Lane::put(ByteView data, Instant due) {
-  if (empty() && (hurry_ || due <= loop_->now()) && way_.open(false)) return way_.pass(data);
+  if (empty() && (hurry_ || due <= loop_->now()) && way_.open()) return way_.pass(data);
   hold({due, Bytes(data.begin(), data.end()), {}, Instant::max()});
 }
 
@@ -39,11 +39,11 @@ std::optional<Instant> Lane::due(bool open) const {
   return first == Instant::max() ? std::nullopt : std::optional(first);
 }
 
-void Lane::run(bool at_once) {
+void Lane::run() {
   for (;;) {
-    const bool open = way_.open(at_once);
+    const bool open = way_.open();
     const std::optional<Instant> next = due(open);
-    const bool now = next && ((open && (at_once || hurry_)) || *next <= loop_->now());
+    const bool now = next && ((open && hurry_) || *next <= loop_->now());
     if (!now) break;
     less_ = true;
     const Step step = take();
@@ -59,8 +59,13 @@ void Lane::run(bool at_once) {
   if (std::exchange(less_, false)) way_.less();
 }
 
+void Lane::let_go() {
+  for (Step& step : steps_) step.due = {};
+  run();
+}
+
 void Lane::arm() {
-  if (const std::optional<Instant> next = due(way_.open(false))) {
+  if (const std::optional<Instant> next = due(way_.open())) {
     timer_.set(*next);
   } else {
     timer_.cancel();

@@ -17,7 +17,7 @@ namespace porttape {
 class Lane {
  public:
   struct Way {
-    std::function<bool(bool at_once)> open;     // may bytes pass? Call run() or arm() when that has changed
+    std::function<bool()> open;                 // may bytes pass? Call run() or arm() when that has changed
     std::function<void(ByteView)> pass;         // on, what is due
     std::function<void(std::size_t)> given_up;  // so many bytes, before an event that waits no longer
     std::function<void()> less;                 // less is held than before
@@ -34,8 +34,10 @@ class Lane {
   void put(ByteView data, Instant due);
   // With nothing before it an event is told at once, also while the way is closed.
   void put(std::function<void()> event, Instant waits_until = Instant::max());
-  // Does what is due. `at_once`: everything is.
-  void run(bool at_once = false);
+  // Does what is due.
+  void run();
+  // What is held now waits for its moment no longer, only for the way to be open.
+  void let_go();
   // The same from the loop, when it is time.
   void arm();
   // The same until it is switched off: nothing put is held for its moment.

@@ -5,8 +5,8 @@
 #include <cstdio>
 #include <ctime>
 #include <fcntl.h>
-#include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <sched.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
@@ -96,6 +96,13 @@ Child Child::fork(const std::function<void()>& body) {
     std::fprintf(stderr, "linebench: %s\n", error.what());
     ::_exit(1);
   }
+}
+
+std::string last_lines(const std::filesystem::path& output) {
+  constexpr std::size_t kMost = 600;
+  std::ifstream in(output);
+  const std::string all((std::istreambuf_iterator<char>(in)), {});
+  return all.size() > kMost ? all.substr(all.size() - kMost) : all;
 }
 
 Child Child::run(const std::vector<std::string>& argv, const std::string& output) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <optional>
 #include <string>
@@ -47,6 +48,9 @@ class Child {
   std::optional<int> status_;
   bool group_ = false;  // leads a process group of its own, which ends as a whole
 };
+
+// The end of what a program wrote to the `output` of Child::run(), for the words of an error.
+std::string last_lines(const std::filesystem::path& output);
 
 // Keeps `count` cores busy while it lives.
 class BusyCores {

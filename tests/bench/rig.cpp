@@ -1,7 +1,6 @@
 #include "tests/bench/rig.hpp"
 
 #include <cstdlib>
-#include <fstream>
 #include <sstream>
 #include <utility>
 #include <vector>
@@ -52,13 +51,7 @@ Rig::~Rig() {
 
 std::string Rig::driver_path() const { return makes_port() ? (dir() / "driver").string() : device_.slave; }
 
-std::string Rig::output_tail() const {
-  std::ifstream in(dir() / "output");
-  std::ostringstream text;
-  text << in.rdbuf();
-  const std::string all = text.str();
-  return all.size() > 600 ? all.substr(all.size() - 600) : all;
-}
+std::string Rig::output_tail() const { return last_lines(dir() / "output"); }
 
 void Rig::start() {
   if (tcp_) {

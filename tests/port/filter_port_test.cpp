@@ -266,6 +266,7 @@ TEST_F(FilterPortTest, WritesToALineThatIsDownUnseenAreDropped) {
 }
 
 TEST_F(FilterPortTest, WritesWaitWhileTheLineIsInterrupted) {
+  device.calls.clear();
   port.out = hours(1);
   port.write(as_bytes("a"));
   device.interrupt();
@@ -274,10 +275,93 @@ TEST_F(FilterPortTest, WritesWaitWhileTheLineIsInterrupted) {
   port.end_writing();
   EXPECT_EQ(device.written, "");
   EXPECT_TRUE(port.congested());
+  EXPECT_EQ(device.calls, "");
   device.resume();
-  EXPECT_EQ(log.events, "interrupted resumed ");
-  port.end_writing();
+  EXPECT_EQ(log.events, "interrupted resumed drained ");
   EXPECT_EQ(device.written, "ab");
+  EXPECT_EQ(device.calls, "end_writing ");
+}
+
+// What a port that is congested holds is the inner port's before its end is.
+TEST_F(FilterPortTest, AnEndWaitsForACongestedPort) {
+  device.calls.clear();
+  device.congested = true;
+  port.out = hours(1);
+  port.write(as_bytes("ask"));
+  EXPECT_TRUE(port.end_writing());
+  EXPECT_EQ(device.written + device.calls, "");
+  EXPECT_TRUE(port.congested());
+  device.drain();
+  EXPECT_EQ(device.written, "ask");
+  EXPECT_EQ(device.calls, "end_writing ");
+}
+
+TEST_F(FilterPortTest, AnEndIsOnlyPromisedOfALineThatHasIt) {
+  device.congested = true;
+  device.half_closes = false;
+  port.write(as_bytes("ask"));
+  EXPECT_FALSE(port.end_writing());
+}
+
+TEST_F(FilterPortTest, AHangUpAfterReadingWaitsForACongestedPort) {
+  device.calls.clear();
+  device.congested = true;
+  port.write(as_bytes("last"));
+  port.hang_up(true);
+  EXPECT_EQ(device.written + device.calls, "");
+  device.drain();
+  EXPECT_EQ(device.written, "last");
+  EXPECT_EQ(device.calls, "hang_up_after_reading ");
+}
+
+TEST_F(FilterPortTest, AHangUpAtOnceDropsWhatACongestedPortDoesNotTake) {
+  device.calls.clear();
+  device.congested = true;
+  port.write(as_bytes("last"));
+  port.hang_up(true);
+  port.hang_up(false);
+  EXPECT_EQ(device.calls, "hang_up ");
+  EXPECT_EQ(log.dropped, 4U);
+  device.drain();
+  EXPECT_EQ(device.written, "");
+  EXPECT_EQ(device.calls, "hang_up ") << "the other one is over";
+}
+
+TEST_F(FilterPortTest, AnEndThatWaitsGoesWithItsLine) {
+  device.calls.clear();
+  device.congested = true;
+  port.write(as_bytes("last"));
+  port.end_writing();
+  device.down(LineDown::Reason::lost);
+  EXPECT_EQ(log.dropped, 4U);
+  EXPECT_EQ(device.calls, "");
+}
+
+TEST_F(FilterPortTest, SettingsWaitForACongestedPort) {
+  device.calls.clear();
+  device.settings = LineSettings{.baud = 9600};
+  device.congested = true;
+  port.write(as_bytes("at 9600"));
+  EXPECT_TRUE(port.apply({.baud = 300}).has_value());
+  EXPECT_TRUE(port.apply({.baud = 600}).has_value());
+  EXPECT_EQ(port.settings(), LineSettings{.baud = 600}) << "what follows is compared with these";
+  EXPECT_EQ(device.settings, LineSettings{.baud = 9600});
+  device.drain();
+  EXPECT_EQ(device.written, "at 9600");
+  EXPECT_EQ(device.calls, "apply apply ");
+  EXPECT_EQ(device.settings, LineSettings{.baud = 600});
+}
+
+TEST_F(FilterPortTest, SettingsThatWaitedAndAreRefusedAreTold) {
+  device.settings = LineSettings{.baud = 9600};
+  device.takes_settings = false;
+  device.congested = true;
+  port.write(as_bytes("at 9600"));
+  EXPECT_TRUE(port.apply({.baud = 300}).has_value());
+  EXPECT_EQ(log.events, "");
+  device.drain();
+  EXPECT_EQ(log.events, "settings drained ");
+  EXPECT_EQ(port.settings(), LineSettings{.baud = 9600});
 }
 
 TEST_F(FilterPortTest, WritesGoOnWhenTheLineIsResumed) {

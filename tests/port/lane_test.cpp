@@ -15,7 +15,7 @@ using std::chrono::milliseconds;
 class LaneTest : public testing::Test {
  protected:
   LaneTest()
-      : lane(loop, {.open = [this](bool at_once) { return open || (at_once && opens_at_once); },
+      : lane(loop, {.open = [this] { return open; },
                     .pass = [this](ByteView bytes) { told += as_text(bytes); },
                     .given_up = [this](std::size_t bytes) { told += "-" + std::to_string(bytes); },
                     .less = [this] { told += "|"; }}) {}
@@ -26,7 +26,6 @@ class LaneTest : public testing::Test {
 
   Loop loop;
   bool open = true;
-  bool opens_at_once = false;
   std::string told;
   Lane lane;
 };
@@ -54,18 +53,20 @@ TEST_F(LaneTest, NothingOvertakesWhatWasPutSooner) {
   EXPECT_EQ(told, "");
   EXPECT_EQ(lane.bytes(), 3U);
   EXPECT_GT(*lane.next_due(), loop.now() + hours(1));
-  lane.run(true);
+  lane.let_go();
   EXPECT_EQ(told, "a!bc|");
 }
 
-TEST_F(LaneTest, AtOnceWaitsForNoMoment) {
+TEST_F(LaneTest, WhatIsLetGoWaitsForNoMoment) {
   put("a", hours(1));
   put("b", hours(2));
   lane.run();
   EXPECT_EQ(told, "");
-  lane.run(true);
+  lane.let_go();
   EXPECT_EQ(told, "ab|");
   EXPECT_FALSE(lane.next_due().has_value());
+  put("c", hours(1));
+  EXPECT_EQ(lane.bytes(), 1U) << "what comes later is held";
 }
 
 TEST_F(LaneTest, InAHurryNothingIsHeld) {
@@ -84,10 +85,10 @@ TEST_F(LaneTest, BytesAndTheEventsBehindThemWaitWhileClosed) {
   put_event();
   EXPECT_EQ(told, "!");
   EXPECT_FALSE(lane.next_due().has_value());
-  opens_at_once = true;
-  lane.run();
+  lane.let_go();
   EXPECT_EQ(told, "!");
-  lane.run(true);
+  open = true;
+  lane.run();
   EXPECT_EQ(told, "!a!|");
 }
 
@@ -112,7 +113,7 @@ TEST_F(LaneTest, ADropLeavesNothingButTellsTheEvents) {
 }
 
 TEST_F(LaneTest, WhatItCallsMayDropAll) {
-  Lane own(loop, {.open = [](bool) { return true; },
+  Lane own(loop, {.open = [] { return true; },
                   .pass =
                       [&](ByteView bytes) {
                         told += as_text(bytes);
@@ -122,7 +123,7 @@ TEST_F(LaneTest, WhatItCallsMayDropAll) {
                   .less = [this] { told += "|"; }});
   own.put(as_bytes("a"), loop.now() + hours(1));
   own.put(as_bytes("b"), {});
-  own.run(true);
+  own.let_go();
   EXPECT_EQ(told, "a");
 }
 

@@ -49,6 +49,24 @@ bool ReplayChannel::by_lookup() const {
   return driver_does_ != Driver::leaves_early && steps_.size() % 3 == 0;
 }
 
+// A request is the run of writes between two answers (libport/replay/README.md).
+bool ReplayChannel::one_request_begins_another() const {
+  std::vector<Bytes> requests(1);
+  for (const Step& step : steps_) {
+    if (step.reads) {
+      requests.emplace_back();
+    } else {
+      requests.back().insert(requests.back().end(), step.data.begin(), step.data.end());
+    }
+  }
+  std::erase_if(requests, [](const Bytes& request) { return request.empty(); });
+  return std::ranges::any_of(requests, [&requests](const Bytes& one) {
+    return std::ranges::any_of(requests, [&one](const Bytes& other) {
+      return one.size() < other.size() && std::equal(one.begin(), one.end(), other.begin());
+    });
+  });
+}
+
 void ReplayChannel::make_tape() {
   Result<TapeWriter> tape = TapeWriter::create(literal_tape((world().folder() / (name() + ".log")).string()),
                                                {.device = "simulated", .driver = "simulated"}, {});
@@ -75,6 +93,7 @@ void ReplayChannel::make_tape() {
   tape->event(at + Micros(1000), event::Close{});
   if (const Result<void> done = tape->finish(at + Micros(1000)); !done)
     world().wrong("{}", done.error().message);
+  pause_decides_ = by_lookup() && one_request_begins_another();
   leaves_at_ = static_cast<std::size_t>(world().between(0, static_cast<std::int64_t>(steps_.size()) - 1));
   if (driver_does_ == Driver::one_byte_wrong) {
     const auto wrong = std::ranges::find(steps_, false, &Step::reads);
@@ -186,19 +205,21 @@ bool ReplayChannel::is_of_whole_answers(ByteView data) {
 
 void ReplayChannel::take_in(ByteView data) {
   // A wrong byte may make a request of the tape out of what was none, so short as these are: its answer comes
-  // then, where the tape is searched for requests. Only there.
-  const bool any_order = driver_does_ == Driver::one_byte_wrong && (resyncs() || by_lookup());
+  // then, where the tape is searched for requests. Only there. So does that of a request which begins another
+  // one, when the driver pauses behind it.
+  const bool any_order =
+      pause_decides_ || (driver_does_ == Driver::one_byte_wrong && (resyncs() || by_lookup()));
   const bool same = any_order ? is_of_whole_answers(data) : is_in_order(data);
   read_ += data.size();
   if (!same) world().wrong("{}: the driver got what is not on the tape, before byte {}", name(), read_);
-  if (driver_does_ == Driver::as_recorded && read_ > released())
+  if (driver_does_ == Driver::as_recorded && !pause_decides_ && read_ > released())
     world().wrong("{}: byte {} came before what it answers was written", name(), read_);
 }
 
 void ReplayChannel::calm() { act(); }
 
 void ReplayChannel::check_calm() {
-  if (driver_does_ != Driver::as_recorded) return;
+  if (driver_does_ != Driver::as_recorded || pause_decides_) return;
   if (step_ < steps_.size() || read_ < expected_.size())
     world().wrong("{}: the driver waits for a minute, at step {} of {}, {} of {} bytes read", name(), step_,
                   steps_.size(), read_, expected_.size());
@@ -213,7 +234,7 @@ void ReplayChannel::check_end(bool) {
   if (text.empty()) return world().wrong("{}: there is no report", name());
   bool all_written = to_write_.empty();
   for (std::size_t n = step_; n < steps_.size(); ++n) all_written = all_written && steps_[n].reads;
-  const bool done = driver_does_ == Driver::as_recorded && all_written && step_ == steps_.size() &&
+  const bool done = driver_does_ == Driver::as_recorded && !pause_decides_ && all_written && step_ == steps_.size() &&
                     read_ == expected_.size();
   if (verdict("pass") && ((!all_written && !by_lookup()) || driver_does_ != Driver::as_recorded))
     world().wrong("{}: the verdict is pass, and the driver did not do as recorded", name());
