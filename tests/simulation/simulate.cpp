@@ -9,8 +9,10 @@
 #include <fmt/format.h>
 #include <fstream>
 #include <iostream>
+#include <limits>
 #include <optional>
 #include <string>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <thread>
 #include <unistd.h>
@@ -26,28 +28,30 @@ using porttape::simulation::run_seed;
 using porttape::simulation::SeedResult;
 
 constexpr int kMostFindings = 20;
+constexpr std::uint64_t kNoEnd = std::numeric_limits<std::uint64_t>::max();
 
 struct Options {
   std::uint64_t first = 1;
-  std::uint64_t last = 2000;
+  std::uint64_t last = 500;
   unsigned jobs = 1;
+  std::optional<std::chrono::steady_clock::time_point> until = {};  // no new seed is begun then
   std::vector<std::uint64_t> kept = {};  // these instead
   bool trace = false;
   bool stop = false;
 
-  [[nodiscard]] std::vector<std::uint64_t> share(std::uint64_t from, std::uint64_t step) const {
-    std::vector<std::uint64_t> seeds;
-    if (!kept.empty()) {
-      for (std::size_t n = from; n < kept.size(); n += step) seeds.push_back(kept[n]);
-    } else {
-      for (std::uint64_t seed = first + from; seed <= last; seed += step) seeds.push_back(seed);
-    }
-    return seeds;
-  }
+  [[nodiscard]] std::uint64_t count() const { return kept.empty() ? last - first + 1 : kept.size(); }
+  [[nodiscard]] std::uint64_t seed(std::uint64_t n) const { return kept.empty() ? first + n : kept[n]; }
+};
+
+// Of a job: each of so many jobs takes the seeds in turn.
+struct Share {
+  std::uint64_t from = 0;
+  std::uint64_t step = 1;
 };
 
 struct Sum {
   std::uint64_t seeds = 0;
+  std::uint64_t last = 0;  // the highest one
   std::uint64_t findings = 0;
   double seconds = 0;  // simulated
 };
@@ -78,15 +82,18 @@ void on_alarm(int) {
   ::_exit(told ? 1 : 2);
 }
 
-Sum run_seeds(const Options& options, const std::vector<std::uint64_t>& seeds, const char* program) {
+Sum run_seeds(const Options& options, Share share, const char* program) {
   const std::filesystem::path folder = make_folder();
   std::signal(SIGALRM, on_alarm);
   Sum sum;
-  for (const std::uint64_t seed : seeds) {
+  for (std::uint64_t n = share.from; n < options.count(); n += share.step) {
+    if (options.until && std::chrono::steady_clock::now() >= *options.until) break;
+    const std::uint64_t seed = options.seed(n);
     seed_under_way = seed;
     ::alarm(kSeedLimit);
     const SeedResult result = run_seed(seed, folder / "seed", options.trace);
     ++sum.seeds;
+    sum.last = std::max(sum.last, seed);
     sum.seconds += result.seconds;
     std::string text;
     for (const std::string& line : result.trace) text += line + '\n';
@@ -104,7 +111,7 @@ Sum run_seeds(const Options& options, const std::vector<std::uint64_t>& seeds, c
 
 // One process a job, since one process has one simulated system. None when a job died.
 std::optional<Sum> run_jobs(const Options& options, const char* program) {
-  if (options.jobs == 1) return run_seeds(options, options.share(0, 1), program);
+  if (options.jobs == 1) return run_seeds(options, {}, program);
   struct Job {
     pid_t pid;
     int from;
@@ -115,7 +122,8 @@ std::optional<Sum> run_jobs(const Options& options, const char* program) {
     if (::pipe(ends) != 0) return std::nullopt;
     const pid_t pid = ::fork();
     if (pid == 0) {
-      const Sum sum = run_seeds(options, options.share(n, options.jobs), program);
+      ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+      const Sum sum = run_seeds(options, {n, options.jobs}, program);
       const bool told = ::write(ends[1], &sum, sizeof sum) == sizeof sum;
       ::_exit(told ? 0 : 1);
     }
@@ -137,6 +145,7 @@ std::optional<Sum> run_jobs(const Options& options, const char* program) {
       all.reset();
     } else if (all) {
       all->seeds += sum.seeds;
+      all->last = std::max(all->last, sum.last);
       all->findings += sum.findings;
       all->seconds += sum.seconds;
     }
@@ -157,9 +166,10 @@ std::vector<std::uint64_t> read_kept(const std::string& name) {
 
 std::optional<int> read_options(int argc, char** argv, Options& options) {
   namespace po = boost::program_options;
-  std::string seeds = "1..2000";
+  std::string seeds = "1..500";
   po::options_description known("Options");
-  known.add_options()("seeds", po::value(&seeds)->value_name("A..B"), "which ones; 1..2000 unless given")(
+  known.add_options()("seeds", po::value(&seeds)->value_name("A..B"), "which ones; 1..500 unless given; A.. has no end")(
+      "for", po::value<unsigned>()->value_name("SECONDS"), "as many of them as can be begun in that time")(
       "seed", po::value<std::uint64_t>()->value_name("N"), "one seed")(
       "kept", po::value<std::string>()->value_name("FILE"),
       "those of a file: one a line, and what it is about")("trace", "prints what happens in each seed")(
@@ -171,7 +181,7 @@ std::optional<int> read_options(int argc, char** argv, Options& options) {
     po::store(po::parse_command_line(argc, argv, known), given);
     po::notify(given);
     if (given.contains("help")) {
-      std::cout << "usage: simulate [--seeds A..B | --kept FILE] [--jobs N] [--stop]\n"
+      std::cout << "usage: simulate [--seeds A..B | --kept FILE] [--for SECONDS] [--jobs N] [--stop]\n"
                    "       simulate --seed N [--trace]\n\n"
                    "Runs a whole daemon in a simulated world, once a seed: what drivers, devices, disks and "
                    "users do is\n"
@@ -185,7 +195,12 @@ std::optional<int> read_options(int argc, char** argv, Options& options) {
     if (dots == std::string::npos) throw std::invalid_argument("seeds");
     if (given.contains("kept")) options.kept = read_kept(given["kept"].as<std::string>());
     options.first = given.contains("seed") ? given["seed"].as<std::uint64_t>() : std::stoull(seeds);
-    options.last = given.contains("seed") ? options.first : std::stoull(seeds.substr(dots + 2));
+    const std::string last = seeds.substr(dots + 2);
+    options.last = given.contains("seed") ? options.first : last.empty() ? kNoEnd : std::stoull(last);
+    if (given.contains("for"))
+      options.until = std::chrono::steady_clock::now() + std::chrono::seconds(given["for"].as<unsigned>());
+    if (options.last < options.first || (options.last == kNoEnd && !options.until))
+      throw std::invalid_argument("--seeds " + seeds + ": there is none, or no end without --for");
   } catch (const std::exception& error) {
     std::cerr << "simulate: " << error.what() << "; see --help\n";
     return 2;
@@ -205,6 +220,8 @@ int main(int argc, char** argv) {
   const std::optional<Sum> sum = run_jobs(options, argv[0]);
   if (!sum) return 1;
   const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  // Which ones, so that they can be repeated.
+  if (options.until && sum->seeds > 0) std::cout << fmt::format("seeds {}..{}: ", options.first, sum->last);
   std::cout << fmt::format("{} seeds, {:.1f} simulated hours in {:.1f} s ({:.0f} seeds/s): {} findings\n",
                            sum->seeds, sum->seconds / 3600, took, static_cast<double>(sum->seeds) / took,
                            sum->findings);
