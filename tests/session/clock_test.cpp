@@ -167,5 +167,54 @@ TEST_P(AnHourOfReplay, FindsTheQuestionThatCameLateAndByHowMuch) {
   EXPECT_EQ(moved.status, exit_status::kTimingMismatch);
 }
 
+// As a tty waits 30 s at its close (closing_wait), so does a session for the last bytes of a driver that has
+// closed.
+class LastBytes : public testing::Test {
+ protected:
+  LastBytes() {
+    driver_.passive = true;
+    driver_.up_at_once = false;
+    session_ = std::make_unique<Session>(PortContext{&loop_, book_.log()},
+                                         std::make_unique<MemoryPort>(driver_),
+                                         std::make_unique<MemoryPort>(device_), [](int) {});
+    EXPECT_TRUE(session_->start().has_value());
+    driver_.up();
+    device_.congested = true;
+    driver_.send("last");
+    driver_.down(LineDown::Reason::closed);
+  }
+  [[nodiscard]] bool closed() const { return device_.calls.find("close ") != std::string::npos; }
+
+  ManualClock clock_;
+  Loop loop_{clock_};
+  LogBook book_;
+  MemoryPort::Peer driver_;
+  MemoryPort::Peer device_;
+  std::unique_ptr<Session> session_;
+};
+
+TEST_F(LastBytes, HaveThirtySeconds) {
+  (void)let_pass(loop_, clock_, seconds(30) - milliseconds(1));
+  EXPECT_FALSE(closed());
+  (void)let_pass(loop_, clock_, milliseconds(2));
+  EXPECT_TRUE(closed());
+}
+
+TEST_F(LastBytes, EndTheWaitWhenTheyHaveGone) {
+  (void)let_pass(loop_, clock_, seconds(29));
+  device_.drain();
+  (void)let_pass(loop_, clock_, milliseconds(1));
+  EXPECT_TRUE(closed());
+}
+
+// A next driver waits for a device that gets on, and not for one that stands.
+TEST_F(LastBytes, HaveASecondWhereANextDriverWaitsAndNothingGoes) {
+  driver_.up();
+  (void)let_pass(loop_, clock_, milliseconds(900));
+  EXPECT_FALSE(closed());
+  (void)let_pass(loop_, clock_, milliseconds(1200));
+  EXPECT_TRUE(closed());
+}
+
 }  // namespace
 }  // namespace porttape

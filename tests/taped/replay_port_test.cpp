@@ -9,6 +9,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "libport/replay/budget.hpp"
 #include "libport/replay/replay_clock.hpp"
 #include "libport/tape/event.hpp"
 #include "tests/support/port_log.hpp"
@@ -488,6 +489,41 @@ TEST_F(ReplayPortTest, ATapeOfEmptyBlocksHoldsNothingUp) {
 }
 
 // Tapes whose zeros were 40 s apart, each with a read an hour after its zero.
+// More at once than is looked at in a turn: whoever writes waits, and is told when he may go on, however the
+// rest comes to nothing.
+TEST_F(ReplayPortTest, TheEndOfItsCongestionIsTold) {
+  const std::string much(std::size_t{4} << 20, 'x');
+  test::write_file(dir / "t.logw", test::block_bytes({{0, much}}));
+  start();
+  write(much);
+  ASSERT_TRUE(port->congested());
+  EXPECT_THAT(log.events, Not(HasSubstr("drained")));
+  run_until(loop, [this] { return !port->congested(); });
+  EXPECT_THAT(log.events, HasSubstr("drained"));
+  const std::size_t first = log.events.find("drained");
+  EXPECT_EQ(log.events.find("drained", first + 1), std::string::npos) << log.events;
+  (void)finish();
+}
+
+// What one turn left is the next one's, all of it.
+TEST_F(ReplayPortTest, TheEndOfItsCongestionIsToldWhereAllTheRestGoesAtOnce) {
+  constexpr std::size_t kBlock = std::size_t{32} << 10;
+  const std::string block(kBlock, 'x');
+  Bytes blocks;
+  std::string much;
+  while (much.size() < Budget::kBytes + 3 * kBlock) {
+    const Bytes next = test::block_bytes({{0, block}});
+    blocks.insert(blocks.end(), next.begin(), next.end());
+    much += block;
+  }
+  test::write_file(dir / "t.logw", blocks);
+  start();
+  write(much);
+  run_until(loop, [this] { return !port->congested(); });
+  EXPECT_THAT(log.events, HasSubstr("drained")) << "it was congested for the moment";
+  (void)finish();
+}
+
 TEST_F(ReplayPortTest, TapesOfOneProgramPlayByItsClock) {
   const auto clock = std::make_shared<ReplayClock>(1);
   const auto play = [&](const char* tape, std::int64_t zero_us) {
