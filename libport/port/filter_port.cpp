@@ -20,31 +20,37 @@ FilterPort::FilterPort(const PortContext& context, std::unique_ptr<Port> inner)
            .pass = [this](ByteView data) { pass(data); },
            .given_up = [this](std::size_t bytes) { drop(bytes, "nobody read them before the line broke"); },
            .less = [this] { let_inner_read(); }}),
-      out_(*context.loop,
-           {.open = [this] { return !interrupted_ && !ForwardingPort::congested(); },
-            .pass = [this](ByteView data) { ForwardingPort::write(data); },
-            .given_up = [this](std::size_t bytes) { drop(bytes, "they could not be sent"); },
-            .less =
-                [this] {
-                  if (!congested()) ForwardingPort::on_drained();
-                }}) {}
+      out_(*context.loop, {.open = [this] { return !interrupted_ && !ForwardingPort::congested(); },
+                           .pass = [this](ByteView data) { ForwardingPort::write(data); },
+                           .given_up = [this](std::size_t bytes) { drop(bytes, "they could not be sent"); },
+                           .less =
+                               [this] {
+                                 if (!congested()) ForwardingPort::on_drained();
+                               }}) {}
 
 void FilterPort::close() {
   pass_together();
   ++closes_;
-  end_ = nullptr;
   ForwardingPort::close();
-  for (Lane* lane : {&out_, &in_}) drop_held(*lane, "they were held back when the line was closed");
+  drop_writes("they were held back when the line was closed");
+  drop_held(in_, "they were held back when the line was closed");
   let_inner_read();
 }
 
 void FilterPort::finish() {
-  for (Lane* lane : {&out_, &in_}) drop_held(*lane, "they were held back at the end");
+  drop_writes("they were held back at the end");
+  drop_held(in_, "they were held back at the end");
   ForwardingPort::finish();
 }
 
 void FilterPort::drop_held(Lane& lane, std::string_view why) {
   if (const std::size_t bytes = lane.drop(); bytes > 0) lose_held(bytes, why);
+}
+
+// An end that waits behind them goes with them.
+void FilterPort::drop_writes(std::string_view why) {
+  end_ = nullptr;
+  drop_held(out_, why);
 }
 
 void FilterPort::deliver(ByteView arrival, Instant due) {
@@ -104,8 +110,7 @@ void FilterPort::on_up() {
 
 void FilterPort::on_down(const LineDown& down) {
   interrupted_ = false;
-  end_ = nullptr;
-  drop_held(out_, "they were held back when the line went down");
+  drop_writes("they were held back when the line went down");
   ++downs_untold_;
   const auto tell = [this, down, session = closes_] {
     --downs_untold_;
@@ -210,8 +215,7 @@ void FilterPort::hang_up(bool after_reading) {
   if (after_reading && !out_.empty()) {
     return end_behind_writes([this] { ForwardingPort::hang_up(true); });
   }
-  end_ = nullptr;
-  drop_held(out_, "they were held back when the line was hung up");
+  drop_writes("they were held back when the line was hung up");
   ForwardingPort::hang_up(after_reading);
 }
 

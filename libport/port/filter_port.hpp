@@ -49,7 +49,8 @@ class FilterPort : public ForwardingPort {
   [[nodiscard]] bool congested() const final { return !out_.empty() || ForwardingPort::congested(); }
   bool end_writing() final;
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const final;
-  // Those that wait are the line's already. Where it refuses them later, on_settings() tells.
+  // Settings that wait behind held writes count as the line's. If the inner port refuses them later,
+  // on_settings() gives those that it has kept.
   [[nodiscard]] std::optional<LineSettings> settings() const final;
   Result<void> apply(const LineSettings& settings) final;
   void signal(const LineSignal& signal) final;
@@ -110,6 +111,7 @@ class FilterPort : public ForwardingPort {
   void pass_together();
   void let_inner_read();
   void drop_held(Lane& lane, std::string_view why);
+  void drop_writes(std::string_view why);
   void end_behind_writes(std::function<void()> end);
   void apply_waiting();
 
@@ -119,8 +121,8 @@ class FilterPort : public ForwardingPort {
   Lane out_;
   bool reading_ = true;
   bool inner_reads_ = true;
-  bool interrupted_ = false;  // the inner port's line, whether or not that is told yet
-  std::function<void()> end_;  // of writing, or of the line: waits behind held writes
+  bool interrupted_ = false;   // the inner port's line, whether or not that is told yet
+  std::function<void()> end_;  // end_writing() or hang_up() of the inner port, behind held writes
   std::deque<LineSettings> settings_waiting_;
   int downs_untold_ = 0;
   unsigned closes_ = 0;

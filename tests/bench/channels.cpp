@@ -101,9 +101,7 @@ int channels_command(const Arguments& arguments) {
   const double seconds = static_cast<double>(now_ns() - start) / 1e9;
   const std::int64_t cpu = cpu_ns(daemon.pid()) - cpu_before;
   const std::uint64_t peak = peak_rss_kib(daemon.pid());
-  const int status = daemon.stop();
-  if (status != 0) throw BenchError("the daemon ended with " + std::to_string(status) + ": " +
-                     last_lines(dir.path() / "output"));
+  stop_daemon(daemon, dir.path() / "output");
   for (std::size_t n = 0; n < channels.size(); ++n)
     check_pattern_file((dir.path() / ("c" + std::to_string(n) + ".logr")).string(), 0, bytes);
   const double megabytes = static_cast<double>(bytes * channels.size()) / 1e6;

@@ -105,6 +105,12 @@ std::string last_lines(const std::filesystem::path& output) {
   return all.size() > kMost ? all.substr(all.size() - kMost) : all;
 }
 
+void stop_daemon(Child& daemon, const std::filesystem::path& output) {
+  const int status = daemon.stop();
+  if (status != 0)
+    throw BenchError("the daemon ended with " + std::to_string(status) + ": " + last_lines(output));
+}
+
 Child Child::run(const std::vector<std::string>& argv, const std::string& output) {
   std::fflush(nullptr);
   const pid_t parent = ::getpid();

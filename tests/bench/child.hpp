@@ -51,6 +51,8 @@ class Child {
 
 // The end of what a program wrote to the `output` of Child::run(), for the words of an error.
 std::string last_lines(const std::filesystem::path& output);
+// Stops a daemon. Throws BenchError with its last lines if its exit status is not 0.
+void stop_daemon(Child& daemon, const std::filesystem::path& output);
 
 // Keeps `count` cores busy while it lives.
 class BusyCores {

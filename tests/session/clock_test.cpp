@@ -174,9 +174,9 @@ class LastBytes : public testing::Test {
   LastBytes() {
     driver_.passive = true;
     driver_.up_at_once = false;
-    session_ = std::make_unique<Session>(PortContext{&loop_, book_.log()},
-                                         std::make_unique<MemoryPort>(driver_),
-                                         std::make_unique<MemoryPort>(device_), [](int) {});
+    session_ =
+        std::make_unique<Session>(PortContext{&loop_, book_.log()}, std::make_unique<MemoryPort>(driver_),
+                                  std::make_unique<MemoryPort>(device_), [](int) {});
     EXPECT_TRUE(session_->start().has_value());
     driver_.up();
     device_.congested = true;

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "libport/catalog/channel.hpp"
@@ -28,6 +30,12 @@ class Channel {
 
  protected:
   [[nodiscard]] World& world() const { return *world_; }
+  // Whether the channel has logged a line with this text.
+  [[nodiscard]] bool has_logged(std::string_view text) const {
+    return std::ranges::any_of(world_->logged(), [&](const std::string& line) {
+      return line.starts_with(name_ + ": ") && line.find(text) != std::string::npos;
+    });
+  }
 
  private:
   World* world_;

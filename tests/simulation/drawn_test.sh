@@ -25,6 +25,29 @@ timed=$(drawn "$1" --commit aaaaaaaaaa --for 1 --next "$folder/next")
 read -r commit next <"$folder/next"
 [[ $next == $((BASH_REMATCH[2] + 1)) ]] || fail "after ${BASH_REMATCH[2]} comes not $next"
 
+# However short the time is, something is run.
+for seeds in 0.. 7..; do
+  short=$("$1" --seeds $seeds --for 0)
+  [[ $short =~ ": "[1-9][0-9]*" seeds, " ]] || fail "no seed of $seeds is run: $short"
+done
+
+# Whoever ends it leaves no simulation behind.
+"$here/drawn" --simulate "$1" --commit dddddddddd --for 600 >"$folder/ended" &
+ended=$!
+ours="seeds $((0xddddddddd + 1000000))\.\."
+for ((n = 0; n < 600; ++n)); do
+  pgrep -f "$ours" >/dev/null && break
+  sleep 0.1
+done
+((n < 600)) || fail "it does not begin: $(<"$folder/ended")"
+kill "$ended"
+wait "$ended" || true
+for ((n = 0; n < 600; ++n)); do
+  pgrep -f "$ours" >/dev/null || break
+  sleep 0.1
+done
+((n < 600)) || fail "a simulation is left behind: $(pgrep -af "$ours")"
+
 # A finding is a failure, and what was found is printed. A simulation that finds something at every seed:
 cat >"$folder/finds" <<'END'
 #!/bin/sh

@@ -232,11 +232,7 @@ void ReplayChannel::check_end(bool failed) {
     return text.find("\"verdict\":\"" + std::string(wanted) + "\"") != std::string::npos;
   };
   // An end that is wanted at once waits no longer for a disk; what is given up for it is told.
-  const bool given_up =
-      failed && std::ranges::any_of(world().logged(), [this](const std::string& line) {
-        return line.starts_with(name() + ": ") && line.find("given up") != std::string::npos;
-      });
-  if (text.empty() && given_up) return;
+  if (text.empty() && failed && has_logged("given up")) return;
   if (text.empty()) return world().wrong("{}: there is no report", name());
   bool all_written = to_write_.empty();
   for (std::size_t n = step_; n < steps_.size(); ++n) all_written = all_written && steps_[n].reads;
@@ -245,10 +241,7 @@ void ReplayChannel::check_end(bool failed) {
   if (verdict("pass") && ((!all_written && !by_lookup()) || driver_does_ != Driver::as_recorded))
     world().wrong("{}: the verdict is pass, and the driver did not do as recorded", name());
   // What came after an end that was wanted at once reached nobody, and is told.
-  const bool dropped = std::ranges::any_of(world().logged(), [this](const std::string& line) {
-    return line.starts_with(name() + ": ") && line.find("reached nobody") != std::string::npos;
-  });
-  if (done && !dropped && driver_.bytes_in == written_ && !verdict("pass"))
+  if (done && !has_logged("reached nobody") && driver_.bytes_in == written_ && !verdict("pass"))
     world().wrong("{}: the driver did as recorded: {}", name(), text);
   if (driver_does_ == Driver::leaves_early && left_ && !verdict("incomplete"))
     world().wrong("{}: the driver left early: {}", name(), text);

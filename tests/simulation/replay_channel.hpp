@@ -57,7 +57,7 @@ class ReplayChannel final : public Channel {
   std::size_t read_ = 0;
   std::set<std::size_t> answers_;       // where in it an answer begins
   std::set<std::size_t> places_ = {0};  // where in it the driver may be that gets answers in any order
-  bool pause_decides_ = false;  // which request it is that the driver has written
+  bool pause_decides_ = false;          // which request it is that the driver has written
   bool acting_ = false;
   bool left_ = false;
 };

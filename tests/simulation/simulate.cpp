@@ -12,7 +12,6 @@
 #include <limits>
 #include <optional>
 #include <string>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <thread>
 #include <unistd.h>
@@ -28,14 +27,14 @@ using porttape::simulation::run_seed;
 using porttape::simulation::SeedResult;
 
 constexpr int kMostFindings = 20;
-constexpr std::uint64_t kNoEnd = std::numeric_limits<std::uint64_t>::max();
+constexpr std::uint64_t kNoEnd = std::numeric_limits<std::uint64_t>::max() - 1;  // all can be counted
 
 struct Options {
   std::uint64_t first = 1;
   std::uint64_t last = 500;
   unsigned jobs = 1;
-  std::optional<std::chrono::steady_clock::time_point> until = {};  // no new seed is begun then
-  std::vector<std::uint64_t> kept = {};  // these instead
+  std::optional<std::chrono::steady_clock::time_point> until = {};  // a job begins none then but its first
+  std::vector<std::uint64_t> kept = {};                             // these instead
   bool trace = false;
   bool stop = false;
 
@@ -47,6 +46,7 @@ struct Options {
 struct Share {
   std::uint64_t from = 0;
   std::uint64_t step = 1;
+  pid_t parent = 0;  // it ends when that process has; 0: it has none
 };
 
 struct Sum {
@@ -87,7 +87,8 @@ Sum run_seeds(const Options& options, Share share, const char* program) {
   std::signal(SIGALRM, on_alarm);
   Sum sum;
   for (std::uint64_t n = share.from; n < options.count(); n += share.step) {
-    if (options.until && std::chrono::steady_clock::now() >= *options.until) break;
+    const bool late = options.until && std::chrono::steady_clock::now() >= *options.until;
+    if ((late && n != share.from) || (share.parent != 0 && ::getppid() != share.parent)) break;
     const std::uint64_t seed = options.seed(n);
     seed_under_way = seed;
     ::alarm(kSeedLimit);
@@ -117,13 +118,13 @@ std::optional<Sum> run_jobs(const Options& options, const char* program) {
     int from;
   };
   std::vector<Job> jobs;
+  const pid_t parent = ::getpid();
   for (unsigned n = 0; n < options.jobs; ++n) {
     int ends[2];
     if (::pipe(ends) != 0) return std::nullopt;
     const pid_t pid = ::fork();
     if (pid == 0) {
-      ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-      const Sum sum = run_seeds(options, {n, options.jobs}, program);
+      const Sum sum = run_seeds(options, {n, options.jobs, parent}, program);
       const bool told = ::write(ends[1], &sum, sizeof sum) == sizeof sum;
       ::_exit(told ? 0 : 1);
     }
@@ -168,7 +169,8 @@ std::optional<int> read_options(int argc, char** argv, Options& options) {
   namespace po = boost::program_options;
   std::string seeds = "1..500";
   po::options_description known("Options");
-  known.add_options()("seeds", po::value(&seeds)->value_name("A..B"), "which ones; 1..500 unless given; A.. has no end")(
+  known.add_options()("seeds", po::value(&seeds)->value_name("A..B"),
+                      "which ones; 1..500 unless given; A.. has no end")(
       "for", po::value<unsigned>()->value_name("SECONDS"), "as many of them as can be begun in that time")(
       "seed", po::value<std::uint64_t>()->value_name("N"), "one seed")(
       "kept", po::value<std::string>()->value_name("FILE"),
@@ -221,7 +223,8 @@ int main(int argc, char** argv) {
   if (!sum) return 1;
   const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   // Which ones, so that they can be repeated.
-  if (options.until && sum->seeds > 0) std::cout << fmt::format("seeds {}..{}: ", options.first, sum->last);
+  if (options.until && options.kept.empty())
+    std::cout << fmt::format("seeds {}..{}: ", options.first, sum->last);
   std::cout << fmt::format("{} seeds, {:.1f} simulated hours in {:.1f} s ({:.0f} seeds/s): {} findings\n",
                            sum->seeds, sum->seconds / 3600, took, static_cast<double>(sum->seeds) / took,
                            sum->findings);
