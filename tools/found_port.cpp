@@ -9,15 +9,7 @@ namespace porttape {
 std::optional<DevicePort> port_to_find(const Supervision& supervision, const Port& driver, const Port* device,
                                        spdlog::logger& log) {
   std::optional<PortIdentity> identity = supervision.as;
-  if (!identity && supervision.finds && device != nullptr) {
-    identity = device->identity();
-    // A tape may be anybody's.
-    if (const Result<void> checked = identity ? check_identity(*identity) : Result<void>(); !checked) {
-      log.warn("{}: {}; the command finds its port by {{port}} alone", device->name(),
-               checked.error().message);
-      return std::nullopt;
-    }
-  }
+  if (!identity && supervision.finds && device != nullptr) identity = device->identity();
   DevicePort port{identity.value_or(PortIdentity()), driver.peer_node()};
   if (!identity || port.node.empty()) return std::nullopt;
   const Result<void> possible = can_enter_device_view({port});

@@ -201,6 +201,7 @@ std::string to_json(const EventsSummary& events) {
       .add_or_null("stamped", header.stamped ? std::optional(word_of(*header.stamped)) : std::nullopt)
       .add_raw("previous", to_json(header.previous))
       .add_raw("identity", to_json(header.identity))
+      .add_or_null("identity_refused", text_or_none(header.identity_refused))
       .add_raw("origin", to_json(header.origin))
       .add("gaps", to_json(events.gaps))
       .add("marks", to_json(events.marks))
@@ -287,6 +288,8 @@ void print_header(const TapeHeader& header, std::ostream& out) {
   }
   label(out, "device") << safe(header.device) << '\n';
   if (header.identity) label(out, "identity") << safe(to_text(*header.identity)) << '\n';
+  if (!header.identity_refused.empty())
+    label(out, "identity") << "refused: " << safe(header.identity_refused) << '\n';
   label(out, "driver") << safe(header.driver) << '\n';
   if (header.transport) label(out, "transport") << word_of(*header.transport) << '\n';
   if (header.stamped) {

@@ -26,6 +26,8 @@ constexpr std::array kKeptNames = {"null"sv, "zero"sv,  "full"sv,   "random"sv, 
                                    "shm"sv,  "stdin"sv, "stdout"sv, "stderr"sv};
 constexpr std::size_t kMostIdentityText = 400;  // bytes: a USB device tells up to 126 characters
 constexpr std::size_t kMostPath = 200;
+// Beside letters and digits, in a path: what no shell, format or list takes for anything else.
+constexpr std::string_view kPathCharacters = "_.:+@-";
 
 bool has_control(std::string_view text) {
   return std::ranges::any_of(text, [](char each) {
@@ -38,9 +40,13 @@ bool is_alphanumeric(char each) {
   return (each >= '0' && each <= '9') || (each >= 'A' && each <= 'Z') || (each >= 'a' && each <= 'z');
 }
 
+bool is_of_path(char each) {
+  return is_alphanumeric(each) || kPathCharacters.find(each) != std::string_view::npos;
+}
+
 Result<void> check_path(const std::string& path) {
-  const auto refuse = [&](std::string_view why) {
-    return usage_error("port " + in_quotes(path) + " " + std::string(why) +
+  const auto refuse = [&](const std::string& why) {
+    return usage_error("port " + in_quotes(path) + " " + why +
                        "; accepted: a name below /dev, such as /dev/ttyUSB0");
   };
   constexpr std::string_view kDev = "/dev/";
@@ -53,7 +59,8 @@ Result<void> check_path(const std::string& path) {
     const std::string_view part = rest.substr(0, slash);
     if (part.empty()) return refuse("has an empty part");
     if (part.front() == '.') return refuse("has a part that begins with '.'");
-    if (part.find('!') != std::string_view::npos) return refuse("has a '!'");
+    if (!std::ranges::all_of(part, is_of_path))
+      return refuse("has other characters than letters, digits and " + std::string(kPathCharacters));
     if (slash == std::string_view::npos) break;
     rest.remove_prefix(slash + 1);
   }

@@ -32,7 +32,10 @@ struct PortIdentity {
 // in hexadecimal digits. Errc::usage.
 Result<PortIdentity> parse_identity(std::string_view text);
 
-// Whether such a port can be: for one that came from elsewhere (a tape). Errc::usage.
+// Whether such a port can be. A path becomes part of commands and of the names of mounts, the rest part of
+// files that programs read (/sys, udev's data), so each has a form: the path is a name below /dev, each part
+// of it of letters, digits and `_.:+@-`, and begins with no '.'; texts have no control characters.
+// Errc::usage, with the reason.
 Result<void> check_identity(const PortIdentity& identity);
 
 // With what every port of USB has, where it is not known: interface 0, location 1-1, a driver that fits the

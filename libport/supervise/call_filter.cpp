@@ -145,8 +145,8 @@ Program whole_program(const std::vector<CallTrap>& traps) {
   return program;
 }
 
-int install(const sock_fprog& program, unsigned long flags) {
-  return static_cast<int>(::syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, flags, &program));
+int install(const sock_fprog* program, unsigned long flags) {
+  return static_cast<int>(::syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, flags, program));
 }
 
 Error refused(int error) {
@@ -167,6 +167,12 @@ Error refused(int error) {
 
 }  // namespace
 
+// A kernel that knows the flag looks for the program, and does not find it.
+bool calls_outlast_signals() {
+  return install(nullptr, SECCOMP_FILTER_FLAG_NEW_LISTENER | SECCOMP_FILTER_FLAG_WAIT_KILLABLE_RECV) < 0 &&
+         errno == EFAULT;
+}
+
 Result<UniqueFd> trap_calls(const std::vector<CallTrap>& traps) {
   if (kNativeArch == 0)
     return make_error(Errc::usage, "system calls are not supervised on this kind of processor");
@@ -175,16 +181,16 @@ Result<UniqueFd> trap_calls(const std::vector<CallTrap>& traps) {
                            .filter = instructions.data()};
   if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0)
     return make_error(Errc::usage, "no_new_privs is refused here: " + errno_text(errno));
-  int fd = install(program, SECCOMP_FILTER_FLAG_NEW_LISTENER | SECCOMP_FILTER_FLAG_WAIT_KILLABLE_RECV);
-  // Before Linux 5.19: a signal ends what is being answered, and the call is done again. What was read from a
-  // device is lost by that.
+  const bool last = calls_outlast_signals();
+  // A signal would end a read that is being answered, and what was read from the device would be lost.
   const bool reads =
       std::ranges::any_of(traps, [](const CallTrap& trap) { return trap.files_from.has_value(); });
-  if (fd < 0 && errno == EINVAL && reads)
+  if (!last && errno == EINVAL && reads)
     return make_error(Errc::usage,
                       "this kernel lets signals break off what is answered; Linux 5.19 or newer "
                       "does not");
-  if (fd < 0 && errno == EINVAL) fd = install(program, SECCOMP_FILTER_FLAG_NEW_LISTENER);
+  const int fd = install(
+      &program, SECCOMP_FILTER_FLAG_NEW_LISTENER | (last ? SECCOMP_FILTER_FLAG_WAIT_KILLABLE_RECV : 0UL));
   if (fd < 0) return refused(errno);
   return UniqueFd(fd);
 }

@@ -31,6 +31,11 @@ struct CallTrap {
 // Errc::usage: what forbids it and what to do.
 Result<UniqueFd> trap_calls(const std::vector<CallTrap>& traps);
 
+// Whether a trapped call that somebody has received can end before its answer only by the end of its thread
+// (Linux 5.19). On an older kernel a signal ends it, and the thread makes it again. False, with errno, where
+// it is not.
+bool calls_outlast_signals();
+
 // Of a call of a 32-bit program, the number that the same call has for one of 64 bits; else `number`.
 int native_call_number(std::uint32_t arch, int number);
 bool is_32_bit(std::uint32_t arch);

@@ -12,8 +12,10 @@
 #include <system_error>
 #include <unistd.h>
 
+#include "libport/base/printable.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/supervise/device_tree.hpp"
+#include "libport/supervise/port_devices.hpp"
 #include "libport/supervise/private_folders.hpp"
 #include "libport/supervise/private_mounts.hpp"
 
@@ -75,6 +77,16 @@ Result<void> put_port(PrivateFolders& folders, const DevicePort& port, const std
   return put_tree(folders, device_tree(port.identity, status.st_rdev), number);
 }
 
+// Only a port's place may be taken: who talks to `/dev/net/tun` or a disk means that. A pty under such a name
+// is the port of another porttape.
+Result<void> check_place(const std::string& path) {
+  struct stat status {};
+  if (::stat(path.c_str(), &status) != 0) return {};
+  if (S_ISCHR(status.st_mode) && (is_pty(status.st_rdev) || is_serial(status.st_rdev))) return {};
+  return usage_error("port " + in_quotes(path) +
+                     " is something else than a serial port on this machine; give another name by --as");
+}
+
 std::string by_descriptor(const UniqueFd& file) { return fmt::format("/proc/self/fd/{}", file.get()); }
 
 Result<void> build_view(const PrivateMounts& mounts, const std::vector<DevicePort>& ports) {
@@ -96,6 +108,7 @@ Result<void> build_view(const PrivateMounts& mounts, const std::vector<DevicePor
 Result<void> enter_device_view(const std::vector<DevicePort>& ports) {
   for (const DevicePort& port : ports) {
     if (Result<void> checked = check_identity(port.identity); !checked) return checked;
+    if (Result<void> checked = check_place(port.identity.path); !checked) return checked;
   }
   std::error_code unknown;
   const std::filesystem::path here = std::filesystem::current_path(unknown);

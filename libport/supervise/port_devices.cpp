@@ -54,6 +54,26 @@ std::uint64_t device_number(std::uint32_t word) {
   return makedev((word >> 8U) & 0xfffU, (word & 0xffU) | ((word >> 12U) & 0xfff00U));
 }
 
+bool is_serial(std::uint64_t device, const std::string& drivers) {
+  std::ifstream file(drivers);
+  for (std::string line; std::getline(file, line);) {
+    std::istringstream words(line);
+    std::string name;
+    std::string path;
+    unsigned kind = 0;
+    unsigned first = 0;
+    char dash = 0;
+    std::string what;
+    if (!(words >> name >> path >> kind >> first)) continue;
+    unsigned last = first;
+    if (words.peek() == '-') words >> dash >> last;
+    if (words >> what && what == "serial" && kind == major(device) && first <= minor(device) &&
+        minor(device) <= last)
+      return true;
+  }
+  return false;
+}
+
 bool is_pty(std::uint64_t device) { return major(device) >= kFirstPty && major(device) <= kLastPty; }
 
 }  // namespace porttape

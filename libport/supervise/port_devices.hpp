@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 namespace porttape {
@@ -19,6 +20,10 @@ class PortDevices {
 };
 
 bool is_pty(std::uint64_t device);
+
+// Whether it is of a tty driver of the kind `serial`, by the kernel's list of these (proc_tty(5): a name, a
+// path, a major number, one or a range of minor numbers, a kind in each line).
+bool is_serial(std::uint64_t device, const std::string& drivers = "/proc/tty/drivers");
 
 // By the kernel's word for a device's number in 32 bits (TIOCGDEV, proc_pid_stat(5)).
 std::uint64_t device_number(std::uint32_t word);

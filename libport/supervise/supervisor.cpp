@@ -49,15 +49,16 @@ Supervisor::Supervisor(Loop& loop, UniqueFd listener, std::vector<std::unique_pt
     : listener_(std::move(listener)),
       parts_(std::move(parts)),
       loop_(&loop),
+      calls_stay_(calls_outlast_signals()),
       told_(sizes_here().seccomp_notif),
       response_(sizes_here().seccomp_notif_resp),
       watch_(loop, listener_.get(), [this] { on_readable(); }),
       call_timer_(loop, [this] { call_back_due(); }),
       look_timer_(
           loop, [this] { look(); }, Timer::By::machine) {
+  // Only faster, and only from Linux 6.6 on.
   const std::uint64_t flags = SECCOMP_USER_NOTIF_FD_SYNC_WAKE_UP;
-  // A kernel that wakes both sides at once has what keeps other signals from a call (Linux 5.19) as well.
-  calls_stay_ = ::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_SET_FLAGS, flags) == 0;
+  (void)::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_SET_FLAGS, flags);
   watch_.watch_readable(true);
 }
 
@@ -100,16 +101,29 @@ void Supervisor::handle(const Call& call) {
   send(call, outcome::Pass{});
 }
 
+// Nullopt: the call has been answered, or has ended. Giving the file and answering in one (SEND) is for where
+// a signal to the thread may end its call between the two. Where none does it is done in two: a signal to the
+// supervisor, a stop among them, would end the one before the file is given, and the call with descriptor 0.
+std::optional<Outcome> Supervisor::install_file(std::uint64_t id, const outcome::Install& install) {
+  seccomp_notif_addfd add{};
+  add.id = id;
+  add.srcfd = static_cast<__u32>(install.file.get());
+  add.newfd = static_cast<__u32>(install.at.value_or(0));
+  add.flags = (calls_stay_ ? 0U : SECCOMP_ADDFD_FLAG_SEND) | (install.at ? SECCOMP_ADDFD_FLAG_SETFD : 0U);
+  add.newfd_flags = install.close_on_exec ? O_CLOEXEC : 0U;
+  int given = -1;
+  do {
+    given = ::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_ADDFD, &add);
+  } while (given < 0 && errno == EINTR);
+  if (given < 0) return errno == ENOENT ? std::nullopt : std::optional<Outcome>(outcome::Refuse{errno});
+  return calls_stay_ ? std::optional<Outcome>(outcome::Answer{given}) : std::nullopt;
+}
+
 void Supervisor::send(const Call& call, Outcome outcome) {
-  if (const auto* const install = std::get_if<outcome::Install>(&outcome)) {
-    seccomp_notif_addfd add{};
-    add.id = call.id();
-    add.srcfd = static_cast<__u32>(install->file.get());
-    add.newfd = static_cast<__u32>(install->at.value_or(0));
-    add.flags = SECCOMP_ADDFD_FLAG_SEND | (install->at ? SECCOMP_ADDFD_FLAG_SETFD : 0U);
-    add.newfd_flags = install->close_on_exec ? O_CLOEXEC : 0U;
-    if (::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_ADDFD, &add) >= 0 || errno == ENOENT) return;
-    outcome = outcome::Refuse{errno};
+  if (auto* const install = std::get_if<outcome::Install>(&outcome)) {
+    std::optional<Outcome> given = install_file(call.id(), *install);
+    if (!given) return;
+    outcome = std::move(*given);
   }
   std::ranges::fill(response_, std::byte{0});
   auto* const response = reinterpret_cast<seccomp_notif_resp*>(response_.data());

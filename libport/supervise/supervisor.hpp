@@ -127,6 +127,7 @@ class Supervisor {
   void all_gone();
   void take_one();
   void handle(const Call& call);
+  std::optional<Outcome> install_file(std::uint64_t id, const outcome::Install& install);
   void send(const Call& call, Outcome outcome);
   void call_back_due();
   void look();
@@ -138,7 +139,7 @@ class Supervisor {
   UniqueFd listener_;
   std::vector<std::unique_ptr<CallPart>> parts_;
   Loop* loop_;
-  bool calls_stay_ = false;
+  bool calls_stay_;
   KnownThreads threads_;
   std::vector<std::byte> told_;  // room for a notification of this kernel
   std::vector<std::byte> response_;

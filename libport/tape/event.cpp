@@ -474,7 +474,13 @@ Result<TapeHeader> decode_header(std::string_view line) {
   if (const json::object* previous = object_of(*object, "previous")) {
     header.previous = PreviousTape{text_of(*previous, "id"), text_of(*previous, "name")};
   }
-  if (const json::object* identity = object_of(*object, "identity")) header.identity = identity_of(*identity);
+  if (const json::object* identity = object_of(*object, "identity")) {
+    header.identity = identity_of(*identity);
+    if (const Result<void> checked = check_identity(*header.identity); !checked) {
+      header.identity_refused = checked.error().message;
+      header.identity.reset();
+    }
+  }
   if (const json::object* origin = object_of(*object, "origin")) header.origin = origin_of(*origin);
   return header;
 }

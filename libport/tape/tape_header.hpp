@@ -69,7 +69,8 @@ struct TapeHeader {
   std::optional<Transport> transport{};
   std::optional<Stamped> stamped{};
   std::optional<PreviousTape> previous{};
-  std::optional<PortIdentity> identity{};  // of the device; unchecked; without its location
+  std::optional<PortIdentity> identity{};  // of the device; without its location
+  std::string identity_refused{};          // read: why the header's identity is none (check_identity)
   std::optional<TapeOrigin> origin{};
 
   friend bool operator==(const TapeHeader&, const TapeHeader&) = default;

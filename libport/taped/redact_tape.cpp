@@ -143,7 +143,11 @@ class TapeRedactor {
  private:
   Result<void> begin(const TapeReader& reader) {
     const std::optional<TapeHeader> header = reader.header();
-    if (header && header->identity) serial_ = header->identity->serial;
+    // Of an identity that is refused as well.
+    (void)change_texts(reader.header_line(), [this](std::string_view key, std::string_view text) {
+      if (key == "identity.serial") serial_ = text;
+      return std::string(text);
+    });
     std::string line = made_line(reader.header_line(), made_of(header, from_.file_name(), "redact"));
     if (options_.identity) line = hidden(line, Where::header);
     Result<std::string> changed = redacted(line, Where::header, {});

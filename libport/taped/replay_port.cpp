@@ -88,6 +88,8 @@ Result<void> ReplayPort::prepare() {
   writes_ = std::move(*writes);
   const std::optional<TapeHeader> header = schedule_->header();
   identity_ = header ? header->identity : std::nullopt;
+  if (header && !header->identity_refused.empty())
+    context_.log->error("{}: its identity is refused: {}", name(), header->identity_refused);
   datagrams_ = header && (header->transport ? *header->transport == Transport::datagram
                                             : header->device.starts_with("udp"));
   facts.stamped_at_arrival =

@@ -207,6 +207,7 @@ Result<std::unique_ptr<Port>> make_recording_port(const PortContext& context, co
       .describe =
           [device = port->get(), name = options.device_name](TapeHeader& header) {
             header.identity = device->identity();
+            if (header.identity && !check_identity(*header.identity)) header.identity.reset();
             if (name) header.device = name();
           },
       .on_ended = options.on_ended};

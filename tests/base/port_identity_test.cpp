@@ -1,5 +1,6 @@
 #include "libport/base/port_identity.hpp"
 
+#include <cctype>
 #include <string>
 #include <vector>
 
@@ -47,6 +48,8 @@ TEST(PortIdentity, WhatIsWrongIsNamed) {
       {"/tmp/tty", "is not below /dev"},
       {"/dev/../etc/passwd", "has a part that begins with '.'"},
       {"/dev/a//b", "has an empty part"},
+      {"/dev/ttyUSB0;touch PWNED;#",
+       "has other characters than letters, digits and _.:+@-; accepted: a name below"},
       {"/dev/tty\n", "has control characters"},
       {"/dev/null", "is a name that every program needs as it is"},
       {"/dev/pts/3", "is a name that every program needs as it is"},
@@ -68,6 +71,18 @@ TEST(PortIdentity, WhatIsWrongIsNamed) {
       {"/dev/ttyUSB0,vid=1,pid=1,serial=" + std::string(401, 'x'),
        "a text of 401 bytes; accepted: up to 400"}};
   for (const auto& [text, told] : rows) EXPECT_THAT(refused(text), HasSubstr(told)) << text;
+}
+
+TEST(PortIdentity, APathHasNoLetterThatAnythingTakesForMore) {
+  const std::string allowed = "_.:+@-";
+  for (int each = 1; each < 256; ++each) {
+    if (each == '/' || each == ',') continue;  // the next part; the next key
+    const char letter = static_cast<char>(each);
+    const bool plain = each < 128 && (std::isalnum(each) != 0 || allowed.find(letter) != std::string::npos);
+    for (const std::string& path :
+         {"/dev/a" + std::string(1, letter) + "b", "/dev/a/b" + std::string(1, letter)})
+      EXPECT_EQ(refused(path) == "accepted", plain) << each;
+  }
 }
 
 // As udev 252 names them.

@@ -93,6 +93,14 @@ played --as /dev/ttyUSB95 -- test -e /dev/ttyUSB95 || die "--as: $(cat said)"
 sed -i '1s|/dev/ttyUSB94|/dev/../etc/passwd|' t.loge
 played -- sh -c 'printf x >$PORTTAPE_PORT' || die "a path that cannot be: $(cat said)"
 grep -q "'/dev/../etc/passwd' has a part that begins with '.'" said || die "not told: $(cat said)"
+sed -i '1s|/dev/../etc/passwd|/dev/ttyUSB94;touch PWNED;#|' t.loge
+for way in 'exec --tape t' 'test --exec --tape t'; do
+  # shellcheck disable=SC2086
+  "$PORTTAPE" $way -- sh -c 'printf x >{port}' 2>said || die "$way: a path that is a command: $(cat said)"
+  grep -q "touch PWNED;#' has other characters than letters" said || die "$way: not told: $(cat said)"
+  [[ ! -e PWNED ]] || die "$way: a tape's text was run"
+done
+"$PORTTAPE" info t | grep -q 'identity   refused: port .* has other characters' || die "info does not tell why"
 say "played, the port is the tape's"
 
 # Where it is forbidden the command runs all the same.

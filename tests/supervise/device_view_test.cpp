@@ -290,6 +290,23 @@ TEST(DeviceView, WhatForbidsItIsNamed) {
       "sysctl user.max_user_namespaces=N, or run as root");
 }
 
+TEST(DeviceView, ThePlaceOfSomethingElseIsRefused) {
+  const View view;
+  std::vector<std::string> others;
+  for (const char* path :
+       {"/dev/kmsg", "/dev/net", "/dev/tty1", "/dev/loop0", "/dev/vda", "/dev/mqueue", "/dev/core"}) {
+    if (is_there(path)) others.emplace_back(path);
+  }
+  if (others.empty()) GTEST_SKIP() << "this machine has nothing of these in /dev";
+  for (const std::string& path : others) {
+    const auto said = in_process(false, [&] {
+      return enter_device_view({{{.path = path}, view.node}}).error().message;
+    });
+    EXPECT_EQ(said, "port '" + path +
+                        "' is something else than a serial port on this machine; give another name by --as");
+  }
+}
+
 TEST(DeviceView, APortThatCannotBeIsRefused) {
   EXPECT_THAT(in_process(false,
                          [] {

@@ -4,12 +4,15 @@
 
 #include <chrono>
 #include <csignal>
+#include <fcntl.h>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <pthread.h>
 #include <string>
 #include <sys/syscall.h>
 #include <sys/wait.h>
+#include <thread>
 #include <time.h>
 #include <utility>
 #include <vector>
@@ -51,12 +54,51 @@ class Sleeps final : public CallPart {
   std::vector<Nanos>* asked_;
 };
 
+// Gives a program that opens this path a file, at the lowest descriptor that is free.
+constexpr const char* kGiven = "/given-by-the-supervisor";
+
+class GivesFiles final : public CallPart {
+ public:
+  [[nodiscard]] std::vector<CallTrap> traps() const override { return {{.number = SYS_openat}}; }
+  Decision decide(Supervisor&, const Call& call) override {
+    if (call.read_path(call.argument(1)) != kGiven) return NotMine{};
+    return Outcome(outcome::Install{UniqueFd(::open("/dev/null", O_RDONLY | O_CLOEXEC))});
+  }
+};
+
+// Signals to this thread, one after the other, each with a handler.
+class SignalStorm {
+ public:
+  SignalStorm() {
+    struct sigaction action {};
+    action.sa_handler = [](int) {};
+    ::sigaction(SIGUSR1, &action, &before_);
+    sender_ = std::jthread([to = ::pthread_self()](const std::stop_token& stop) {
+      while (!stop.stop_requested()) ::pthread_kill(to, SIGUSR1);
+    });
+  }
+  ~SignalStorm() {
+    sender_ = {};
+    ::sigaction(SIGUSR1, &before_, nullptr);
+  }
+  SignalStorm(const SignalStorm&) = delete;
+  SignalStorm& operator=(const SignalStorm&) = delete;
+
+ private:
+  struct sigaction before_ {};
+  std::jthread sender_;
+};
+
 class SupervisorOnAMovedClock : public testing::Test {
  protected:
   // Runs the command until it ends; `then` comes once it sleeps.
   std::optional<int> run(std::vector<std::string> command, const std::function<void(pid_t)>& then) {
+    return run(std::make_unique<Sleeps>(asked), std::move(command), then);
+  }
+  std::optional<int> run(std::unique_ptr<CallPart> part, std::vector<std::string> command,
+                         const std::function<void(pid_t)>& then) {
     std::vector<std::unique_ptr<CallPart>> parts;
-    parts.push_back(std::make_unique<Sleeps>(asked));
+    parts.push_back(std::move(part));
     std::optional<int> status;
     SupervisedCommand::Trouble trouble;
     const auto running = SupervisedCommand::start(
@@ -100,6 +142,19 @@ TEST_F(SupervisorOnAMovedClock, ASignalInterruptsASleepWhileTheClockStands) {
   ASSERT_TRUE(status.has_value());
   EXPECT_TRUE(WIFEXITED(*status) && WEXITSTATUS(*status) == 7) << *status;
   EXPECT_EQ(clock.now(), begin);
+}
+
+// A signal that interrupts the supervisor while it gives a file, a stop among them, must not let the call
+// end with a descriptor that is not that file.
+TEST_F(SupervisorOnAMovedClock, AFileIsGivenWhateverSignalsTheSupervisorGets) {
+  const SignalStorm storm;
+  const auto status = run(std::make_unique<GivesFiles>(),
+                          {"perl", "-e",
+                           std::string("use Fcntl; for (1..3000) { sysopen(my $f, '") + kGiven +
+                               "', O_RDONLY) or exit 8; fileno($f) > 2 or exit 9; close $f; } exit 7"},
+                          [](pid_t) {});
+  ASSERT_TRUE(status.has_value());
+  EXPECT_TRUE(WIFEXITED(*status) && WEXITSTATUS(*status) == 7) << *status;
 }
 
 }  // namespace

@@ -10,7 +10,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
@@ -27,6 +26,7 @@
 #include "libport/loop/timer.hpp"
 #include "libport/supervise/supervised_command.hpp"
 #include "libport/supervise/waiting_open.hpp"
+#include "tests/support/descriptor_limit.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
@@ -167,25 +167,6 @@ class EchoDevice {
   Timer rest_timer_;
 };
 
-// No descriptor is to be had while it lives.
-class NoDescriptors {
- public:
-  NoDescriptors() {
-    ::getrlimit(RLIMIT_NOFILE, &before_);
-    const int lowest = ::dup(0);
-    ::close(lowest);
-    rlimit none = before_;
-    none.rlim_cur = static_cast<rlim_t>(lowest);
-    ::setrlimit(RLIMIT_NOFILE, &none);
-  }
-  ~NoDescriptors() { ::setrlimit(RLIMIT_NOFILE, &before_); }
-  NoDescriptors(const NoDescriptors&) = delete;
-  NoDescriptors& operator=(const NoDescriptors&) = delete;
-
- private:
-  rlimit before_{};
-};
-
 class TapCallsTest : public testing::Test {
  public:
   using Steps = std::vector<std::string>;
@@ -197,7 +178,7 @@ class TapCallsTest : public testing::Test {
     std::vector<CallTrap> traps{{.number = SYS_getsid}};
     std::optional<pid_t> process;
     if (tapped) {
-      std::optional<NoDescriptors> none;
+      std::optional<test::NoDescriptors> none;
       if (without_epoll) none.emplace();
       parts.push_back(std::make_unique<TapCalls>(
           loop, line,
@@ -437,9 +418,7 @@ TEST_F(TapCallsTest, WhatIsReadBeforeTheSessionIsReadyIsKept) {
 }
 
 TEST_F(TapCallsTest, WithoutEpollAReadIsLookedAt) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  GTEST_SKIP() << "the sanitizers need descriptors themselves";
-#endif
+  PORTTAPE_SKIP_UNDER_SANITIZERS();
   without_epoll = true;
   EXPECT_THAT(same({"open", "raw:5:0", "write:give |abcde", "read:9"}),
               ElementsAre("open 0", "write 11", "read 5 abcde"));

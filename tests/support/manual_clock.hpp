@@ -33,6 +33,7 @@ class ManualClock final : public Clock {
 
 // Handles everything that does not need time to pass, results of worker threads included.
 inline void settle(Loop& loop) {
+  loop.restart();  // it may have run out of work before
   for (;;) {
     const bool has_jobs = loop.has_jobs();  // before the look: a result that comes after it is waited for
     if (loop.poll_one()) continue;

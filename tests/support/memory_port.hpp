@@ -20,6 +20,7 @@ class MemoryPort final : public Port, private Recorder {
   // What the test looks at and steers; outlives the port.
   struct Peer {
     MemoryPort* port = nullptr;
+    std::string name = "memory";
     std::string written;
     int writes = 0;
     std::string calls;  // "prepare open close …", as they came
@@ -136,7 +137,7 @@ class MemoryPort final : public Port, private Recorder {
     if (peer_->completes) listener().on_complete(peer_->status);
   }
   [[nodiscard]] bool passive() const override { return peer_->passive; }
-  [[nodiscard]] std::string name() const override { return "memory"; }
+  [[nodiscard]] std::string name() const override { return peer_->name; }
 
  private:
   Result<void> request(const RecorderRequest& what) override {

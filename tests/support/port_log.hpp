@@ -65,7 +65,10 @@ class PortLog final : public PortListener {
     events += "drain ";
     done();
   }
-  void on_dropped(std::uint64_t bytes, std::string_view) override { dropped += bytes; }
+  void on_dropped(std::uint64_t bytes, std::string_view reason) override {
+    dropped += bytes;
+    why = reason;
+  }
   void on_left_unread(std::uint64_t bytes) override { left_unread = bytes; }
   void on_finished(int exit_status) override { events += "finished" + std::to_string(exit_status) + " "; }
 
@@ -79,6 +82,7 @@ class PortLog final : public PortListener {
   std::string data;
   Error error;
   bool after_reading = false;
+  std::string why;        // of the last on_dropped
   SeenSettings settings;  // the last that on_settings told
   SettingsOrder settings_order = SettingsOrder::exact;
   std::size_t settings_after = 0;          // bytes

@@ -169,7 +169,7 @@ TEST(Info, TellsTheWholeHeader) {
   header.transport = Transport::datagram;
   header.stamped = Stamped::read;
   header.previous = PreviousTape{"ff\x1b", "s.log"};
-  header.identity = PortIdentity{.path = "/dev/ttyUSB0", .vid = 0x403, .pid = 0x6001, .serial = "P\x1b"};
+  header.identity = PortIdentity{.path = "/dev/ttyUSB0", .vid = 0x403, .pid = 0x6001, .serial = "P1"};
   ASSERT_TRUE(TapeWriter::create(paths, header, {.sync = false})->finish(tape_time_us(0)));
   const std::string out = run({"info", paths.name()}).out;
   EXPECT_THAT(out, HasSubstr("id         0123\n"));
@@ -178,7 +178,7 @@ TEST(Info, TellsTheWholeHeader) {
   EXPECT_THAT(out, HasSubstr("transport  datagram\n"));
   EXPECT_THAT(out, HasSubstr("stamped    when bytes were read\n"));
   EXPECT_THAT(out, HasSubstr("previous   s.log ff\\x1b\n"));
-  EXPECT_THAT(out, HasSubstr("identity   /dev/ttyUSB0, USB 0403:6001, serial P\\x1b\n"));
+  EXPECT_THAT(out, HasSubstr("identity   /dev/ttyUSB0, USB 0403:6001, serial P1\n"));
   EXPECT_THAT(out, HasSubstr("ended      yes\n"));
   EXPECT_THAT(out, HasSubstr("state      sound\n"));
   const auto json = boost::json::parse(run({"info", "--json", paths.name()}).out).as_object();
