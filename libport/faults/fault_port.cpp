@@ -161,7 +161,6 @@ void FaultPort::break_line(const Fault& fault) {
     away_until_ = {};
     if (was_up) hang_up(false);
   } else if (reopens) {
-    open_wanted_ = false;
     up_ = was_up;
     back_timer_.set(away_until_);
     if (!std::exchange(interrupted_, true)) listener().on_interrupted(down);

@@ -52,6 +52,7 @@ std::uint16_t SocketAddress::port() const {
 }
 
 std::string SocketAddress::host() const {
+  if (family() == AF_UNIX) return "?";  // getnameinfo() calls it localhost
   std::array<char, NI_MAXHOST> host{};
   if (::getnameinfo(get(), size, host.data(), host.size(), nullptr, 0, NI_NUMERICHOST) != 0) return "?";
   return host.data();

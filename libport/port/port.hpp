@@ -263,7 +263,8 @@ class Port {
   virtual void close() = 0;
 
   // Takes all of `data`, as one datagram where the line has boundaries. What cannot be sent at once is kept:
-  // the caller must stop writing while congested() is true. Bytes for a line that is not up are dropped.
+  // the caller must stop writing while congested() is true, after the last datagram of an on_arrivals() that
+  // it passes on. Bytes for a line that is not up are dropped.
   virtual void write(ByteView data) = 0;
   [[nodiscard]] virtual bool congested() const = 0;
 

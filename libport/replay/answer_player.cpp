@@ -17,6 +17,7 @@ AnswerPlayer::AnswerPlayer(const ReplayConfig& config, bool bursts, bool half_cl
       replies_(replies),
       arrivals_(bursts, config.burst_gap),
       pieces_(config.chunks, config.chunk_seed),
+      cuts_(config.max_gap),
       timeline_(clock.rate()) {}
 
 void AnswerPlayer::drop() {
@@ -60,8 +61,8 @@ void AnswerPlayer::begin_answer() {
   left_ = asked.answer_size;
   head_.reset();
   arrivals_.rewind();
-  timeline_ = Timeline(clock_.rate());
-  timeline_.anchor(asked.asked, waiting_.front().at);
+  cuts_.begin(asked.asked);
+  timeline_ = rates_.timeline_from(asked.asked, waiting_.front().at, clock_.rate());
   floor_ = std::max(floor_, waiting_.front().at);
   if (replies_ != nullptr) tell_asked();
   if (left_ == 0) return;
@@ -87,7 +88,7 @@ void AnswerPlayer::tell_asked() {
 }
 
 Instant AnswerPlayer::due(TapeTime at) const {
-  return timed_ ? std::max(floor_, timeline_.real(at)) : floor_;
+  return timed_ ? std::max(floor_, timeline_.real(cuts_.cut(at))) : floor_;
 }
 
 const Record* AnswerPlayer::head() {
@@ -100,6 +101,7 @@ const Record* AnswerPlayer::head() {
       error_ = make_error(Errc::io, "the tape became shorter while it was read");
     } else {
       head_ = **record;
+      cuts_.reach(head_->at);
       taken_ = 0;
       ++records_;
       budget_.spend(head_->data.size());
@@ -168,11 +170,17 @@ bool AnswerPlayer::end_answer(const Turn& turn) {
   }
   const RequestIndex::End end = exchange().end;
   if (end == RequestIndex::End::hang_up || (end == RequestIndex::End::half_close && half_closes_)) {
+    cuts_.reach(exchange().ended);
     const Instant when = due(exchange().ended);
     if (turn.now < when) return wait(when);
     if (turn.out == nullptr || turn.blocked) return wait(std::nullopt);
-    (end == RequestIndex::End::hang_up ? turn.out->hang_up : turn.out->end_sending) = true;
     floor_ = when;
+    if (end == RequestIndex::End::half_close) {
+      turn.out->end_sending = true;
+      end_sending();
+      return wait(std::nullopt);
+    }
+    turn.out->hang_up = true;
   }
   waiting_.pop_front();
   begun_ = false;

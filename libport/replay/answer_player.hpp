@@ -12,7 +12,9 @@
 #include "libport/replay/arrivals.hpp"
 #include "libport/replay/budget.hpp"
 #include "libport/replay/engine.hpp"
+#include "libport/replay/gap_cuts.hpp"
 #include "libport/replay/pieces.hpp"
+#include "libport/replay/rate_changes.hpp"
 #include "libport/replay/replay_clock.hpp"
 #include "libport/replay/replay_config.hpp"
 #include "libport/replay/replies.hpp"
@@ -40,11 +42,23 @@ class AnswerPlayer {
                AnswerSource& answers, Budget& budget, const ReplayClock& clock,
                const Expectation* expectation, Replies* replies);
 
-  void add(Asked asked) { waiting_.push_back(std::move(asked)); }
+  // Nothing comes where the device has ended its sending in this session.
+  void add(Asked asked) {
+    if (!sending_ended_) waiting_.push_back(std::move(asked));
+  }
   [[nodiscard]] bool full() const { return waiting_.size() >= kMostWaiting; }
   [[nodiscard]] bool idle() const { return waiting_.empty(); }
   // Forgets what is not delivered yet.
   void drop();
+  void begin_session() {
+    drop();
+    sending_ended_ = false;
+  }
+  // The driver is told that the device sends no more in this session, by an answer's end or else.
+  void end_sending() {
+    drop();
+    sending_ended_ = true;
+  }
   // The driver throws away what is due and was not delivered; true when it is done.
   bool flush(Instant now);
 
@@ -56,6 +70,11 @@ class AnswerPlayer {
   // When the first of what the last play() delivered had been due.
   [[nodiscard]] const std::optional<Instant>& delivered_due() const { return delivered_due_; }
 
+  // From `now` on; the clock has it already.
+  void set_rate(double rate, Instant now) {
+    rates_.add(timeline_.rate(), now);
+    timeline_.set_rate(rate, now);
+  }
   void taken(Instant now) { pieces_.taken(now); }
   [[nodiscard]] bool holds_piece() const { return holds_piece_; }
   [[nodiscard]] const std::optional<Error>& error() const { return error_; }
@@ -79,7 +98,7 @@ class AnswerPlayer {
   [[nodiscard]] const RequestIndex::Exchange& exchange() const {
     return index_.exchange(waiting_.front().exchange);
   }
-  [[nodiscard]] Instant due(TapeTime at) const;
+  [[nodiscard]] Instant due(TapeTime at) const;  // that cuts_ has reached
   bool wait(std::optional<Instant> until) {
     wake_ = until;
     return false;
@@ -87,6 +106,7 @@ class AnswerPlayer {
 
   bool timed_;
   bool half_closes_;
+  bool sending_ended_ = false;
   const RequestIndex& index_;
   AnswerSource& answers_;
   Budget& budget_;
@@ -102,6 +122,8 @@ class AnswerPlayer {
   std::uint64_t records_ = 0;
   std::optional<Record> head_;
   std::size_t taken_ = 0;  // of the head
+  GapCuts cuts_;           // of the front answer's times
+  RateChanges rates_;
   Timeline timeline_;
   Instant floor_{};
   std::optional<Instant> wake_;

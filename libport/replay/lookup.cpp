@@ -53,7 +53,7 @@ void Lookup::begin_session() {
   note_cut_off();
   matcher_.drop(matcher_.text().size());
   known_ = 0;
-  player_.drop();
+  player_.begin_session();
 }
 
 void Lookup::go_on_from(std::uint64_t position, std::uint64_t offset, std::size_t known) {

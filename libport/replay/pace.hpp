@@ -5,6 +5,7 @@
 
 #include "libport/base/time.hpp"
 #include "libport/replay/gap_cuts.hpp"
+#include "libport/replay/rate_changes.hpp"
 #include "libport/replay/replay_clock.hpp"
 #include "libport/replay/replay_config.hpp"
 #include "libport/replay/timeline.hpp"
@@ -38,19 +39,21 @@ class Pace {
   }
   // `tape` happened at `real`: what follows is timed from there, and nothing of it comes before `not_before`.
   void go_on_from(TapeTime tape, Instant real, Instant not_before) {
-    timeline_.anchor(cuts_.cut(tape), real);
+    anchor(tape, real);
     last_ = {cuts_.cut(tape), real};
+    if (const auto changed = changes_.last_after(real)) last_ = {timeline_.tape(*changed), *changed};
     floor_ = std::max(floor_, not_before);
   }
   // The same at an open that the driver did not make: the next write is still timed from what was before it.
   void go_on_past_open(TapeTime tape, Instant real) {
-    timeline_.anchor(cuts_.cut(tape), real);
+    anchor(tape, real);
     floor_ = std::max(floor_, real);
   }
   // From `now` on.
   void set_rate(double rate, Instant now) {
     last_.tape += timeline_.since(last_.real, now);
     last_.real = std::max(last_.real, now);
+    changes_.add(timeline_.rate(), now);
     timeline_.set_rate(rate, now);
   }
   // Nothing waits for its time.
@@ -94,7 +97,12 @@ class Pace {
     Instant real{};
   };
 
+  // `tape` happened at `real`, which may be before the latest changes of the rate: a driver may write ahead.
+  void anchor(TapeTime tape, Instant real) {
+    timeline_ = changes_.timeline_from(cuts_.cut(tape), real, timeline_.rate());
+  }
   void begin(TapeTime tape, Instant now) {
+    changes_.forget();
     cuts_.begin(tape);
     begun_ = place_.clock.shift();
     last_ = {tape, now};
@@ -107,6 +115,7 @@ class Pace {
   bool hurry_ = false;
   Instant floor_{};
   ReplayClock::Shift begun_;  // when the session did
+  RateChanges changes_;       // since then
   Event last_;
 };
 

@@ -375,6 +375,8 @@ Player::Progress Player::at_device_end(Turn& turn, bool ReplayActions::*what) {
       answered_by_hand(turn, at);
     }
     pace_.played(at, when, dropped ? when : turn.now);
+    schedule_.pop();
+    return dropped ? Progress::passed : wait(turn.now);  // what follows comes behind it
   }
   schedule_.pop();
   return Progress::passed;

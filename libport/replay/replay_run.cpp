@@ -107,6 +107,7 @@ void ReplayRun::stand(Instant real, bool on) {
   } else {
     clock_.go_on(real);
   }
+  player_.hold(on);  // what was to come by hand is forgotten, though nobody looks before the next pause
 }
 
 void ReplayRun::step(std::uint64_t exchanges) {
@@ -118,6 +119,7 @@ void ReplayRun::set_rate(Instant now, double rate) {
   ++steered_.rates;
   clock_.set_rate(rate, now);
   player_.set_rate(rate, now);
+  if (lookup_) lookup_->player().set_rate(rate, now);
 }
 
 void ReplayRun::seek(Instant now, TapeTime to) {
@@ -134,7 +136,7 @@ void ReplayRun::begin_next_loop(Instant now) {
 }
 
 void ReplayRun::begin_session() {
-  exchanged_ = writing_ended_ = device_gone_ = false;
+  exchanged_ = writing_ended_ = device_gone_ = sending_ended_ = false;
   player_.set_writing_ended(std::nullopt);
   if (lookup_) lookup_->begin_session();
 }
@@ -322,7 +324,7 @@ void ReplayRun::play(Instant now, std::size_t max_bytes, ReplayActions& out) {
   pause_if_due(now);
   player_.hold(clock_.stands());
   while (ledger_) {
-    const std::size_t before = out.deliver.size();
+    const Before before(out);
     const std::uint64_t loop = player_.loops().number();
     const std::uint64_t position = matcher_.position();
     const auto fault = player_.play(now, max_bytes, blocked_, out);
@@ -348,7 +350,7 @@ void ReplayRun::play(Instant now, std::size_t max_bytes, ReplayActions& out) {
 }
 
 void ReplayRun::play_answers(Instant now, std::size_t max_bytes, ReplayActions& out) {
-  const std::size_t before = out.deliver.size();
+  const Before before(out);
   (void)lookup_->ready();  // the tape may have been read through only now
   find_asked(now);
   if (!ledger_) return;
@@ -356,16 +358,25 @@ void ReplayRun::play_answers(Instant now, std::size_t max_bytes, ReplayActions& 
   count_delivered(now, before, out, lookup_->player().delivered_due());
 }
 
-// What is behind the first `before` bytes, due first at `due`.
-void ReplayRun::count_delivered(Instant now, std::size_t before, const ReplayActions& out,
-                                std::optional<Instant> due) {
-  const std::size_t fresh = out.deliver.size() - before;
+// What is new, due first at `due`. A device that has ended its sending says no more in that session, in
+// whatever order its tape is played.
+void ReplayRun::count_delivered(Instant now, Before before, ReplayActions& out, std::optional<Instant> due) {
+  if (sending_ended_) {
+    out.deliver.resize(before.bytes);
+    std::erase_if(out.block_ends, [before](std::size_t end) { return end > before.bytes; });
+    for (ReplayActions::Signal& signal : out.signals) signal.behind = std::min(signal.behind, before.bytes);
+    out.end_sending = before.ended;
+  }
+  const std::size_t fresh = out.deliver.size() - before.bytes;
   device_gone_ = device_gone_ || out.hang_up;
+  sending_ended_ = sending_ended_ || out.end_sending;
+  if (out.end_sending && lookup_) lookup_->player().end_sending();
   ledger_->delivered(fresh);
   exchanged_ = exchanged_ || fresh > 0;
   if (fresh > 0) last_byte_ = now;
   if (fresh > 0) question_.clear();
-  if (fresh > 0 && before == 0 && !was_blocked_ && !clock_.stands() && due) ledger_->lateness(now - *due);
+  if (fresh > 0 && before.bytes == 0 && !was_blocked_ && !clock_.stands() && due)
+    ledger_->lateness(now - *due);
 }
 
 // To a driver that writes no more the device ends too, once nothing comes without further writes.

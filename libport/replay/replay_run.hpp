@@ -137,7 +137,13 @@ class ReplayRun {
   std::size_t ask(Instant now, ByteView data);
   void find_asked(Instant now);
   void play_answers(Instant now, std::size_t max_bytes, ReplayActions& out);
-  void count_delivered(Instant now, std::size_t before, const ReplayActions& out, std::optional<Instant> due);
+  // What `out` held before it was played into.
+  struct Before {
+    explicit Before(const ReplayActions& out) : bytes(out.deliver.size()), ended(out.end_sending) {}
+    std::size_t bytes;
+    bool ended;
+  };
+  void count_delivered(Instant now, Before before, ReplayActions& out, std::optional<Instant> due);
   void tell_mismatch(Instant now, Mismatch mismatch);
   [[nodiscard]] Mismatch difference(Instant now, ByteView got);
   void add_mismatch(Instant now, const Mismatch& mismatch);
@@ -187,6 +193,7 @@ class ReplayRun {
   bool tape_end_told_ = false;
   bool writing_ended_ = false;  // in this session
   bool device_gone_ = false;    // in this session: hung up as recorded
+  bool sending_ended_ = false;  // in this session, by the device
   bool exchanged_ = false;
   bool blocked_ = false;
   bool was_blocked_ = false;       // since deliveries last caught up

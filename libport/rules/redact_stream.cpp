@@ -34,7 +34,7 @@ Result<void> RedactStream::add(ByteView bytes) {
 }
 
 Result<void> RedactStream::pause() {
-  if (framed_ < bytes_.size() && of_ != Of::text) cut_frames(true);
+  cut_frames(true);
   return {};
 }
 

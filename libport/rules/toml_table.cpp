@@ -174,6 +174,7 @@ std::optional<Bytes> TomlTable::hex(std::string_view key) {
 
 std::optional<Bytes> TomlTable::bytes(std::string_view key) {
   const std::string in_hex = fmt::format("{}_hex", key);
+  asks(key);
   if (auto found = hex(in_hex)) {
     if (has(key)) wrong(key, fmt::format("is there besides '{}'; accepted: one of them", in_hex));
     return found;

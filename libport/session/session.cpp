@@ -14,7 +14,8 @@ using std::chrono::seconds;
 // How long the last bytes of a driver that has closed may take to the device (a tty's own closing_wait is 30
 // s as well).
 constexpr Nanos kDrainLimit = seconds(30);
-// How long without getting on, while a next driver waits for it.
+// How long they may stand still while a next driver waits. Where nobody knows how many are left, they are
+// given all of kDrainLimit.
 constexpr Nanos kNoProgress = seconds(1);
 // How often an end looks at what is left.
 constexpr Nanos kEndLook = std::chrono::milliseconds(50);
@@ -60,7 +61,10 @@ struct Session::DriverSide final : PortListener {
     return session.device_state_ != DeviceState::closed && session.end_.takes_in();
   }
   void on_interrupted(const LineDown& down) override { session.driver_interrupted(down); }
-  void on_resumed() override { session.read_device(); }
+  void on_resumed() override {
+    session.driver_interrupted_ = false;
+    session.read_device();
+  }
   void on_left_unread(std::uint64_t bytes) override { session.device_->peer_left_unread(bytes); }
   void on_dropped(std::uint64_t bytes, std::string_view why) override {
     session.dropped_by_driver(bytes, why);
@@ -146,6 +150,7 @@ void Session::open_device() {
   let_driver(false);
   device_state_ = DeviceState::opening;
   if (failures_.may_open() > context_.loop->now()) {
+    let_device(false);  // a line that is kept open may send: the driver's bytes begin with its open
     open_timer_.set(failures_.may_open());
   } else {
     open_device_now();
@@ -153,21 +158,35 @@ void Session::open_device() {
 }
 
 void Session::open_device_now() {
-  if (device_state_ != DeviceState::opening || !end_.running()) return;
+  if (device_state_ != DeviceState::opening) return;
+  if (!end_.running()) {
+    device_state_ = DeviceState::closed;  // as it was: nothing has been opened
+    return;
+  }
   device_->watch_signals(driver_->shows_signals());
   device_->open();
+  pass_early_settings();  // for a line that is to come up with them
+}
+
+void Session::pass_early_settings() {
   if (const auto early = std::exchange(early_settings_, std::nullopt); early && driver_up_)
     driver_settings(early->seen, early->order);
+  if (const auto early = std::exchange(early_flush_, std::nullopt); early && driver_up_)
+    driver_flushed(*early);
 }
 
 void Session::device_up() {
   device_state_ = DeviceState::up;
   failures_.up(context_.loop->now());
   context_.log->debug("{}: up", device_->name());
-  for (const LineSignal& signal : early_signals_.take()) device_->signal(signal);
-  for (EarlyRequest& early : std::exchange(early_requests_, {}))
+  pass_early_settings();
+  for (EarlyRequest& early : std::exchange(early_requests_, {})) {
+    for (const LineSignal& signal : early.signals) device_->signal(signal);
     device_->ask(early.request, std::move(early.done));
+  }
+  for (const LineSignal& signal : early_signals_.take()) device_->signal(signal);
   read_driver();
+  read_device();
   for (std::function<void()>& done : std::exchange(early_drains_, {})) device_->drain(std::move(done));
 }
 
@@ -175,6 +194,13 @@ Session::State Session::state() const {
   constexpr std::array of_device = {State::waiting,     State::opening, State::open,
                                     State::interrupted, State::broken,  State::draining};
   return end_.running() ? of_device.at(static_cast<std::size_t>(device_state_)) : State::ending;
+}
+
+// Whether a driver is there (or may come) for which open() of the device has not been called: it still
+// belongs to the last driver, or has just failed.
+bool Session::device_opens_later() const {
+  return device_state_ == DeviceState::draining ||
+         (device_state_ == DeviceState::opening && open_timer_.due());
 }
 
 // Whether what was written to it may still go out.
@@ -210,7 +236,7 @@ void Session::read_driver() {
 }
 // A next driver may be there already, and have more than it takes.
 void Session::read_device() {
-  const bool driver_is_slow = driver_up_ && driver_->congested();
+  const bool driver_is_slow = driver_interrupted_ || (driver_up_ && driver_->congested());
   if (end_.takes_in() && !driver_is_slow) let_device(true);
 }
 
@@ -221,9 +247,11 @@ PortListener::Answers Session::driver_ended() {
                                 : PortListener::Answers::until_it_is_quiet;
 }
 
-// A driver that can be told of it may still write; any other one's line goes down with the device's.
+// A driver that can be told of it may still write; any other one's line goes down with the device's. A device
+// that connects may be followed by another one, for which the driver's line stays as it is.
 PortListener::Answers Session::device_ended() {
   const bool passes = device_state_ == DeviceState::up && driver_up_ && end_.running();
+  if (passes && device_->passive()) return PortListener::Answers::until_it_is_quiet;
   if (!passes || !driver_->end_writing()) return PortListener::Answers::none;
   context_.log->debug("{}: the device sends no more", device_->name());
   return PortListener::Answers::until_hang_up;
@@ -277,6 +305,7 @@ void Session::tell_dropped() {
 
 void Session::driver_interrupted(const LineDown& down) {
   context_.log->warn("{}; waiting for it", down.error.message);
+  driver_interrupted_ = true;
   let_device(false);
 }
 
@@ -344,8 +373,9 @@ void Session::driver_down(const LineDown& down) {
   if (device_state_ == DeviceState::up) device_works();
   context_.log->log(about_driver(), "{}: {}", driver_->name(),
                     down.reason == LineDown::Reason::hung_up ? "hung up" : "the driver has closed it");
-  driver_up_ = false;
+  driver_up_ = driver_interrupted_ = false;
   early_settings_.reset();
+  early_flush_.reset();
   drop_early();
   if (end_.step() == SessionEnd::Step::leaving) {
     end();
@@ -383,7 +413,7 @@ void Session::close_device() {
 
 void Session::on_drain_timer() {
   const std::optional<std::size_t> left = device_->unread_by_peer();
-  const bool stands_still = driver_up_ && left == left_at_look_;
+  const bool stands_still = driver_up_ && left && left == left_at_look_;
   left_at_look_ = left;
   if (context_.loop->now() < drain_until_ && !stands_still)
     return driver_up_ ? drain_timer_.set_after(kNoProgress) : drain_timer_.set(drain_until_);
@@ -564,10 +594,11 @@ void Session::show_settings() {
 
 // The device's line follows the driver's. One that does not is shown to it.
 void Session::driver_settings(const SeenSettings& seen, SettingsOrder order) {
-  if (device_state_ == DeviceState::draining) {  // it is still the last driver's
+  if (device_opens_later()) {
     early_settings_ = {seen, order};
     return;
   }
+  if (device_state_ == DeviceState::closed && !end_.running()) return;  // it is opened for no next driver
   device_->peer_set(seen, order);
   const std::optional<LineSettings> now = device_->settings();
   if (!now || seen.over(*now) == *now) return;
@@ -582,7 +613,7 @@ void Session::driver_settings(const SeenSettings& seen, SettingsOrder order) {
 void Session::driver_signalled(const LineSignal& signal) {
   if (device_state_ == DeviceState::opening || device_state_ == DeviceState::draining) {
     early_signals_.put(signal);
-  } else {
+  } else if (device_has_line()) {
     device_->signal(signal);
   }
 }
@@ -599,7 +630,7 @@ void Session::driver_drains(std::function<void()> done) {
 
 void Session::driver_asks(const LineRequest& request, TakeAnswer done) {
   if (device_state_ == DeviceState::opening || device_state_ == DeviceState::draining) {
-    early_requests_.push_back({request, std::move(done)});
+    early_requests_.push_back({early_signals_.take(), request, std::move(done)});
   } else if (device_has_line()) {
     device_->ask(request, std::move(done));
   } else {
@@ -615,7 +646,11 @@ void Session::drop_early() {
 }
 
 void Session::driver_flushed(FlushQueue queue) {
-  if (device_state_ != DeviceState::closed) device_->peer_flushed(queue);
+  if (device_opens_later()) {
+    early_flush_ = early_flush_.value_or(queue) == queue ? queue : FlushQueue::both;
+  } else if (device_state_ != DeviceState::closed) {
+    device_->peer_flushed(queue);
+  }
 }
 
 }  // namespace porttape

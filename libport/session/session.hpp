@@ -88,13 +88,14 @@ class Session final : public Channel {
   [[nodiscard]] Port& device() { return *device_; }
 
  private:
-  // Of a driver that came while the device was the last one's.
+  // Settings from a driver for which the device is not opened yet, see device_opens_later().
   struct EarlySettings {
     SeenSettings seen;
     SettingsOrder order;
   };
 
   struct EarlyRequest {
+    std::vector<LineSignal> signals;  // that the driver has changed before, since its last request
     LineRequest request;
     TakeAnswer done;
   };
@@ -132,6 +133,7 @@ class Session final : public Channel {
   void note_gap();
   void tell_dropped();
   void open_device_now();
+  void pass_early_settings();
   void device_works();
   void device_failed(const LineDown& down, spdlog::level::level_enum level, std::string_view then);
   [[nodiscard]] spdlog::level::level_enum about_driver() const;
@@ -153,6 +155,7 @@ class Session final : public Channel {
   void begin_end();
   void continue_end();
   void on_end_timer();
+  [[nodiscard]] bool device_opens_later() const;
   [[nodiscard]] bool device_has_line() const;
   [[nodiscard]] std::optional<std::size_t> left() const;
   void end();
@@ -170,7 +173,8 @@ class Session final : public Channel {
   Instant drain_until_{};
   std::optional<std::size_t> left_at_look_;  // that the device had not taken
   std::optional<EarlySettings> early_settings_;
-  SignalQueue early_signals_;                        // for a device that is being opened
+  std::optional<FlushQueue> early_flush_;  // the same
+  SignalQueue early_signals_;  // for a device that is being opened; since the last of early_requests_
   std::vector<std::function<void()>> early_drains_;  // the same
   std::vector<EarlyRequest> early_requests_;         // the same
   Timer open_timer_;                                 // for a device that has just failed
@@ -180,8 +184,9 @@ class Session final : public Channel {
   DropTally unnoted_;  // on the tape: the driver's side
   int exit_status_ = 0;
   bool driver_up_ = false;
-  bool quiet_driver_ = false;  // it came while the device's line was failing
-  bool refusal_told_ = false;  // of settings, in this session
+  bool driver_interrupted_ = false;  // it comes back by itself
+  bool quiet_driver_ = false;        // it came while the device's line was failing
+  bool refusal_told_ = false;        // of settings, in this session
   DeviceState device_state_ = DeviceState::closed;
   SessionEnd end_;
   std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop

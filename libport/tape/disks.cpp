@@ -2,16 +2,11 @@
 
 namespace porttape {
 
-std::shared_ptr<const std::atomic<bool>> Disks::slow(dev_t device) {
+std::shared_ptr<std::atomic<bool>> Disks::flag_of(dev_t device) {
   const std::lock_guard lock(mutex_);
   std::shared_ptr<std::atomic<bool>>& flag = slow_[device];
   if (!flag) flag = std::make_shared<std::atomic<bool>>(false);
   return flag;
-}
-
-void Disks::note_slow(dev_t device) {
-  const std::lock_guard lock(mutex_);
-  if (const auto flag = slow_.find(device); flag != slow_.end()) *flag->second = true;
 }
 
 bool Disks::reserve(std::uint64_t bytes) {

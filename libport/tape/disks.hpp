@@ -15,8 +15,8 @@ namespace porttape {
 class Disks {
  public:
   // Whether a write to this device (st_dev) once took longer than a line may wait. Stays true.
-  [[nodiscard]] std::shared_ptr<const std::atomic<bool>> slow(dev_t device);
-  void note_slow(dev_t device);
+  [[nodiscard]] std::shared_ptr<const std::atomic<bool>> slow(dev_t device) { return flag_of(device); }
+  void note_slow(dev_t device) { *flag_of(device) = true; }
 
   // Room for what waits in all queues together: false where there is none.
   static constexpr std::uint64_t kMostWaiting = std::uint64_t{256} << 20;
@@ -27,6 +27,8 @@ class Disks {
   [[nodiscard]] Workers::Strand sync_strand(dev_t device);
 
  private:
+  std::shared_ptr<std::atomic<bool>> flag_of(dev_t device);
+
   std::mutex mutex_;
   std::map<dev_t, std::shared_ptr<std::atomic<bool>>> slow_;
   std::map<dev_t, Workers::Strand> sync_strands_;

@@ -58,7 +58,10 @@ struct LiveTape::Shared {
     std::uint64_t bytes = 0;
   };
 
-  Shared(Options given, std::shared_ptr<Disks> known) : options(std::move(given)), disks(std::move(known)) {
+  Shared(Options given, std::shared_ptr<Disks> known)
+      : options(std::move(given)),
+        disk_clock(options.disk_clock != nullptr ? *options.disk_clock : machine_clock()),
+        disks(std::move(known)) {
     status.paths = options.paths;
   }
   ~Shared() {
@@ -85,6 +88,7 @@ struct LiveTape::Shared {
   }
 
   const Options options;
+  const Clock& disk_clock;
   const std::shared_ptr<Disks> disks;
   std::atomic<bool> sync_due = false;
 
@@ -148,7 +152,7 @@ void LiveTape::Shared::serve_queue() {
 }
 
 void LiveTape::Shared::make(std::unique_lock<std::mutex>& lock) {
-  waits_since = machine_clock().now();
+  waits_since = disk_clock.now();
   lock.unlock();
   Result<TapeWriter> made = options.make ? options.make(options)
                                          : TapeWriter::create(options.paths, options.header, options.writer);
@@ -199,7 +203,7 @@ void LiveTape::Shared::write_batch(std::unique_lock<std::mutex>& lock) {
     batch.push_back(std::move(queue.front()));
     queue.pop_front();
   }
-  const Instant begin = machine_clock().now();
+  const Instant begin = disk_clock.now();
   waits_since = begin;
   const RunBoth beside = last_batch >= kHungWrite ? RunBoth(run_both) : RunBoth();
   lock.unlock();
@@ -213,7 +217,7 @@ void LiveTape::Shared::write_batch(std::unique_lock<std::mutex>& lock) {
     }
   }
   writer->commit(beside);
-  const auto took = std::chrono::duration_cast<milliseconds>(machine_clock().now() - begin);
+  const auto took = std::chrono::duration_cast<milliseconds>(disk_clock.now() - begin);
   lock.lock();
   status.slowest = std::max(status.slowest, took);
   last_batch = took;
@@ -343,9 +347,10 @@ bool LiveTape::blocked(Nanos took) {
 
 template <class Work>
 void LiveTape::write(const Work& work) {
-  const Instant begin = machine_clock().now();
+  const Clock& clock = shared_->disk_clock;
+  const Instant begin = clock.now();
   work(*shared_->writer);
-  const Nanos took = machine_clock().now() - begin;
+  const Nanos took = clock.now() - begin;
   sync_soon();
   if (took < kLongWrite || !blocked(took)) return;
   leave_direct();
@@ -393,7 +398,9 @@ bool LiveTape::make_room(std::unique_lock<std::mutex>& lock, std::size_t bytes) 
     return status.bytes_waiting + bytes <= shared_->options.queue_bytes && disks_->reserve(bytes);
   };
   if (fits()) return true;
-  return shared_->waits_since && shared_->room.wait_until(lock, *shared_->waits_since + kHung, fits);
+  if (!shared_->waits_since) return false;
+  const Nanos hangs_in = *shared_->waits_since + kHung - shared_->disk_clock.now();
+  return shared_->room.wait_for(lock, hangs_in, fits);
 }
 
 // A flood that began while the files were made would never let the worker catch up.
@@ -431,7 +438,7 @@ LiveTape::Status LiveTape::status() const {
   if (direct_) shared_->take_stock();
   Status status = shared_->status;
   status.bytes_lost += shared_->untold;
-  if (shared_->waits_since) status.silence = machine_clock().now() - *shared_->waits_since;
+  if (shared_->waits_since) status.silence = shared_->disk_clock.now() - *shared_->waits_since;
   return status;
 }
 

@@ -12,6 +12,7 @@
 #include <string_view>
 #include <sys/types.h>
 
+#include "libport/base/clock.hpp"
 #include "libport/base/workers.hpp"
 #include "libport/tape/disks.hpp"
 #include "libport/tape/tape_writer.hpp"
@@ -61,6 +62,9 @@ class LiveTape {
     std::function<void(TapeWriter&)> fill = {};
     // Makes the writer; TapeWriter::create unless a test wants another disk.
     std::function<Result<TapeWriter>(const Options&)> make = {};
+    // By which it is measured how long the disk takes: this machine's unless a test wants another, which
+    // outlives the workers.
+    const Clock* disk_clock = nullptr;
   };
 
   struct Status {

@@ -126,7 +126,7 @@ Result<void> check_report_free(const std::string& path, bool overwrite, const st
 Result<void> check_report_apart(const std::string& path, const TapePaths& tape) {
   const auto plain = [](const std::string& name) {
     std::error_code error;
-    const fs::path found = fs::weakly_canonical(name, error);
+    const fs::path found = fs::weakly_canonical(fs::absolute(name, error), error);
     return error ? fs::path(name).lexically_normal() : found;
   };
   for (const auto& file : {tape.read, tape.write, tape.events}) {

@@ -182,7 +182,8 @@ void TapPort::on_down(const LineDown& down) {
 }
 
 PortListener::Answers TapPort::on_ended() {
-  note(event::HalfClose{Side::device});
+  // Of a device that connects the driver is not told: another one may follow, on the same line.
+  if (!passive()) note(event::HalfClose{Side::device});
   return ForwardingPort::on_ended();
 }
 

@@ -58,9 +58,7 @@ class CommandTable {
 // Keeps the greatest few.
 template <class Value, class Greater>
 void keep_greatest(std::vector<Value>& kept, std::size_t most, const Value& value, const Greater& greater) {
-  const auto place = std::upper_bound(kept.begin(), kept.end(), value, greater);
-  if (static_cast<std::size_t>(place - kept.begin()) >= most) return;
-  kept.insert(place, value);
+  kept.insert(std::upper_bound(kept.begin(), kept.end(), value, greater), value);
   if (kept.size() > most) kept.pop_back();
 }
 

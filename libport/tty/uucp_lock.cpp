@@ -111,7 +111,7 @@ void put_away(const std::string& file, const std::string& aside) {
 Result<void> make_lock(const std::string& file, const std::string& number, const std::string& aside) {
   constexpr int kTries = 3;  // others may make theirs at the same time
   int error = EEXIST;
-  for (int n = 0; n < kTries && error == EEXIST; ++n) {
+  for (int n = 0; n < kTries; ++n) {
     if (::link(number.c_str(), file.c_str()) == 0) return {};
     error = errno;
     if (error != EEXIST) break;

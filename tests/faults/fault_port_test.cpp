@@ -176,6 +176,16 @@ TEST_F(FaultPortTest, ADriverThatComesMeanwhileWaits) {
   run_until(loop, [this] { return log.events == "up interrupted resumed up "; });
 }
 
+// Found by a seed of the simulation: the second break made the port forget the open.
+TEST_F(FaultPortTest, ADriverThatComesMeanwhileWaitsThroughAnotherBreakToo) {
+  make("replug:byte=0,for=0.02;replug:at=0.05,for=0.02", true);
+  device.send("a");
+  port->close();
+  port->open();
+  run_until(loop, [this] { return log.events == "up interrupted resumed up "; });
+  EXPECT_EQ(kinds(told), "plan replug replug plan ");
+}
+
 TEST_F(FaultPortTest, APortThatWaitsForItsPeerHangsUp) {
   device.passive = true;
   make("hangup:byte=0");

@@ -2,6 +2,7 @@
 
 #include <cerrno>
 #include <fcntl.h>
+#include <memory>
 #include <string>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -13,6 +14,158 @@
 
 namespace porttape {
 namespace {
+
+// One end of a pair of sockets with an outbox, and the other end.
+class OutboxTest : public testing::TestWithParam<Outbox::Kind> {
+ protected:
+  OutboxTest() {
+    int ends[2];
+    EXPECT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends), 0);
+    near.reset(ends[0]);
+    far.reset(ends[1]);
+    watch = std::make_unique<FdWatch>(
+        loop, near.get(), [] {}, [this] { outbox->flush(); });
+    outbox = std::make_unique<Outbox>(
+        near.get(), GetParam(), *watch, [this] { ++drained; },
+        [this](int number, std::size_t bytes) {
+          error = number;
+          lost += bytes;
+        });
+  }
+  // Writes until the kernel takes no more; all that was written.
+  std::string fill() {
+    std::string all;
+    for (char letter = 'a'; !outbox->congested();
+         letter = letter == 'z' ? 'a' : static_cast<char>(letter + 1)) {
+      const std::string block(10'007, letter);
+      outbox->write(as_bytes(block));
+      all += block;
+    }
+    return all;
+  }
+  // What the peer can read now.
+  std::string read() const {
+    std::string all;
+    std::string block(65536, '\0');
+    for (ssize_t n = 0; (n = ::read(far.get(), block.data(), block.size())) > 0;)
+      all.append(block, 0, static_cast<std::size_t>(n));
+    return all;
+  }
+
+  Loop loop;
+  UniqueFd near;
+  UniqueFd far;
+  std::unique_ptr<FdWatch> watch;
+  std::unique_ptr<Outbox> outbox;
+  int drained = 0;
+  int error = 0;
+  std::size_t lost = 0;
+};
+INSTANTIATE_TEST_SUITE_P(Kinds, OutboxTest, testing::Values(Outbox::Kind::file, Outbox::Kind::socket),
+                         [](const auto& of) { return of.param == Outbox::Kind::file ? "file" : "socket"; });
+
+TEST_P(OutboxTest, WhatTheKernelTakesIsSentAtOnce) {
+  outbox->write(as_bytes("one"));
+  outbox->write(as_bytes("two"));
+  EXPECT_FALSE(outbox->congested());
+  EXPECT_EQ(outbox->pending(), 0U);
+  EXPECT_EQ(read(), "onetwo");
+  loop.poll_one();
+  EXPECT_EQ(drained, 0) << "it was never congested";
+}
+
+TEST_P(OutboxTest, WhatItDoesNotTakeIsKeptAndSentInOrder) {
+  std::string all = fill();
+  const std::size_t kept = outbox->pending();
+  EXPECT_GT(kept, 0U);
+  outbox->write(as_bytes("behind"));
+  all += "behind";
+  EXPECT_EQ(outbox->pending(), kept + 6) << "nothing overtakes what is kept";
+  std::string came;
+  while (drained == 0) {
+    came += read();
+    loop.run_one();
+  }
+  came += read();
+  EXPECT_EQ(came, all);
+  EXPECT_EQ(outbox->pending(), 0U);
+  EXPECT_FALSE(outbox->congested());
+  outbox->write(as_bytes("again"));
+  EXPECT_EQ(read(), "again");
+  EXPECT_EQ(drained, 1);
+  EXPECT_EQ(lost, 0U);
+}
+
+TEST_P(OutboxTest, SomeKeepsNothingAndTellsWhenThereIsRoom) {
+  EXPECT_EQ(outbox->write_some(as_bytes("all")), 3U);
+  std::string all = "all";
+  const std::string block(100'000, 'b');
+  std::size_t taken = 0;
+  do {
+    taken = outbox->write_some(as_bytes(block));
+    all += block.substr(0, taken);
+  } while (taken == block.size());
+  EXPECT_EQ(outbox->write_some(as_bytes(block)), 0U);
+  EXPECT_FALSE(outbox->congested());
+  EXPECT_EQ(outbox->pending(), 0U);
+  std::string came;
+  while (drained == 0) {
+    came += read();
+    loop.run_one();
+  }
+  EXPECT_EQ(came + read(), all);
+}
+
+TEST_P(OutboxTest, SomeThatIsTakenWholeWaitsForNoRoom) {
+  EXPECT_EQ(outbox->write_some(as_bytes("all")), 3U);
+  while (loop.poll_one()) {
+  }
+  EXPECT_EQ(drained, 0);
+  EXPECT_EQ(read(), "all");
+}
+
+TEST_P(OutboxTest, SomeDoesNotOvertakeWhatIsKept) {
+  const std::string all = fill();
+  std::string came = read();  // there is room, and the loop has not seen it
+  EXPECT_EQ(outbox->write_some(as_bytes("x")), 0U);
+  while (drained == 0) {
+    came += read();
+    loop.run_one();
+  }
+  EXPECT_EQ(came + read(), all);
+}
+
+TEST_P(OutboxTest, WhatIsDiscardedIsNotSent) {
+  const std::string all = fill();
+  const std::size_t kept = outbox->pending();
+  outbox->discard();
+  EXPECT_FALSE(outbox->congested());
+  EXPECT_EQ(outbox->pending(), 0U);
+  const std::string came = read();
+  EXPECT_EQ(came.size(), all.size() - kept);
+  while (loop.poll_one()) {
+  }
+  EXPECT_EQ(drained, 0);
+  EXPECT_EQ(read(), "");
+}
+
+// A file's broken pipe is a signal.
+class BrokenOutboxTest : public OutboxTest {};
+INSTANTIATE_TEST_SUITE_P(OfSockets, BrokenOutboxTest, testing::Values(Outbox::Kind::socket));
+
+TEST_P(BrokenOutboxTest, TellsWhatItCostAndKeepsNothing) {
+  (void)fill();
+  const std::size_t kept = outbox->pending();
+  far.reset();
+  while (error == 0) loop.run_one();
+  EXPECT_TRUE(error == EPIPE || error == ECONNRESET) << error;
+  EXPECT_EQ(lost, kept);
+  EXPECT_FALSE(outbox->congested());
+  EXPECT_EQ(drained, 0) << "until discard() makes a new beginning";
+  outbox->write(as_bytes("more"));
+  EXPECT_EQ(lost, kept + 4);
+  EXPECT_EQ(outbox->pending(), 0U);
+}
 
 TEST(Outbox, DrainsAgainAfterAnErrorAndANewBeginning) {
   Loop loop;

@@ -24,6 +24,31 @@ TEST(Patience, ExpectsTheNextEventSoonAfterARowOfShortWaits) {
   EXPECT_TRUE(patience.expects_soon(Instant{}));
 }
 
+TEST(Patience, AWaitOfJustTheLimitIsShort) {
+  Patience patience;
+  for (int i = 0; i < Patience::kShortWaitsInARow; ++i) patience.waited(Patience::kShortWait);
+  EXPECT_TRUE(patience.expects_soon(Instant{}));
+}
+
+TEST(Patience, APollThatKeepsTheProcessorJustShortOfTheLimitCostsNothing) {
+  Patience patience;
+  wait_shortly(patience, Patience::kShortWaitsInARow);
+  const Instant now = Instant{} + Patience::kPreempted - Nanos{1};
+  patience.polled(Instant{}, now);
+  EXPECT_TRUE(patience.expects_soon(now));
+}
+
+TEST(Patience, AfterALostProcessorTheShortWaitsAreCountedAnew) {
+  Patience patience;
+  wait_shortly(patience, Patience::kShortWaitsInARow);
+  patience.polled(Instant{}, Instant{} + Patience::kPreempted);
+  const Instant rested = Instant{} + Patience::kPreempted + Patience::kFirstRest;
+  wait_shortly(patience, Patience::kShortWaitsInARow - 1);
+  EXPECT_FALSE(patience.expects_soon(rested));
+  wait_shortly(patience, 1);
+  EXPECT_TRUE(patience.expects_soon(rested));
+}
+
 TEST(Patience, OneLongWaitEndsIt) {
   Patience patience;
   wait_shortly(patience, Patience::kShortWaitsInARow);

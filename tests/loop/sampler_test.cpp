@@ -12,11 +12,13 @@
 #include "libport/loop/fence.hpp"
 #include "libport/loop/loop.hpp"
 #include "libport/loop/timer.hpp"
+#include "tests/support/manual_clock.hpp"
 
 namespace porttape {
 namespace {
 
 using std::chrono::milliseconds;
+using std::chrono::seconds;
 
 class SamplerTest : public testing::Test {
  protected:
@@ -66,6 +68,81 @@ TEST_F(SamplerTest, AMemberThatIsAddedAgainAndAgainIsLookedAtAllTheSame) {
   again.set_after(milliseconds(2));
   run_until([&] { return looks[0] > 0 || added == 200; });
   EXPECT_GT(looks[0], 0);
+}
+
+// By a clock that a test moves: how often a line is looked at.
+class SamplersRhythm : public testing::Test {
+ protected:
+  void add(int n) {
+    sampler.add(&owners.at(static_cast<std::size_t>(n)),
+                [this, n] { ++looks.at(static_cast<std::size_t>(n)); });
+  }
+  // Looks at one of them in this time.
+  int looks_in(Nanos time, std::size_t n = 0) {
+    const int before = looks.at(n);
+    (void)let_pass(loop, clock, time);
+    return looks.at(n) - before;
+  }
+
+  ManualClock clock;
+  Loop loop{clock};
+  Sampler sampler{loop};
+  std::array<int, 2> looks{};
+  std::array<char, 2> owners{};
+};
+
+TEST_F(SamplersRhythm, ANewLineIsLookedAtEveryFiveMillisecondsForASecond) {
+  add(0);
+  EXPECT_EQ(looks_in(milliseconds(4)), 0);
+  EXPECT_EQ(looks_in(milliseconds(1)), 1);
+  EXPECT_EQ(looks_in(milliseconds(990)), 198);
+  (void)looks_in(milliseconds(5));
+  EXPECT_LE(looks_in(seconds(6)), 11) << "rarely, from then on";
+}
+
+TEST_F(SamplersRhythm, AnIdleLineIsLookedAtRarely) {
+  add(0);
+  (void)looks_in(seconds(2));
+  EXPECT_EQ(looks_in(milliseconds(6000)), 10);
+}
+
+TEST_F(SamplersRhythm, ALineOnWhichSomethingHappensIsLookedAtTenTimesASecondForTwo) {
+  add(0);
+  (void)looks_in(seconds(2));
+  sampler.touch(&owners[0]);
+  const int first = looks_in(milliseconds(1900));
+  EXPECT_GE(first, 18);
+  EXPECT_LE(first, 20);
+  (void)looks_in(milliseconds(200));
+  EXPECT_EQ(looks_in(milliseconds(6000)), 10);
+}
+
+TEST_F(SamplersRhythm, OneLinesBusinessIsNotAnothers) {
+  add(0);
+  add(1);
+  (void)looks_in(seconds(2));
+  sampler.touch(&owners[1]);
+  EXPECT_LE(looks_in(milliseconds(1800)), 3);
+  add(1);
+  EXPECT_LE(looks_in(milliseconds(1200)), 2);
+}
+
+TEST_F(SamplersRhythm, ALineThatIsAddedAgainIsYoungAgain) {
+  add(0);
+  (void)looks_in(seconds(2));
+  add(0);
+  EXPECT_EQ(looks_in(milliseconds(500)), 100);
+}
+
+TEST_F(SamplersRhythm, NobodyIsWokenForNoLine) {
+  add(0);
+  add(1);
+  sampler.remove(&owners[0]);
+  EXPECT_TRUE(loop.next_timer());
+  sampler.remove(&owners[1]);
+  sampler.remove(&owners[1]);
+  sampler.touch(&owners[1]);
+  EXPECT_FALSE(loop.next_timer());
 }
 
 TEST_F(SamplerTest, AMemberThatIsAddedAgainHasTheNewLookAlone) {

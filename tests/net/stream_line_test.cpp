@@ -1,7 +1,10 @@
 #include "libport/net/stream_line.hpp"
 
 #include <array>
+#include <cerrno>
 #include <chrono>
+#include <memory>
+#include <optional>
 #include <string>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -9,6 +12,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/manual_clock.hpp"
 #include "tests/support/port_log.hpp"
 
 namespace porttape {
@@ -17,6 +21,8 @@ namespace {
 using Answers = PortListener::Answers;
 using Reason = LineDown::Reason;
 using std::chrono::milliseconds;
+using std::chrono::minutes;
+using std::chrono::seconds;
 
 class StreamLineTest : public testing::Test, private StreamLine::Owner {
  protected:
@@ -31,12 +37,37 @@ class StreamLineTest : public testing::Test, private StreamLine::Owner {
   void send(const std::string& text) {
     ASSERT_EQ(::write(peer.get(), text.data(), text.size()), static_cast<ssize_t>(text.size()));
   }
-  void until_over() {
-    run_until(loop, [this] { return over.has_value(); });
-    ASSERT_TRUE(over.has_value());
+  // Lets time pass until the line is over; how much.
+  Nanos until_over() {
+    const Instant begin = clock.now();
+    EXPECT_TRUE(let_pass(loop, clock, minutes(1), [this] { return over.has_value(); }));
+    return clock.now() - begin;
+  }
+  // A half-closed line, whose peer was told of as `peer_state`.
+  void half_close(PeerState peer_state, Answers wanted) {
+    make(StreamLine::Side::accepted);
+    state = peer_state;
+    answers = wanted;
+    ::shutdown(peer.get(), SHUT_WR);
+    settle(loop);
+    ASSERT_EQ(ended, 1);
+  }
+  // What the peer can read now.
+  std::string got() const {
+    std::string all;
+    std::array<char, 65536> buffer;
+    for (ssize_t size = 0; (size = ::read(peer.get(), buffer.data(), buffer.size())) > 0;)
+      all.append(buffer.data(), static_cast<std::size_t>(size));
+    return all;
+  }
+  // Whether the peer's next read is the end.
+  bool at_end() const {
+    char byte = 0;
+    return ::read(peer.get(), &byte, 1) == 0;
   }
 
-  Loop loop;
+  ManualClock clock;
+  Loop loop{clock};
   UniqueFd peer;
   PeerState state = PeerState::gone;
   Answers answers = Answers::none;
@@ -44,19 +75,24 @@ class StreamLineTest : public testing::Test, private StreamLine::Owner {
   bool another = false;
   std::string data;
   std::uint64_t lost = 0;
+  std::string why;
+  int drained = 0;
   int ended = 0;
   std::optional<LineDown> over;
   std::unique_ptr<StreamLine> line;
 
  private:
   void line_data(ByteView bytes) override { data += as_text(bytes); }
-  void line_drained() override {}
+  void line_drained() override { ++drained; }
   Answers line_ended() override {
     ++ended;
     return answers;
   }
   void line_over(const LineDown& down) override { over = down; }
-  void dropped(std::uint64_t bytes, const char*) override { lost += bytes; }
+  void dropped(std::uint64_t bytes, const char* reason) override {
+    lost += bytes;
+    if (bytes > 0) why = reason;
+  }
   bool wants_rest() override { return rest_wanted; }
   PeerState look_at_peer(int) override { return state; }
   bool next_waits() override { return another; }
@@ -78,7 +114,8 @@ TEST_F(StreamLineTest, AHalfClosedPeerIsKeptUntilItIsGone) {
   state = PeerState::reading;
   answers = Answers::until_hang_up;
   ::shutdown(peer.get(), SHUT_WR);
-  run_until(loop, [this] { return ended == 1; });
+  settle(loop);
+  EXPECT_EQ(ended, 1);
   EXPECT_FALSE(over.has_value());
   EXPECT_TRUE(line->takes());
   state = PeerState::gone;
@@ -96,7 +133,8 @@ TEST_F(StreamLineTest, WhatIsQueuedGoesOutThoughBothSidesHaveEnded) {
   line->end_writing();
   ASSERT_TRUE(line->congested());
   ::shutdown(peer.get(), SHUT_WR);
-  run_until(loop, [this] { return ended == 1; });
+  settle(loop);
+  EXPECT_EQ(ended, 1);
   EXPECT_FALSE(over.has_value());
   std::size_t got = 0;
   std::array<Byte, 65536> buffer{};
@@ -117,10 +155,10 @@ TEST_F(StreamLineTest, AQuietPeerOfAnotherMachineMakesRoomForTheNext) {
   state = PeerState::remote;
   answers = Answers::until_it_is_quiet;
   another = true;
-  const Instant start = loop.now();
   ::shutdown(peer.get(), SHUT_WR);
-  until_over();
-  EXPECT_GE(loop.now() - start, milliseconds(100));
+  const Nanos waited = until_over();
+  EXPECT_GE(waited, milliseconds(100));
+  EXPECT_LE(waited, milliseconds(121)) << "it is looked at every 20 ms";
 }
 
 TEST_F(StreamLineTest, ADeadPeerThatIsNotReadIsNoticedWhereNobodyWantsItsRest) {
@@ -150,6 +188,274 @@ TEST_F(StreamLineTest, HungUpAtOnceItCanBeClosed) {
   EXPECT_FALSE(line->hang_up(false));
   line->close(false);
   EXPECT_FALSE(over.has_value());
+}
+
+TEST_F(StreamLineTest, AQuietHalfClosedPeerCountsAsGoneTwoSecondsAfterTheLastAnswer) {
+  half_close(PeerState::remote, Answers::until_it_is_quiet);
+  (void)let_pass(loop, clock, milliseconds(1500));
+  line->write(as_bytes("answer"));
+  EXPECT_FALSE(over);
+  const Nanos waited = until_over();
+  EXPECT_GE(waited, seconds(2));
+  EXPECT_LE(waited, milliseconds(2021));
+  EXPECT_EQ(over->reason, Reason::closed);
+  EXPECT_EQ(got(), "answer");
+}
+
+TEST_F(StreamLineTest, SomeThatIsWrittenIsAnAnswerToo) {
+  half_close(PeerState::remote, Answers::until_it_is_quiet);
+  (void)let_pass(loop, clock, milliseconds(1500));
+  EXPECT_EQ(line->write_some(as_bytes("answer")), 6U);
+  EXPECT_GE(until_over(), seconds(2));
+}
+
+TEST_F(StreamLineTest, AHalfClosedPeerOfThisMachineIsNotQuietForTheNext) {
+  another = true;
+  half_close(PeerState::reading, Answers::until_it_is_quiet);
+  EXPECT_GE(until_over(), milliseconds(1999)) << "it is known to read still";
+}
+
+TEST_F(StreamLineTest, AHalfClosedPeerWhoseEndWillBeToldIsKept) {
+  half_close(PeerState::remote, Answers::until_hang_up);
+  EXPECT_FALSE(let_pass(loop, clock, minutes(1), [this] { return over.has_value(); }));
+  another = true;
+  EXPECT_GE(until_over(), milliseconds(0)) << "but not where another one waits";
+}
+
+TEST_F(StreamLineTest, AHalfClosedPeerIsKeptWhileItHasNotTakenAll) {
+  half_close(PeerState::remote, Answers::until_it_is_quiet);
+  line->write(Bytes(std::size_t{4} << 20, Byte{7}));
+  ASSERT_TRUE(line->congested());
+  EXPECT_FALSE(let_pass(loop, clock, seconds(30), [this] { return over.has_value(); }));
+}
+
+TEST_F(StreamLineTest, AHalfClosedPeerThatClosesIsGoneWhateverIsSaidOfIt) {
+  half_close(PeerState::remote, Answers::until_hang_up);
+  peer.reset();
+  EXPECT_LE(until_over(), milliseconds(20));
+  EXPECT_EQ(over->reason, Reason::closed);
+}
+
+TEST_F(StreamLineTest, WhereNobodyWantsToAnswerTheEndOfThePeersBytesIsItsClose) {
+  make(StreamLine::Side::accepted);
+  state = PeerState::reading;
+  answers = Answers::none;
+  send("last");
+  ::shutdown(peer.get(), SHUT_WR);
+  EXPECT_EQ(until_over(), Nanos(0));
+  EXPECT_EQ(ended, 1);
+  EXPECT_EQ(data, "last");
+  EXPECT_EQ(over->reason, Reason::closed);
+  EXPECT_EQ(over->error.message, "test has closed the connection");
+}
+
+TEST_F(StreamLineTest, WhereAllIsSentAndEndedThePeersEndIsTheLines) {
+  make(StreamLine::Side::accepted);
+  state = PeerState::reading;
+  answers = Answers::until_hang_up;
+  line->write(as_bytes("all"));
+  line->end_writing();
+  line->end_writing();
+  EXPECT_FALSE(line->takes());
+  EXPECT_EQ(got(), "all");
+  EXPECT_TRUE(at_end());
+  ::shutdown(peer.get(), SHUT_WR);
+  EXPECT_EQ(until_over(), Nanos(0));
+  EXPECT_EQ(ended, 0) << "there is nothing to be asked";
+}
+
+TEST_F(StreamLineTest, TheEndOfWritingComesBehindWhatIsQueued) {
+  make(StreamLine::Side::accepted);
+  const Bytes much(std::size_t{1} << 20, Byte{7});
+  line->write(much);
+  line->end_writing();
+  ASSERT_TRUE(line->congested());
+  std::size_t bytes = 0;
+  while (drained == 0) {
+    bytes += got().size();
+    settle(loop);
+  }
+  bytes += got().size();
+  EXPECT_EQ(bytes, much.size());
+  EXPECT_TRUE(at_end());
+  EXPECT_EQ(drained, 1);
+}
+
+TEST_F(StreamLineTest, ADeadPeersRestIsKeptForTenSecondsWhereItIsWanted) {
+  make(StreamLine::Side::accepted);
+  rest_wanted = true;
+  line->set_reading(false);
+  send("rest");
+  peer.reset();
+  const Nanos waited = until_over();
+  EXPECT_GE(waited, seconds(10));
+  EXPECT_LE(waited, milliseconds(10'500));
+  EXPECT_EQ(over->reason, Reason::closed);
+  line->close(true);
+  EXPECT_EQ(lost, 4U);
+  EXPECT_EQ(why, "they were not read when the line was closed");
+}
+
+TEST_F(StreamLineTest, ADeadPeerThatLeftNothingIsSeenWithinAQuarterOfASecond) {
+  make(StreamLine::Side::accepted);
+  rest_wanted = true;
+  line->set_reading(false);
+  peer.reset();
+  EXPECT_LE(until_over(), milliseconds(250));
+}
+
+TEST_F(StreamLineTest, APeerThatIsThereIsKeptUnreadHoweverLong) {
+  make(StreamLine::Side::accepted);
+  state = PeerState::reading;
+  line->set_reading(false);
+  send("unread");
+  EXPECT_FALSE(let_pass(loop, clock, minutes(1), [this] { return over.has_value(); }));
+  EXPECT_EQ(data, "");
+  line->set_reading(true);
+  settle(loop);
+  EXPECT_EQ(data, "unread");
+  EXPECT_FALSE(loop.next_timer()) << "the end is seen by reading";
+}
+
+TEST_F(StreamLineTest, AConnectionOfOursIsNotLookedAtWhileItIsNotRead) {
+  make(StreamLine::Side::connected);
+  line->set_reading(false);
+  peer.reset();
+  settle(loop);
+  EXPECT_FALSE(loop.next_timer());
+  EXPECT_FALSE(over);
+}
+
+TEST_F(StreamLineTest, HungUpItWaitsTwoSecondsForThePeersClose) {
+  make(StreamLine::Side::connected);
+  line->write(as_bytes("last"));
+  EXPECT_TRUE(line->has_peer());
+  EXPECT_TRUE(line->hang_up(true));
+  EXPECT_FALSE(line->has_peer());
+  EXPECT_FALSE(line->takes());
+  EXPECT_FALSE(line->hangs_up_when_sent());
+  EXPECT_EQ(got(), "last");
+  EXPECT_TRUE(at_end());
+  EXPECT_EQ(until_over(), seconds(2));
+  EXPECT_EQ(over->reason, Reason::hung_up);
+}
+
+TEST_F(StreamLineTest, HungUpWithBytesQueuedItSendsThemFirst) {
+  make(StreamLine::Side::connected);
+  const Bytes much(std::size_t{1} << 20, Byte{7});
+  line->write(much);
+  ASSERT_TRUE(line->congested());
+  EXPECT_TRUE(line->hang_up(true));
+  EXPECT_TRUE(line->hangs_up_when_sent());
+  std::size_t bytes = 0;
+  while (drained == 0) {
+    bytes += got().size();
+    settle(loop);
+  }
+  EXPECT_EQ(bytes + got().size(), much.size());
+  EXPECT_FALSE(line->hang_up(false)) << "its owner hangs up again once all is sent";
+}
+
+TEST_F(StreamLineTest, AHalfClosedLineThatIsHungUpIsOver) {
+  half_close(PeerState::reading, Answers::until_hang_up);
+  EXPECT_FALSE(line->hang_up(true)) << "the peer's end has come already";
+}
+
+TEST_F(StreamLineTest, ABrokenLineOfAPeerThatConnectedIsItsClose) {
+  make(StreamLine::Side::accepted);
+  line->set_reading(false);
+  peer.reset();
+  line->write(as_bytes("nobody"));
+  settle(loop);
+  ASSERT_TRUE(over);
+  EXPECT_EQ(over->reason, Reason::closed);
+}
+
+TEST_F(StreamLineTest, AWriteToABrokenLineIsTakenAndTold) {
+  make(StreamLine::Side::connected);
+  line->set_reading(false);
+  peer.reset();
+  line->write(as_bytes("nobody"));
+  EXPECT_FALSE(over) << "not from within the write";
+  EXPECT_EQ(lost, 6U);
+  EXPECT_EQ(why, "they could not be sent");
+  EXPECT_FALSE(line->congested());
+  settle(loop);
+  ASSERT_TRUE(over);
+  EXPECT_EQ(over->reason, Reason::lost);
+  EXPECT_EQ(over->error.message, "test: the connection is lost (Broken pipe)");
+}
+
+TEST_F(StreamLineTest, UnsentIsWhatWaitsHereAndInTheKernel) {
+  make(StreamLine::Side::connected);
+  EXPECT_EQ(line->unsent(), 0U);
+  const Bytes much(std::size_t{1} << 20, Byte{7});
+  line->write(much);
+  // A Unix socket's queue counts its overhead as well.
+  EXPECT_GE(line->unsent(), much.size());
+  const std::size_t dropped = line->drop_unsent();
+  EXPECT_GT(dropped, 0U);
+  EXPECT_LT(dropped, much.size());
+  EXPECT_FALSE(line->congested());
+  EXPECT_EQ(got().size(), much.size() - dropped);
+  EXPECT_EQ(line->unsent(), 0U);
+}
+
+TEST_F(StreamLineTest, WhatIsPendingIsReadAndNothingWhereReadingIsOff) {
+  make(StreamLine::Side::accepted);
+  line->set_reading(false);
+  send("pending");
+  line->read_pending();
+  EXPECT_EQ(data, "");
+  line->set_reading(true);
+  line->read_pending();
+  EXPECT_EQ(data, "pending");
+  line->read_pending();
+  EXPECT_EQ(data, "pending");
+}
+
+TEST_F(StreamLineTest, CatchingUpComesToThePeersEnd) {
+  make(StreamLine::Side::accepted);
+  send("left");
+  line->catch_up();
+  EXPECT_EQ(data, "") << "the peer is there: the loop reads in its turn";
+  peer.reset();
+  EXPECT_FALSE(line->has_peer());
+  line->catch_up();
+  EXPECT_EQ(data, "left");
+  EXPECT_TRUE(over);
+}
+
+TEST_F(StreamLineTest, AnOrderlyCloseLetsThePeerReadAll) {
+  make(StreamLine::Side::connected);
+  line->write(as_bytes("sent"));
+  send("unread");
+  line->set_reading(false);
+  line->close(true);
+  EXPECT_EQ(lost, 6U);
+  EXPECT_EQ(got(), "sent");
+  EXPECT_TRUE(at_end());
+}
+
+TEST_F(StreamLineTest, ACloseThatIsNotOrderlyIsAReset) {
+  make(StreamLine::Side::connected);
+  send("unread");
+  line->close(false);
+  EXPECT_EQ(lost, 6U);
+  EXPECT_EQ(why, "they were not read when the line broke");
+  char byte = 0;
+  EXPECT_EQ(::read(peer.get(), &byte, 1), -1);
+  EXPECT_EQ(errno, ECONNRESET);
+}
+
+TEST_F(StreamLineTest, WhatIsQueuedAtACloseIsTold) {
+  make(StreamLine::Side::connected);
+  const Bytes much(std::size_t{1} << 20, Byte{7});
+  line->write(much);
+  line->close(true);
+  EXPECT_GT(lost, 0U);
+  EXPECT_EQ(why, "they were not sent");
+  EXPECT_EQ(got().size(), much.size() - lost);
 }
 
 }  // namespace

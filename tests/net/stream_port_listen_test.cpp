@@ -1,10 +1,12 @@
 #include <algorithm>
+#include <fcntl.h>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "tests/net/stream_port_rig.hpp"
+#include "tests/support/descriptor_limit.hpp"
 
 namespace porttape {
 namespace {
@@ -395,7 +397,9 @@ TEST_F(ListeningPort, APortInUseIsAUsageError) {
   const Result<void> prepared = port->prepare();
   ASSERT_FALSE(prepared.has_value());
   EXPECT_EQ(prepared.error().code, Errc::usage);
-  EXPECT_NE(prepared.error().message.find("in use"), std::string::npos) << prepared.error().message;
+  EXPECT_EQ(prepared.error().message,
+            "cannot listen on 127.0.0.1:" + std::to_string(server.port()) +
+                ": Address already in use; another program listens there; choose another port");
 }
 
 TEST_F(ListeningPort, AnAddressOfAnotherMachineCannotBeListenedOn) {
@@ -403,6 +407,26 @@ TEST_F(ListeningPort, AnAddressOfAnotherMachineCannotBeListenedOn) {
   const Result<void> prepared = port->prepare();
   ASSERT_FALSE(prepared.has_value());
   EXPECT_EQ(prepared.error().code, Errc::usage);
+  EXPECT_EQ(prepared.error().message,
+            "cannot listen on 192.0.2.1:2112: Cannot assign requested address; this machine has no such "
+            "address");
+}
+
+TEST_F(ListeningPort, WithoutADescriptorAConnectionWaitsAndIsTriedAgain) {
+  PORTTAPE_SKIP_UNDER_SANITIZERS();
+  make_listening();
+  const Socket peer = Socket::connect_to(number);
+  const std::string told =
+      "a connection cannot be accepted: Too many open files (the limit of this process; see ulimit -n); it "
+      "waits, and is tried again";
+  {
+    const test::NoDescriptors none;
+    run_until(loop, [&] { return book.text().find(told) != std::string::npos; });
+  }
+  EXPECT_NE(book.text().find(told), std::string::npos) << book.text();
+  EXPECT_EQ(log.events, "");
+  until("up ");
+  EXPECT_EQ(book.text().find(told), book.text().rfind(told)) << "once";
 }
 
 TEST_F(ListeningPort, PortZeroIsPrinted) {

@@ -1,4 +1,14 @@
+#include <algorithm>
+#include <chrono>
+#include <memory>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <string>
+#include <sys/socket.h>
+
+#include "libport/net/socket_address.hpp"
 #include "tests/net/stream_port_rig.hpp"
+#include "tests/support/manual_clock.hpp"
 
 namespace porttape {
 namespace {
@@ -14,6 +24,37 @@ TEST_F(ConnectingPort, ConnectsAndPassesBytesBothWays) {
   until_got(peer, "ask");
   peer.send("answer");
   until_data("answer");
+}
+
+int option_of(int fd, int level, int option) {
+  int value = -1;
+  socklen_t size = sizeof value;
+  EXPECT_EQ(::getsockopt(fd, level, option, &value, &size), 0);
+  return value;
+}
+
+// The descriptor in this program of the other end of a connection.
+int other_end_of(int fd) {
+  const SocketAddress here = local_address(fd);
+  const SocketAddress there = peer_address(fd);
+  for (int other = 0; other < 1024; ++other) {
+    if (same_host_and_port(local_address(other), there) && same_host_and_port(peer_address(other), here))
+      return other;
+  }
+  return -1;
+}
+
+TEST_F(ConnectingPort, SendsAtOnceAndNoticesAPeerThatHasVanishedInAMinuteAndAHalf) {
+  make_connecting();
+  port->open();
+  const Socket peer = accepted();
+  const int fd = other_end_of(peer.fd());
+  ASSERT_GE(fd, 0);
+  EXPECT_NE(option_of(fd, IPPROTO_TCP, TCP_NODELAY), 0);
+  EXPECT_NE(option_of(fd, SOL_SOCKET, SO_KEEPALIVE), 0);
+  EXPECT_EQ(option_of(fd, IPPROTO_TCP, TCP_KEEPIDLE), 60);
+  EXPECT_EQ(option_of(fd, IPPROTO_TCP, TCP_KEEPINTVL), 10);
+  EXPECT_EQ(option_of(fd, IPPROTO_TCP, TCP_KEEPCNT), 3);
 }
 
 TEST_F(ConnectingPort, IsNotConnectedBeforeOpen) {
@@ -165,6 +206,78 @@ TEST_F(ConnectingPort, WaitsForADeviceThatIsMissing) {
   EXPECT_EQ(log.events, "");
   late.listen();
   until("up ");
+}
+
+// By a clock that is moved: when it is tried again.
+class RetryingPort : public testing::Test {
+ protected:
+  using Socket = test::Socket;
+  void make(const std::string& more) {
+    const Result<PortSpec> options = parse_port("tcp:127.0.0.1:" + std::to_string(deaf.port()) + more);
+    ASSERT_TRUE(options.has_value()) << options.error().message;
+    Result<std::unique_ptr<Port>> made = make_port({&loop, book.log()}, *options, "test");
+    ASSERT_TRUE(made.has_value());
+    port = std::move(*made);
+    port->listen(log);
+    ASSERT_TRUE(port->prepare().has_value());
+  }
+  // How long until it tries next. The kernel refuses at once.
+  Nanos next_try() {
+    settle(loop);
+    return loop.next_timer() ? *loop.next_timer() - clock.now() : Nanos(-1);
+  }
+  void try_again() {
+    clock.pass(std::max(Nanos(0), next_try()));
+    loop.clock_moved();
+    settle(loop);
+    // The attempt itself begins at once, from the loop.
+    while (next_try() == Nanos(0)) {
+      loop.clock_moved();
+      settle(loop);
+    }
+  }
+
+  ManualClock clock;
+  Loop loop{clock};
+  LogBook book;
+  PortLog log;
+  Socket deaf = Socket::bound();
+  std::unique_ptr<Port> port;
+};
+
+TEST_F(RetryingPort, TriesAgainEverLaterUpToFiveSeconds) {
+  make(",wait");
+  port->open();
+  while (next_try() != std::chrono::milliseconds(100)) {
+    ASSERT_LE(next_try(), Nanos(0)) << "the first attempt is at once";
+    loop.clock_moved();
+    settle(loop);
+  }
+  for (const int wait : {200, 400, 800, 1600, 3200, 5000, 5000}) {
+    try_again();
+    EXPECT_EQ(next_try(), std::chrono::milliseconds(wait));
+  }
+  EXPECT_EQ(log.events, "");
+  EXPECT_EQ(book.text().find("trying again"), book.text().rfind("trying again")) << "it is told once";
+}
+
+TEST_F(RetryingPort, ACloseEndsTheTrying) {
+  make(",wait");
+  port->open();
+  try_again();
+  port->close();
+  EXPECT_EQ(next_try(), Nanos(-1));
+}
+
+TEST_F(RetryingPort, AMissingDeviceIsAFailureWhereItIsNotWaitedFor) {
+  make("");
+  port->open();
+  run_until(loop, [this] {
+    loop.clock_moved();
+    return !log.events.empty();
+  });
+  EXPECT_EQ(log.events, "failed ");
+  EXPECT_EQ(log.error.code, Errc::device_missing);
 }
 
 }  // namespace

@@ -74,9 +74,137 @@ TEST_F(UdpPortTest, OnlyThePeersDatagramsCount) {
   peer.send_to(number, "mine");
   while (log.data.empty()) loop.run_one();
   EXPECT_EQ(log.data, "mine");
-  EXPECT_NE(book.text().find(std::to_string(stranger.port())), std::string::npos) << book.text();
+  const std::string to = "127.0.0.1:" + std::to_string(peer.port());
+  EXPECT_NE(book.text().find("udp:" + to + ": a datagram from 127.0.0.1:" + std::to_string(stranger.port()) +
+                             ", which is not the peer " + to + ", is dropped; from=any takes all"),
+            std::string::npos)
+      << book.text();
   port->close();
   EXPECT_NE(book.text().find("2 datagrams of others"), std::string::npos) << book.text();
+}
+
+TEST_F(UdpPortTest, ManyForeignOnesAreToldOnceAndCountedAtTheClose) {
+  make_sending();
+  const Socket stranger = Socket::datagrams();
+  for (int n = 0; n < 50; ++n) stranger.send_to(number, "foreign");
+  peer.send_to(number, "mine");
+  while (log.data.empty()) loop.run_one();
+  EXPECT_EQ(book.text().find("is dropped; from=any"), book.text().rfind("is dropped; from=any"));
+  port->close();
+  EXPECT_NE(book.text().find("50 datagrams of others than the peer were dropped"), std::string::npos);
+  port->open();
+  port->close();
+  EXPECT_EQ(book.text().find("datagrams of others"), book.text().rfind("datagrams of others")) << "once";
+}
+
+TEST_F(UdpPortTest, WhatIsWrittenBeforeThePeerIsKnownIsTold) {
+  make_listening();
+  port->write(as_bytes("early"));
+  EXPECT_EQ(log.dropped, 5U);
+  EXPECT_EQ(log.why, "the line is not up");
+}
+
+TEST_F(UdpPortTest, APortForReadingOnlySendsNothing) {
+  make("udp:127.0.0.1:" + std::to_string(peer.port()) + ",recv_ip=127.0.0.1,recv_port=0,readonly");
+  port->open();
+  port->write(as_bytes("unwanted"));
+  EXPECT_EQ(log.dropped, 8U);
+  EXPECT_EQ(log.why, "the port is for reading only");
+  EXPECT_EQ(one(peer), "nothing");
+}
+
+TEST_F(UdpPortTest, APortForWritingOnlyTakesNothing) {
+  make("udp:127.0.0.1:" + std::to_string(peer.port()) + ",recv_ip=127.0.0.1,recv_port=0,writeonly");
+  port->open();
+  peer.send_to(number, "unwanted");
+  run_until(loop, [&] { return log.dropped > 0; });
+  EXPECT_EQ(log.dropped, 8U);
+  EXPECT_EQ(log.why, "the port is for writing only");
+  EXPECT_EQ(log.data, "");
+}
+
+TEST_F(UdpPortTest, AWriteThatIsTooLargeForOneIsSeveral) {
+  make_sending();
+  port->write(as_bytes(std::string(65507, 'x') + "rest"));
+  EXPECT_EQ(one(peer).size(), 65507U);
+  EXPECT_EQ(one(peer), "rest");
+  EXPECT_EQ(one(peer), "nothing");
+}
+
+TEST_F(UdpPortTest, WhatIsPendingIsReadWhereReadingIsOn) {
+  make_sending();
+  peer.send_to(number, "one");
+  peer.send_to(number, "two");
+  port->set_reading(false);
+  port->read_pending();
+  EXPECT_EQ(log.data, "");
+  port->set_reading(true);
+  port->read_pending();
+  EXPECT_EQ(log.data, "onetwo");
+}
+
+TEST_F(UdpPortTest, AllEmptyOnesOfASessionAreToldAtItsEnd) {
+  make_sending();
+  for (int n = 0; n < 3; ++n) peer.send_to(number, "");
+  peer.send_to(number, "x");
+  run_until(loop, [&] { return log.data == "x"; });
+  EXPECT_EQ(book.text().find("empty datagrams"), std::string::npos);
+  port->close();
+  EXPECT_NE(book.text().find("3 empty datagrams, which a tape cannot hold, were dropped"), std::string::npos);
+  port->open();
+  port->close();
+  EXPECT_EQ(book.text().find("empty datagrams"), book.text().rfind("empty datagrams")) << "once";
+}
+
+TEST_F(UdpPortTest, OfAClosedPortNothingIsToldWhereNothingCame) {
+  make_sending();
+  port->close();
+  port->open();
+  EXPECT_EQ(book.text().find("while it was closed"), std::string::npos) << book.text();
+  EXPECT_EQ(log.dropped, 0U);
+}
+
+TEST_F(UdpPortTest, HowManyCameWhileItWasClosedIsTold) {
+  make_sending();
+  port->close();
+  for (int n = 0; n < 3; ++n) peer.send_to(number, "old");
+  port->open();
+  EXPECT_NE(book.text().find("3 datagrams came while it was closed"), std::string::npos) << book.text();
+  loop.poll_one();
+  EXPECT_EQ(log.data, "");
+}
+
+TEST_F(UdpPortTest, ItsNameAndPlaceAreThoseOfThePeerOrItsOwn) {
+  make_sending();
+  const std::string to = std::to_string(peer.port());
+  EXPECT_EQ(port->name(), "udp:127.0.0.1:" + to);
+  EXPECT_EQ(port->place().host, "127.0.0.1");
+  EXPECT_EQ(port->place().port, peer.port());
+  EXPECT_FALSE(port->passive());
+  EXPECT_TRUE(port->keeps_datagrams());
+  make_listening();
+  EXPECT_EQ(port->name(), "udp-listen:127.0.0.1:" + std::to_string(number));
+  EXPECT_EQ(port->place().port, number);
+}
+
+TEST_F(UdpPortTest, AnAddressThatIsNotOfThisMachineIsRefused) {
+  const Result<PortSpec> options = parse_port("udp-listen:192.0.2.1:0");
+  ASSERT_TRUE(options.has_value()) << options.error().message;
+  UdpPort other(PortContext{&loop, book.log()}, options->common(), *options->get<UdpOptions>());
+  other.listen(log);
+  const Result<void> ready = other.prepare();
+  ASSERT_FALSE(ready);
+  EXPECT_EQ(ready.error().code, Errc::usage);
+  EXPECT_EQ(ready.error().message,
+            "cannot receive on 192.0.2.1:0: Cannot assign requested address; choose another recv_ip or "
+            "recv_port");
+}
+
+TEST_F(UdpPortTest, APeerOfTheOtherFamilyNeedsAnAddressOfItsOwn) {
+  make("udp:[::1]:9,recv_ip=*,recv_port=0");
+  EXPECT_EQ(port->name(), "udp:[::1]:9");
+  port->open();
+  EXPECT_EQ(log.events, "up ");
 }
 
 TEST_F(UdpPortTest, AnybodysDatagramsCountWhereThatIsWanted) {
@@ -196,6 +324,16 @@ TEST_F(UdpPortTest, ADatagramThatCannotBeSentIsCountedAndTheLineStaysUp) {
   port->write(as_bytes("four"));
   EXPECT_EQ(log.events, "up ");
   EXPECT_EQ(log.dropped, 8U);
+  EXPECT_EQ(log.why, "a datagram could not be sent");
+  const std::string told =
+      "udp:255.255.255.255:9: a datagram of 4 bytes to 255.255.255.255:9 is dropped: Permission denied";
+  const std::size_t at = book.text().find(told);
+  EXPECT_NE(at, std::string::npos) << book.text();
+  EXPECT_EQ(book.text().rfind(told), at) << "once a session";
+  port->close();
+  port->open();
+  port->write(as_bytes("four"));
+  EXPECT_NE(book.text().rfind(told), at) << "and once in the next";
 }
 
 TEST_F(UdpPortTest, WhatCameWhileClosedIsNotForTheNextSession) {

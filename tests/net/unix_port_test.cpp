@@ -94,7 +94,12 @@ TEST_F(UnixPortTest, ALinkPlantedAsTheSocketIsMadeIsNotFollowed) {
     fs::remove(path);
     fs::create_symlink(precious, path);
   };
-  EXPECT_FALSE(make(",listen,mode=0666").has_value());
+  const Result<void> made = make(",listen,mode=0666");
+  ASSERT_FALSE(made.has_value());
+  EXPECT_EQ(made.error().code, Errc::usage);
+  EXPECT_EQ(made.error().message, "socket '" + path +
+                                      "' was replaced as it was made; choose a folder that nobody else "
+                                      "writes to");
   struct stat status {};
   ASSERT_EQ(::lstat(precious.c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 0777U, 0600U);
@@ -120,6 +125,8 @@ TEST_F(UnixPortTest, AFileIsNeverReplaced) {
   const Result<void> made = make(",listen");
   ASSERT_FALSE(made.has_value());
   EXPECT_EQ(made.error().code, Errc::usage);
+  EXPECT_EQ(made.error().message,
+            "socket '" + path + "' exists and is not a socket; it is left alone, choose another path");
   EXPECT_EQ(fs::file_size(path), 4U);
 }
 
@@ -131,7 +138,9 @@ TEST_F(UnixPortTest, ASocketInUseIsNotReplacedAStaleOneIs) {
     ASSERT_EQ(::listen(other.get(), 1), 0);
     const Result<void> made = make(",listen");
     ASSERT_FALSE(made.has_value());
-    EXPECT_NE(made.error().message.find("in use"), std::string::npos);
+    EXPECT_EQ(made.error().code, Errc::usage);
+    EXPECT_EQ(made.error().message,
+              "socket '" + path + "' is in use; end that program or choose another path");
   }
   EXPECT_TRUE(make(",listen").has_value());
 }
@@ -148,7 +157,33 @@ TEST_F(UnixPortTest, AMissingSocketIsAMissingDeviceUnlessItIsWaitedFor) {
   const Result<void> made = make("");
   ASSERT_FALSE(made.has_value());
   EXPECT_EQ(made.error().code, Errc::device_missing);
+  EXPECT_EQ(made.error().message, "socket '" + path +
+                                      "': No such file or directory; is the program that listens there "
+                                      "running?");
   EXPECT_TRUE(make(",wait").has_value());
+}
+
+TEST_F(UnixPortTest, AFileInThePlaceOfTheDevicesSocketIsNoDevice) {
+  std::ofstream(path) << "data";
+  const Result<void> made = make("");
+  ASSERT_FALSE(made.has_value());
+  EXPECT_EQ(made.error().code, Errc::device_missing);
+  EXPECT_EQ(made.error().message, "socket '" + path + "': it is not a socket");
+}
+
+TEST_F(UnixPortTest, AMissingFolderIsAUsageErrorThatSaysHowToMakeIt) {
+  path = dir / "folder/socket";
+  const Result<void> made = make(",listen");
+  ASSERT_FALSE(made.has_value());
+  EXPECT_EQ(made.error().code, Errc::usage);
+  EXPECT_EQ(
+      made.error().message,
+      "socket '" + path + "' cannot be made: No such file or directory; type mkdir -p " + (dir / "folder"));
+}
+
+TEST_F(UnixPortTest, WhereItListensIsTold) {
+  ASSERT_TRUE(make(",listen").has_value());
+  EXPECT_NE(book.text().find("listening on " + path), std::string::npos) << book.text();
 }
 
 TEST_F(UnixPortTest, ConnectsToAListener) {

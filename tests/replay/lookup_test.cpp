@@ -71,6 +71,29 @@ TEST(Lookup, AnAnswerComesTheRecordedGapAfterItsRequestWasComplete) {
   EXPECT_EQ(rig.deliveries[1], (Rig::Delivery{64'000, "b", {1}}));
 }
 
+// This and the next were found by seeds of the simulation.
+TEST(Lookup, AChangeOfTheRateCountsForWhatWasAskedBefore) {
+  Rig rig(two_polls(), lookup());
+  rig.open().write("F\rQ1\r").until(1000).rate(2).until(2999);
+  EXPECT_EQ(rig.read(), "");
+  EXPECT_EQ(rig.until(3000).read(), "#x\r(230\r") << "1 ms at the rate 1, 4 ms at 2";
+  rig.write("F\r").wait(1000).rate(0.5).wait(5999);
+  EXPECT_EQ(rig.read(), "");
+  EXPECT_EQ(rig.wait(1).read(), "#x\r") << "1 ms at 2, 6 ms at 0.5";
+}
+
+TEST(Lookup, GapsThatAreTooLongAreCutInFrontOfAnAnswerAndInIt) {
+  ReplayConfig config = lookup();
+  config.max_gap = Micros{1000};
+  Rig rig(
+      MemoryTape().write(0, "Q").read(500'000, "A").read(500'200, "B").read(900'000, "C").hang_up(990'000),
+      config);
+  rig.open().write("Q").wait(1'000'000);
+  EXPECT_EQ(rig.deliveries,
+            (std::vector<Rig::Delivery>{{1000, "A", {1}}, {1200, "B", {1}}, {2200, "C", {1}}}));
+  EXPECT_TRUE(rig.hung_up);
+}
+
 TEST(Lookup, WithoutTimesAnswersComeAtOnce) {
   ReplayConfig config = lookup();
   config.timing = Timing::none;
@@ -283,6 +306,39 @@ TEST(Lookup, ADriverThatWritesNoMoreGetsItsAnswersAndThenTheEnd) {
   rig.wait(5000);
   EXPECT_EQ(rig.read(), "#x\r");
   EXPECT_TRUE(rig.hung_up);
+}
+
+// Found by a seed of the simulation.
+TEST(Lookup, ADeviceThatHasEndedItsSendingSaysNoMoreInThatSession) {
+  const MemoryTape tape = MemoryTape()
+                              .open(0)
+                              .write(1000, "bye")
+                              .read(2000, "so long")
+                              .half_close(3000, Side::device)
+                              .write(4000, "still here")
+                              .read(5000, "no")
+                              .close(6000);
+  Rig rig(tape, lookup(), true, 1000, kSocket);
+  rig.open().write("bye").write("bye").wait(1999);
+  EXPECT_FALSE(rig.ended);
+  EXPECT_EQ(rig.wait(1).read(), "so long");
+  EXPECT_TRUE(rig.ended);
+  rig.write("bye").wait(100'000);
+  EXPECT_EQ(rig.read(), "");
+  rig.close().open().write("bye").wait(100'000);
+  EXPECT_EQ(rig.read(), "so long");
+}
+
+// In the tape's order such a read is a crafted one, or comes by a loop of the tape within one session.
+TEST(HalfClosedDevice, SaysNoMoreInTheTapesOrderEither) {
+  ReplayConfig config;
+  config.loops = 2;
+  Rig rig(MemoryTape().open(0).read(1000, "a").half_close(2000, Side::device).read(3000, "b"), config, true,
+          1000, kSocket);
+  rig.open().wait(20'000);
+  EXPECT_EQ(rig.read(), "a");
+  EXPECT_TRUE(rig.ended);
+  EXPECT_EQ(rig.deliveries.size(), 1U);
 }
 
 TEST(Lookup, TheTapeIsUsedUpWhenAllOfItWasAskedFor) {

@@ -170,6 +170,18 @@ TEST(Step, SeveralAreSeveralExchanges) {
   EXPECT_EQ(rig.read(), "C");
 }
 
+// Found by a seed of the simulation: steps that nothing had used came in the next pause.
+TEST(Step, ThatIsLeftOverIsForgottenWhenTheClockGoesOn) {
+  Rig rig(MemoryTape().open(0).write(10, "a?").read(20, "A").close(30).open(40).read(50, "B").close(60));
+  rig.open().write("a?").wait(100);
+  EXPECT_EQ(rig.read(), "A");
+  rig.stand().step(2).close();
+  rig.stand(false).stand().open().wait(1'000'000);
+  EXPECT_EQ(rig.read(), "");
+  rig.stand(false).wait(1'000);
+  EXPECT_EQ(rig.read(), "B");
+}
+
 TEST(Step, OfAStreamIsASecondOfIt) {
   auto tape = MemoryTape();
   for (int n = 0; n < 30; ++n) tape.read(100'000 * n, std::string(1, static_cast<char>('a' + n % 26)));
@@ -288,6 +300,19 @@ TEST(Rate, ChangesFromNowOn) {
     EXPECT_EQ(rig.finish(), Verdict::pass);
     EXPECT_EQ(rig.report->playback.rates, 2U);
   }
+}
+
+// Found by a seed of the simulation: the whole gap was played at the rate that came later.
+TEST(Rate, ChangedBetweenAWriteAheadAndItsAnswerCountsFromThenOn) {
+  Rig rig(MemoryTape().write(0, "a?").read(10'000, "A").write(20'000, "b?").read(80'000, "B"));
+  rig.open().write("a?b?").until(5'000).rate(10).until(5'499);
+  EXPECT_EQ(rig.read(), "");
+  rig.until(5'500);
+  EXPECT_EQ(rig.read(), "A") << "5 ms at the rate 1, 5 ms at 10";
+  rig.until(7'000).rate(2).until(24'499);
+  EXPECT_EQ(rig.read(), "");
+  rig.until(24'500);
+  EXPECT_EQ(rig.read(), "B") << "5 ms at 1, 20 ms at 10, 35 ms at 2";
 }
 
 TEST(Rate, ExpectedTimesOfWritesFollow) {

@@ -158,6 +158,83 @@ TEST(RedactStreamTest, ExpressionsSeeWhatStandsAround) {
     EXPECT_EQ(redact(first, long_text, Of::reads, cut).text, expected);
 }
 
+TEST(FillerTest, InATextOnlyAsciiIsPutIn) {
+  const Filler filler(kKey, {});
+  const auto fill = [&](FillerKind kind, std::string_view secret, const Bytes& with = {}) {
+    RedactRule rule;
+    rule.filler = kind;
+    rule.with = with;
+    return std::string(as_text(filler.fill(rule, as_bytes(secret), true)));
+  };
+  EXPECT_THAT(fill(FillerKind::digits, "secret"), testing::MatchesRegex("[0-9]+"));
+  EXPECT_THAT(fill(FillerKind::hex, "SECRET"), testing::MatchesRegex("[0-9A-F]+"));
+  EXPECT_THAT(fill(FillerKind::like, "Ab1 "), testing::MatchesRegex("[A-Z][a-z][0-9] "));
+  EXPECT_THAT(fill(FillerKind::like, "A\x80"), testing::MatchesRegex("[A-Z]+"));
+  EXPECT_EQ(fill(FillerKind::constant, "abc", {' ', '~'}), " ~ ");
+  for (const Byte byte : {Byte{0x1f}, Byte{0x7f}})
+    EXPECT_THAT(fill(FillerKind::constant, "abc", {'a', byte}), testing::MatchesRegex("[a-z]+"));
+  RedactRule rule;
+  rule.filler = FillerKind::constant;
+  rule.with = {0x1f};
+  EXPECT_EQ(filler.fill(rule, as_bytes("ab")), (Bytes{0x1f, 0x1f}));
+}
+
+TEST(FillerTest, OfDelimitersNoneComesIntoBeing) {
+  std::vector<FrameFormat> formats(2);
+  for (int byte = 0; byte < 253; ++byte) formats[0].start.push_back(static_cast<Byte>(byte));
+  formats[1].end = {253};
+  RedactRule rule;
+  rule.filler = FillerKind::bytes;
+  const Filler two(kKey, formats);
+  for (int secret = 0; secret < 256; ++secret) {
+    const Bytes filled = two.fill(rule, Bytes{static_cast<Byte>(secret)});
+    EXPECT_GE(filled[0], 254);
+    EXPECT_NE(filled[0], secret);
+  }
+  formats[1].end.push_back(254);  // one is too few to choose from
+  const Filler all(kKey, formats);
+  bool other = false;
+  for (int secret = 0; secret < 256; ++secret)
+    other = other || all.fill(rule, Bytes{static_cast<Byte>(secret)})[0] != 255;
+  EXPECT_TRUE(other);
+}
+
+TEST(RedactStreamTest, AFrameInWhichNothingIsReplacedIsNotMended) {
+  const RedactBook book =
+      book_of("[[frame]]\nprotocol='nmea'\n[[redact]]\nname='it'\ntext='secret'\nwith='0'\n");
+  RedactStream stream(book, Of::reads);
+  ASSERT_TRUE(stream.add(as_bytes("$A*00\r\n$secret*00\r\n$B*00\r\n")));
+  ASSERT_TRUE(stream.finish());
+  EXPECT_EQ(as_text(stream.take().bytes), "$A*00\r\n$000000*00\r\n$B*00\r\n");
+  EXPECT_EQ(stream.wrong_checksums(), 1U);
+}
+
+TEST(RedactStreamTest, ARangeIsGivenOnWithTheLastOfItsBytes) {
+  const RedactBook book = book_of("[[redact]]\nname='all'\ndir='r'\noffset=0\nsize=32768\nwith='-'\n");
+  RedactStream stream(book, Of::reads);
+  ASSERT_TRUE(stream.add(Bytes(32767, 'a')));
+  EXPECT_EQ(stream.take().bytes.size(), 0U);
+  ASSERT_TRUE(stream.add(Bytes(1, 'a')));
+  const RedactStream::Ready ready = stream.take();
+  EXPECT_EQ(as_text(ready.bytes), std::string(32768, '-'));
+  ASSERT_EQ(ready.redactions.size(), 8U);
+  EXPECT_EQ(ready.redactions[7], (Redaction{28672, 4096, 0}));
+}
+
+TEST(RedactStreamTest, ATextHasNoFramesAndOnlyRulesOfEvents) {
+  const RedactBook book = book_of(
+      "[[frame]]\nname='f'\nkind='fixed'\nsize=2\n[[redact]]\nname='a'\nat=0\nwith='-'\n"
+      "[[redact]]\nname='b'\ntext='b'\nwith='+'\n[[redact]]\nname='c'\ntext='c'\nevents=false\n"
+      "[[redact]]\nname='d'\noffset=0\nsize=1\ndir='r'\n");
+  EXPECT_EQ(redact(book, "abcd", Of::text).text, "a+cd");
+  EXPECT_EQ(redact(book, "abcd", Of::writes).text, "----");
+  RedactStream stream(book, Of::text);
+  ASSERT_TRUE(stream.add(as_bytes("abcd")));
+  ASSERT_TRUE(stream.pause());
+  ASSERT_TRUE(stream.finish());
+  EXPECT_EQ(as_text(stream.take().bytes), "a+cd");
+}
+
 TEST(RedactStreamTest, TheSameComesOutHoweverItIsCut) {
   const RedactBook book = book_of(
       "[[frame]]\nname='f'\nkind='delimited'\nstart='<'\nend='>'\nlongest=40\n"

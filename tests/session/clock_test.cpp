@@ -207,12 +207,33 @@ TEST_F(LastBytes, EndTheWaitWhenTheyHaveGone) {
   EXPECT_TRUE(closed());
 }
 
-// A next driver waits for a device that gets on, and not for one that stands.
 TEST_F(LastBytes, HaveASecondWhereANextDriverWaitsAndNothingGoes) {
+  device_.unread = 4;
   driver_.up();
   (void)let_pass(loop_, clock_, milliseconds(900));
   EXPECT_FALSE(closed());
   (void)let_pass(loop_, clock_, milliseconds(1200));
+  EXPECT_TRUE(closed());
+}
+
+TEST_F(LastBytes, HaveThirtySecondsWhereANextDriverWaitsWhileTheyGo) {
+  device_.unread = 100;
+  driver_.up();
+  for (int second = 1; second < 30; ++second) {
+    --*device_.unread;
+    (void)let_pass(loop_, clock_, seconds(1));
+  }
+  EXPECT_FALSE(closed());
+  (void)let_pass(loop_, clock_, seconds(1));
+  EXPECT_TRUE(closed());
+}
+
+TEST_F(LastBytes, HaveThirtySecondsWhereANextDriverWaitsAndNobodyKnowsWhetherTheyGo) {
+  device_.unread.reset();
+  driver_.up();
+  (void)let_pass(loop_, clock_, seconds(30) - milliseconds(1));
+  EXPECT_FALSE(closed());
+  (void)let_pass(loop_, clock_, milliseconds(2));
   EXPECT_TRUE(closed());
 }
 

@@ -174,6 +174,103 @@ TEST_F(SessionTest, WhatTheNextDriverDoesWaitsUntilTheLastOnesBytesHaveGone) {
   EXPECT_EQ(device.calls, "close watch_signals open rts_off drain ");
 }
 
+TEST_F(SessionTest, TheNextDriversFlushIsNotTheLastOnes) {
+  leave_last_bytes();
+  driver.up();
+  device.calls.clear();
+  driver.flush(FlushQueue::in);
+  EXPECT_EQ(device.calls, "") << "the device still belongs to the last driver";
+  device.drain();
+  EXPECT_EQ(device.calls, "close open peer_flushed ");
+}
+
+TEST_F(SessionTest, ADriverForWhichTheDeviceIsNotOpenedAnyMoreDoesNothingToIt) {
+  leave_last_bytes();
+  driver.up();
+  session->stop();
+  device.drain();
+  device.calls.clear();
+  driver.signal({LineSignal::Name::brk, true});
+  driver.set({.baud = 1200});
+  driver.flush(FlushQueue::both);
+  std::optional<std::optional<LineAnswer>> answer;
+  driver.ask([&answer](const std::optional<LineAnswer>& given) { answer = given; });
+  EXPECT_TRUE(answer && !*answer);
+  EXPECT_EQ(device.calls, "");
+}
+
+TEST_F(SessionTest, TheNextDriversFlushIsForgottenWhenItGoes) {
+  leave_last_bytes();
+  driver.up();
+  driver.flush(FlushQueue::in);
+  driver.down(Reason::closed);
+  driver.up();
+  device.calls.clear();
+  device.drain();
+  EXPECT_EQ(device.calls, "close open ");
+}
+
+TEST_F(SessionTest, ADeviceThatIsOpenedLaterIsNotToldOfSettingsBeforeItIsOpen) {
+  device.up_at_once = false;
+  start();
+  for (int failures = 0; failures < 2; ++failures) {
+    driver.up();
+    device.down(Reason::failed);
+    driver.down(Reason::hung_up);
+  }
+  driver.up();  // the device is opened in a moment, since it has just failed
+  device.calls.clear();
+  driver.set({.baud = 1200});
+  driver.flush(FlushQueue::in);
+  EXPECT_EQ(device.calls, "");
+  while (device.calls.empty()) loop.run_one();
+  EXPECT_EQ(device.calls, "open peer_set peer_flushed ");
+}
+
+// One that is kept open may have bytes before, which a tape begins with only when it is opened.
+TEST_F(SessionTest, ADeviceThatIsOpenedLaterIsReadOnlyThen) {
+  device.up_at_once = false;
+  start();
+  for (int failures = 0; failures < 2; ++failures) {
+    driver.up();
+    device.down(Reason::failed);
+    driver.down(Reason::hung_up);
+  }
+  EXPECT_TRUE(device.reading) << "what no driver is there for is counted";
+  driver.up();
+  EXPECT_FALSE(device.reading);
+  device.calls.clear();
+  while (device.calls.empty()) loop.run_one();
+  EXPECT_EQ(device.calls, "open ");
+  device.up();
+  EXPECT_TRUE(device.reading);
+}
+
+TEST_F(SessionTest, SettingsThatADriverMadeBeforeASignalReachTheDeviceBeforeIt) {
+  leave_last_bytes();
+  driver.up();
+  device.calls.clear();
+  driver.set({.baud = 1200});
+  driver.signal({LineSignal::Name::dtr, false});
+  device.drain();
+  EXPECT_EQ(device.calls, "close open peer_set dtr_off ");
+}
+
+TEST_F(SessionTest, EarlySignalsAndQuestionsKeepTheirOrder) {
+  device.up_at_once = false;
+  start();
+  driver.up();
+  device.calls.clear();
+  const TakeAnswer ignore = [](const std::optional<LineAnswer>&) {};
+  driver.signal({LineSignal::Name::dtr, false});
+  driver.ask(ignore);
+  driver.signal({LineSignal::Name::rts, true});
+  driver.ask(ignore);
+  driver.signal({LineSignal::Name::rts, false});
+  device.up();
+  EXPECT_EQ(device.calls, "dtr_off ask rts_on ask rts_off ");
+}
+
 TEST_F(SessionTest, OfVeryManyEarlySignalsTheLastOfEachIsKept) {
   device.up_at_once = false;
   start();
@@ -494,6 +591,20 @@ TEST_F(SessionTest, WhereTheDriversLineHasNoHalfCloseTheDevicesIsItsEnd) {
   start();
   driver.up();
   EXPECT_EQ(device.end(), PortListener::Answers::none);
+}
+
+TEST_F(SessionTest, TheDriverIsNotToldThatADeviceSendsNoMoreWhichAnotherOneMayFollow) {
+  device.passive = true;
+  start();
+  driver.up();
+  EXPECT_EQ(device.end(), PortListener::Answers::until_it_is_quiet);
+  driver.send("answer");
+  EXPECT_EQ(device.written, "answer");
+  device.down(Reason::closed);
+  device.up();
+  device.send("another one");
+  EXPECT_EQ(driver.written, "another one");
+  EXPECT_EQ(driver.calls, "prepare open ");
 }
 
 TEST_F(SessionTest, ADeviceThatEndsWithNoDriverThereIsOver) {

@@ -235,5 +235,35 @@ TEST(Judgement, DamageIsNotToldTwice) {
   EXPECT_THAT(judged(files).notes, IsEmpty()) << "what could not be checked does not matter any more";
 }
 
+TEST(Judgement, ADigestThatOneFileLacksIsTold) {
+  Files files = recorded();
+  for (const bool of_read : {false, true}) {
+    PayloadTotals read = totals(kAnswers);
+    PayloadTotals write = totals(kQuestions);
+    (of_read ? read : write).xxh3.reset();
+    files.events = kTapeHeader + encode(tape_time_us(9), event::End{read, write});
+    EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
+    EXPECT_THAT(judged(files).notes, ElementsAre(HasSubstr("no digests in t.loge: changed bytes")));
+  }
+}
+
+TEST(Judgement, EachVerdictHasItsWords) {
+  EXPECT_EQ(words_of(Verdict::sound), "sound");
+  EXPECT_EQ(words_of(Verdict::unchecked), "no damage found, as far as it can be checked");
+  EXPECT_EQ(words_of(Verdict::flawed), "no damage found");
+  EXPECT_EQ(words_of(Verdict::damaged), "damaged");
+  EXPECT_EQ(to_string(Verdict::sound), "sound");
+  EXPECT_EQ(to_string(Verdict::unchecked), "unchecked");
+  EXPECT_EQ(to_string(Verdict::flawed), "no-damage-found");
+  EXPECT_EQ(to_string(Verdict::damaged), "damaged");
+}
+
+TEST(Judgement, AGapIsToldInSeconds) {
+  Files files = recorded();
+  files.events = kTapeHeader + encode(tape_time_us(2'000'001), event::Gap{1, tape_time_us(1'500'000), ""}) +
+                 encode(tape_time_us(3'000'000), event::End{totals(kAnswers), totals(kQuestions)});
+  EXPECT_THAT(judged(files).notes, ElementsAre("t.loge: a gap from 1.500000 s to 2.000001 s, 1 byte"));
+}
+
 }  // namespace
 }  // namespace porttape

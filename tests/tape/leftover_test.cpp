@@ -100,5 +100,65 @@ TEST_F(LeftoverTest, ASignalThatIsIgnoredStaysSo) {
   EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
 }
 
+TEST_F(LeftoverTest, WhatAnotherTakesTheNameOfGoesAtOnce) {
+  Leftover one(folder);
+  one = Leftover(file);
+  EXPECT_FALSE(fs::exists(folder));
+  EXPECT_TRUE(fs::exists(file));
+  EXPECT_EQ(one.path(), file);
+  Leftover other = std::move(one);
+  EXPECT_EQ(other.path(), file);
+  other.remove();
+  EXPECT_FALSE(fs::exists(file));
+  EXPECT_EQ(other.path(), "");
+  other.remove();
+}
+
+TEST_F(LeftoverTest, OnlySixteenAtATimeGoByASignalAndEachGivesItsPlaceBack) {
+  const auto name = [&](std::size_t n) { return dir / ("x" + std::to_string(n)); };
+  const pid_t child = ::fork();
+  if (child == 0) {
+    for (const int each : {SIGINT, SIGTERM, SIGHUP}) ::signal(each, SIG_DFL);
+    for (int n = 0; n < 100; ++n) {
+      const Leftover first(dir / "none");
+      Leftover moved(dir / "none");
+      Leftover last = std::move(moved);
+      last.keep();
+    }
+    std::array<Leftover, Leftover::kMost + 1> all;
+    for (std::size_t n = 0; n < all.size(); ++n) {
+      test::write_file(name(n), {});
+      all.at(n) = Leftover(name(n));
+    }
+    (void)::raise(SIGTERM);
+    ::_exit(0);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFSIGNALED(status)) << status;
+  for (std::size_t n = 0; n < Leftover::kMost; ++n) EXPECT_FALSE(fs::exists(name(n))) << n;
+  EXPECT_TRUE(fs::exists(name(Leftover::kMost)));
+}
+
+TEST_F(LeftoverTest, AFolderWithinStaysAndWhatIsThereGoes) {
+  fs::create_directory(folder + "/inner");
+  { const Leftover one(folder); }
+  EXPECT_TRUE(fs::exists(folder + "/inner"));
+  EXPECT_FALSE(fs::exists(folder + "/inside"));
+}
+
+TEST_F(LeftoverTest, AChildLeavesAloneWhatItsParentHas) {
+  const Leftover one(folder);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    (void)::raise(SIGTERM);
+    ::_exit(0);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGTERM) << status;
+  EXPECT_TRUE(fs::exists(folder));
+}
+
 }  // namespace
 }  // namespace porttape

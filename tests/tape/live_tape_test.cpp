@@ -14,6 +14,7 @@
 
 #include "libport/tape/tape_reader.hpp"
 #include "libport/tape/tape_summary.hpp"
+#include "tests/support/manual_clock.hpp"
 #include "tests/support/tape_bytes.hpp"
 #include "tests/support/temp_dir.hpp"
 
@@ -104,6 +105,7 @@ class LiveTapeTest : public testing::Test {
       ++news->count;
       news->come.notify_all();
     };
+    options.disk_clock = &clock;
     options.make = [disk = disk](const LiveTape::Options& given) {
       return TapeWriter::on_sinks(
           {std::make_unique<HangingSink>(disk, 0), std::make_unique<HangingSink>(disk, 1),
@@ -137,6 +139,7 @@ class LiveTapeTest : public testing::Test {
     return test::read_all(*reader);
   }
 
+  ManualClock clock;  // how long the disk takes: the machine may be slow meanwhile
   std::shared_ptr<HangingDisk> disk = std::make_shared<HangingDisk>();
   std::shared_ptr<News> news = std::make_shared<News>();
   std::shared_ptr<Disks> disks = std::make_shared<Disks>();
@@ -172,7 +175,7 @@ TEST_F(LiveTapeTest, AfterOneLongWriteTheCallerNeverWaitsAgain) {
   disk->hang();
   std::thread later([this] {
     disk->wait_until_reached();
-    std::this_thread::sleep_for(LiveTape::kHungWrite * 3 / 2);  // what the write is to be long by
+    clock.pass(LiveTape::kHungWrite * 3 / 2);
     disk->go_on();
   });
   tape->block(Direction::read, tape_time_us(10), as_bytes("late"));
@@ -331,6 +334,28 @@ TEST_F(LiveTapeTest, WithoutMemoryItIsGivenUpAndCountsWhatItMisses) {
   wait_for_news([&] { return tape.status().over(); });
   EXPECT_EQ(tape.status().phase, Phase::not_made);
   EXPECT_EQ(tape.status().bytes_lost, 3U);
+}
+
+TEST_F(LiveTapeTest, WhatWaitedForATapeThatIsNotMadeIsLostAndItsRoomGivenBack) {
+  std::promise<void> go_on;
+  LiveTape::Options options{.paths = {}, .header = {"device", "driver"}};
+  options.make = [&go_on](const LiveTape::Options&) -> Result<TapeWriter> {
+    go_on.get_future().wait();
+    return make_error(Errc::io, "no disk");
+  };
+  options.on_news = [news = news] {
+    const std::lock_guard lock(news->mutex);
+    news->come.notify_all();
+  };
+  LiveTape tape(workers, disks, std::move(options));
+  tape.block(Direction::read, tape_time_us(1), as_bytes("one"));
+  EXPECT_EQ(tape.status().bytes_waiting, 3U);
+  EXPECT_FALSE(disks->reserve(Disks::kMostWaiting));
+  go_on.set_value();
+  wait_for_news([&] { return tape.status().over(); });
+  EXPECT_EQ(tape.status().bytes_waiting, 0U);
+  EXPECT_EQ(tape.status().bytes_lost, 3U);
+  EXPECT_TRUE(disks->reserve(Disks::kMostWaiting));
 }
 
 TEST_F(LiveTapeTest, AFailedSyncIsToldAtOnce) {

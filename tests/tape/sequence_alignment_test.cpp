@@ -105,5 +105,16 @@ TEST(SequenceAlignment, WhereNothingHoldsItTogetherNothingIsPairedOrSomething) {
   EXPECT_GT(checked(one, other, align(one, other, HardRanges::aligned, 0)), 1'000U);
 }
 
+TEST(SequenceAlignment, WhatIsUniqueHoldsARangeTogetherThatDiffersMuch) {
+  Elements one;
+  Elements other;
+  for (std::uint64_t i = 0; i < 10'000; ++i) {
+    one.push_back(i);
+    other.push_back(i ^ 1U);  // each two exchanged
+  }
+  EXPECT_EQ(checked(one, other, align(one, other, HardRanges::left)), 5'000U);
+  EXPECT_EQ(checked(one, other, align(one, other)), 5'000U);
+}
+
 }  // namespace
 }  // namespace porttape

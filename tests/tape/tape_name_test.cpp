@@ -125,5 +125,37 @@ TEST(TapeName, ALinkThatLeadsNowhereIsToldAsOne) {
               HasSubstr("'" + (dir / "loop.logr") + "', a link that leads nowhere"));
 }
 
+TEST(TapeName, EventsAloneAreNoTapeAndAreNamed) {
+  const TempDir dir;
+  for (const char* name : {"x", "y.log"}) {
+    test::write_file(dir / (std::string(name) + "e"), {});
+    EXPECT_EQ(
+        find_tape(dir / std::string(name).substr(0, 1)).error(),
+        make_error(Errc::usage, "no tape '" + (dir / std::string(name).substr(0, 1)) + "': there is only '" +
+                                    (dir / name) + "e', the events of one whose r and w files are missing"));
+  }
+}
+
+TEST(TapeName, AFileOfThatVeryNameIsNoTape) {
+  const TempDir dir;
+  EXPECT_EQ(find_tape(dir / "abc").error().message, "no tape '" + (dir / "abc") + "': there is neither '" +
+                                                        (dir / "abcr") + "' nor '" + (dir / "abc.logr") +
+                                                        "'");
+  test::write_file(dir / "abc", {});
+  EXPECT_THAT(find_tape(dir / "abc").error().message, EndsWith("' (a tape's files end in r and w)"));
+}
+
+TEST(TapeName, PartsAndNumbersStandBeforeTheSuffix) {
+  const TapePaths first = new_tape("laser");
+  EXPECT_EQ(numbered_tape(first, 0), first);
+  EXPECT_EQ(numbered_tape(first, 1), first);
+  EXPECT_EQ(numbered_tape(first, 2).name(), "laser.2.log");
+  EXPECT_EQ(part_tape(first, 1).name(), "laser.1.log");
+  EXPECT_EQ(part_tape(literal_tape("x"), 12).name(), "x.12");
+  EXPECT_EQ(connection_tape(first, 0), first);
+  EXPECT_EQ(literal_tape("a/b.log").file_name(), "b.log");
+  EXPECT_EQ(TapePaths().name(), "");
+}
+
 }  // namespace
 }  // namespace porttape

@@ -130,7 +130,37 @@ TEST_F(EndingTapesTest, AFailedSyncIsToldUnlessItWas) {
     EXPECT_EQ(errors, 1);
     EXPECT_EQ(end, false);
   }
-  EXPECT_TRUE(told("what was written may not be on the disk")) << book.text();
+  EXPECT_TRUE(told("what was written may not be on the disk: Input/output error")) << book.text();
+}
+
+TEST_F(EndingTapesTest, OnlyATapeThatIsMadeIsToldToHaveEnded) {
+  std::vector<std::string> ended;
+  EndingTapes each({&loop, book.log()}, {}, {},
+                   [&ended](const TapePaths& paths) { ended.push_back(paths.name()); });
+  for (const std::string name : {"one.log", "no folder/two.log"}) {
+    LiveTape::Options options{
+        .paths = literal_tape(dir / name), .header = {"device", "driver"}, .on_news = each.news()};
+    each.finish(std::make_unique<LiveTape>(loop.workers(), nullptr, std::move(options)), tape_time_us(2));
+  }
+  std::optional<bool> end;
+  each.when_over([&end](bool complete) { end = complete; });
+  run_until(loop, [&end] { return end.has_value(); });
+  EXPECT_EQ(end, false);
+  EXPECT_EQ(ended, std::vector<std::string>{dir / "one.log"});
+}
+
+TEST(EndingTapesText, SaysHowMuchIsMissingAndWhy) {
+  EXPECT_EQ(missed_text(0, "why"), "why");
+  EXPECT_EQ(missed_text(1, "why"), "1 bytes passed and are on no tape: why");
+  LiveTape::Status status;
+  status.paths = literal_tape("t.log");
+  status.sync_error = EIO;
+  EXPECT_EQ(sync_error_text(status),
+            "tape t.log: what was written may not be on the disk: Input/output error");
+  status.sync_error = ENOENT;
+  EXPECT_EQ(sync_error_text(status),
+            "tape t.log: what was written may not be on the disk: its files were removed; SIGUSR1 begins the "
+            "next tape");
 }
 
 }  // namespace

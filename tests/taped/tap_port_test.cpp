@@ -144,6 +144,17 @@ TEST_F(TapPortTest, EveryObserverIsToldAllThatPasses) {
   EXPECT_EQ(log.data, "answerabc");
 }
 
+TEST_F(TapPortTest, ADevicesHalfCloseIsToldUnlessAnotherDeviceMayFollowIt) {
+  ASSERT_TRUE(tap.prepare().has_value());
+  tap.open();
+  device.end();
+  EXPECT_EQ(one.text, "opened up half-close ");
+  device.passive = true;
+  device.end();
+  EXPECT_EQ(one.text, "opened up half-close ") << "the driver is not told of it either";
+  EXPECT_EQ(log.events, "up ended ended ");
+}
+
 TEST_F(TapPortTest, SettingsAreToldWhenTheLineComesUpAndWhenOneOfThemChangesThem) {
   device.settings = LineSettings{};
   ASSERT_TRUE(tap.prepare().has_value());

@@ -154,6 +154,106 @@ TEST(TapeStatsTest, AnyNumberOfCommandsInBoundedMemory) {
   EXPECT_EQ(stats.write.commands.front().count, 3000U - kMaxCommands);
 }
 
+TEST(TapeStatsTest, ExchangesWithoutALetterBehindTheirFirst64BytesAreToldApartByThese) {
+  std::string command(63, ' ');
+  command += "ABC\n";
+  const TapeStats stats = stats_of_tape(MemoryTape()
+                                            .write(0, command.substr(0, 10))
+                                            .write(1, command.substr(10))
+                                            .read(2, "ok")
+                                            .write(3, std::string(64, ' ') + "ABC"));
+  EXPECT_THAT(rows(stats.write.commands), ElementsAre("(empty) 1 67 1 0", "A 1 67 0 1"));
+}
+
+TEST(TapeStatsTest, AnswersAreByTheirShares) {
+  MemoryTape tape;
+  for (int i = 1; i <= 100; ++i) tape.write(i * 1000, "a").read(i * 1000 + i, "b");
+  const SpanStats answers = stats_of_tape(tape).answers;
+  EXPECT_EQ(answers.count, 100U);
+  EXPECT_EQ(answers.min_us, 1);
+  EXPECT_EQ(answers.median_us, 50);
+  EXPECT_EQ(answers.p90_us, 90);
+  EXPECT_EQ(answers.p99_us, 99);
+  EXPECT_EQ(answers.max_us, 100);
+}
+
+TEST(TapeStatsTest, OfExchangesTheSlowestAreKeptTheSlowestFirst) {
+  MemoryTape tape;
+  for (const int took : {3, 9, 1, 9, 5, 7}) {
+    const std::int64_t at = static_cast<std::int64_t>(tape.entries().size()) * 1000;
+    tape.write(at, "a").read(at + took, "b");
+  }
+  TapeStatsOptions options;
+  for (const std::size_t most : {0U, 1U, 3U, 6U}) {
+    options.most = most;
+    const TapeStats stats = stats_of_tape(tape, options);
+    std::vector<std::uint64_t> numbers;
+    for (const TapeExchange& each : stats.slowest) numbers.push_back(each.number);
+    const std::vector<std::uint64_t> all = {2, 4, 6, 5, 1, 3};
+    EXPECT_EQ(numbers, std::vector(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(most)));
+  }
+}
+
+TEST(TapeStatsTest, TheLongestSpanOfACommandIsTheFirstSoLong) {
+  const TapeStats stats = stats_of_tape(MemoryTape()
+                                            .write(0, "a")
+                                            .read(5, "x")
+                                            .write(100, "a")
+                                            .read(109, "x")
+                                            .write(200, "a")
+                                            .read(209, "x")
+                                            .write(300, "b"));
+  ASSERT_THAT(stats.write.commands, SizeIs(2));
+  EXPECT_EQ(stats.write.commands[0].longest, tape_time_us(100));
+  EXPECT_EQ(stats.write.commands[0].spans.count, 3U);
+  EXPECT_EQ(stats.write.commands[1].longest, std::nullopt);
+}
+
+TEST(TapeStatsTest, CommandsThatAreAsFrequentAreInOrderOfTheirNames) {
+  const TapeStats stats = stats_of_tape(MemoryTape().write(0, "b").read(1, "x").write(2, "a").read(3, "x"));
+  EXPECT_THAT(rows(stats.write.commands), ElementsAre("a 1 1 0 1", "b 1 1 0 1"));
+}
+
+TEST(TapeStatsTest, ABlockInPiecesIsOneBlockAndOneExchange) {
+  const MemoryTape tape = MemoryTape().write(0, "VOLT?").read(10, "12345").read(2'000'000, "6");
+  test::MemorySource source(tape, test::MemorySource::Select::merged, 2);
+  TapeStatsOptions options;
+  std::vector<std::uint64_t> progress;
+  options.progress = [&](std::uint64_t bytes) { progress.push_back(bytes); };
+  const auto stats = count_stats(source, options);
+  ASSERT_TRUE(stats);
+  EXPECT_EQ(stats->write.blocks, 1U);
+  EXPECT_EQ(stats->write.bytes, 5U);
+  EXPECT_EQ(stats->read.blocks, 2U);
+  EXPECT_EQ(stats->read.bytes, 6U);
+  EXPECT_EQ(stats->exchanges, 1U);
+  EXPECT_EQ(stats->answered, 1U);
+  EXPECT_EQ(stats->duration, Micros(2'000'000));
+  EXPECT_EQ(stats->read.busiest_bytes, 5U);
+  EXPECT_EQ(stats->read.busiest, TapeTime{});
+  EXPECT_THAT(rows(stats->write.commands), ElementsAre("VOLT 1 5 0 10"));
+  EXPECT_THAT(progress, ElementsAre(2, 4, 5, 7, 9, 10, 11));
+}
+
+TEST(TapeStatsTest, AnErrorOfTheTapeIsItsOwn) {
+  const MemoryTape tape = MemoryTape().write(0, "a").read(1, "b");
+  test::MemorySource source(tape);
+  source.fail_at(1);
+  const auto stats = count_stats(source, {});
+  ASSERT_FALSE(stats);
+  EXPECT_EQ(stats.error().code, Errc::damaged_tape);
+}
+
+TEST(TapeStatsTest, AHangUpEndsAnExchangeAndTheSilence) {
+  const TapeStats stats = stats_of_tape(
+      MemoryTape().open(0).write(10, "a").hang_up(20).open(3'000'000).read(3'999'999, "x").close(9'000'000));
+  EXPECT_EQ(stats.exchanges, 1U);
+  EXPECT_EQ(stats.answered, 0U);
+  EXPECT_EQ(stats.silences, 0U);
+  EXPECT_EQ(stats.duration, Micros(9'000'000));
+  EXPECT_THAT(rows(stats.write.commands), ElementsAre("a 1 1 1 0"));
+}
+
 MemoryTape random(unsigned seed) {
   std::mt19937 engine(seed);
   return test::random_tape([&](std::uint32_t n) { return static_cast<std::uint32_t>(engine() % n); },

@@ -1,7 +1,10 @@
 #include "libport/tty/device_access.hpp"
 
 #include <grp.h>
+#include <pwd.h>
+#include <string>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <gtest/gtest.h>
@@ -53,6 +56,73 @@ TEST(DeviceAccess, IsWhatTheSystemSays) {
   EXPECT_EQ(to_read.group, own != nullptr ? own->gr_name : std::to_string(::getegid()));
   EXPECT_FALSE(device_access(file, R_OK | W_OK).group_may);
   EXPECT_EQ(access_advice(device_access(dir / "none", R_OK)), "see ls -l " + (dir / "none"));
+}
+
+TEST(DeviceAccess, WhatIsWantedIsEachOfReadingAndWriting) {
+  struct Case {
+    mode_t mode;
+    int wanted;
+    bool may;
+  };
+  const test::TempDir dir;
+  const std::string file = dir / "device";
+  test::write_file(file, {});
+  for (const Case& each :
+       {Case{0640, R_OK, true}, Case{0640, W_OK, false}, Case{0620, R_OK, false}, Case{0620, W_OK, true},
+        Case{0660, R_OK | W_OK, true}, Case{0620, R_OK | W_OK, false}, Case{0606, R_OK, false}}) {
+    ASSERT_EQ(::chmod(file.c_str(), each.mode), 0);
+    EXPECT_EQ(device_access(file, each.wanted).group_may, each.may) << each.mode << " " << each.wanted;
+  }
+}
+
+TEST(DeviceAccess, NamesAreThoseOfTheSystemsFiles) {
+  struct stat status {};
+  ASSERT_EQ(::stat("/etc/passwd", &status), 0);
+  const passwd* const owner = ::getpwuid(status.st_uid);
+  const group* const group = ::getgrgid(status.st_gid);
+  if (owner == nullptr || group == nullptr) GTEST_SKIP() << "/etc/passwd belongs to nobody";
+  const DeviceAccess access = device_access("/etc/passwd", R_OK);
+  EXPECT_EQ(access.device, "/etc/passwd");
+  EXPECT_EQ(access.owner, owner->pw_name);
+  EXPECT_EQ(access.group, group->gr_name);
+  const passwd* const own = ::getpwuid(::geteuid());
+  EXPECT_EQ(access.user, own != nullptr ? own->pw_name : std::to_string(::geteuid()));
+}
+
+TEST(DeviceAccess, WhoHasNoNameIsANumber) {
+  const test::TempDir dir;
+  const std::string file = dir / "device";
+  test::write_file(file, {});
+  if (::chown(file.c_str(), 4'000'000'001U, 4'000'000'002U) != 0)
+    GTEST_SKIP() << "needs root, to give a file away";
+  const DeviceAccess access = device_access(file, R_OK);
+  EXPECT_EQ(access.owner, "4000000001");
+  EXPECT_EQ(access.group, "4000000002");
+  EXPECT_FALSE(access.is_member);
+  EXPECT_FALSE(access.is_listed);
+}
+
+TEST(DeviceAccess, AProcessIsOfItsFurtherGroupsToo) {
+  if (::geteuid() != 0) GTEST_SKIP() << "needs root, to be of other groups";
+  const test::TempDir dir;
+  const std::string file = dir / "device";
+  test::write_file(file, {});
+  const auto is_member = [&file](gid_t group) {
+    return ::chown(file.c_str(), 0, group) == 0 && device_access(file, R_OK).is_member;
+  };
+  const pid_t child = ::fork();
+  if (child == 0) {
+    const gid_t further[] = {4'000'000'001U, 4'000'000'002U};
+    if (::setgroups(2, further) != 0 || ::chown(file.c_str(), 0, 4'000'000'003U) != 0) ::_exit(2);
+    ::_exit(is_member(further[0]) && is_member(further[1]) && is_member(::getegid()) &&
+                    !is_member(4'000'000'003U)
+                ? 0
+                : 1);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 2) GTEST_SKIP() << "groups cannot be set here";
+  EXPECT_EQ(status, 0);
 }
 
 }  // namespace

@@ -198,5 +198,26 @@ TEST_F(ModemWatchTest, LeavesASignalAloneThatSomebodyElseHas) {
   ASSERT_EQ(::sigaction(SIGURG, &before, nullptr), 0);
 }
 
+TEST(ModemLines, EachHasItsBitAndTheOthersNone) {
+  EXPECT_EQ(modem_bit(LineSignal::Name::cts), TIOCM_CTS);
+  EXPECT_EQ(modem_bit(LineSignal::Name::dsr), TIOCM_DSR);
+  EXPECT_EQ(modem_bit(LineSignal::Name::cd), TIOCM_CD);
+  EXPECT_EQ(modem_bit(LineSignal::Name::ri), TIOCM_RNG);
+  for (const LineSignal::Name name : {LineSignal::Name::dtr, LineSignal::Name::rts, LineSignal::Name::brk})
+    EXPECT_EQ(modem_bit(name), 0) << name_of(name);
+}
+
+TEST(ModemLines, AreToldWhereTheyAreOtherwiseThanBefore) {
+  const auto told = [](std::optional<int> before, int lines) {
+    PortLog log;
+    tell_modem_lines(before, lines, [&log](const LineSignal& signal) { log.on_signal(signal); });
+    return log.events;
+  };
+  EXPECT_EQ(told(std::nullopt, TIOCM_DSR | TIOCM_RNG), "cts- dsr+ cd- ri+ ");
+  EXPECT_EQ(told(TIOCM_CTS, TIOCM_CTS), "");
+  EXPECT_EQ(told(TIOCM_CTS | TIOCM_CD, TIOCM_CD | TIOCM_DSR), "cts- dsr+ ");
+  EXPECT_EQ(told(TIOCM_DTR, TIOCM_RTS), "") << "not the device's";
+}
+
 }  // namespace
 }  // namespace porttape

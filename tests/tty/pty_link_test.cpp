@@ -6,8 +6,10 @@
 #include <fcntl.h>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <optional>
 #include <sys/stat.h>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -129,6 +131,52 @@ TEST_F(PtyLinkTest, RetargetMovesItAndStillOwnsIt) {
     EXPECT_EQ(fs::read_symlink(path), "/dev/null");
   }
   EXPECT_FALSE(fs::exists(fs::symlink_status(path)));
+}
+
+TEST_F(PtyLinkTest, EachErrorSaysWhatIsToBeDone) {
+  const auto error = [this](const std::string& at) {
+    const Result<PtyLink> link = PtyLink::publish(at, target);
+    EXPECT_TRUE(!link && link.error().code == Errc::usage);
+    return link ? std::string() : link.error().message;
+  };
+  const std::string folder = (dir.path() / "no").string();
+  EXPECT_EQ(error(folder + "/port"),
+            "link '" + folder + "/port': its folder does not exist; type mkdir -p " + folder);
+  EXPECT_EQ(error(target),
+            "link '" + target + "' exists and is not a link; it is left alone, choose another path");
+  fs::create_symlink("/dev/null", path);
+  EXPECT_EQ(error(path), "link '" + path +
+                             "' exists and points to '/dev/null', which is in use; remove it or choose "
+                             "another path");
+}
+
+TEST_F(PtyLinkTest, RetargetThatFailsNamesItAndLeavesNothingBehind) {
+  Result<PtyLink> link = PtyLink::publish(path, target);
+  ASSERT_TRUE(link.has_value());
+  fs::remove(path);
+  fs::create_directory(path);
+  const Result<void> moved = link->retarget("/dev/null");
+  ASSERT_FALSE(moved.has_value());
+  EXPECT_EQ(moved.error().message, "link '" + path + "' cannot be made: Is a directory");
+  EXPECT_EQ(std::distance(fs::directory_iterator(dir.path()), fs::directory_iterator()), 2)
+      << "the folder and the target";
+  EXPECT_EQ(link->path(), path);
+}
+
+TEST_F(PtyLinkTest, AnotherThatTakesItsPlaceTakesItAway) {
+  Result<PtyLink> first = PtyLink::publish(path, target);
+  Result<PtyLink> second = PtyLink::publish(path + ".other", target);
+  ASSERT_TRUE(first.has_value() && second.has_value());
+  *first = std::move(*second);
+  EXPECT_FALSE(fs::exists(fs::symlink_status(path)));
+  EXPECT_EQ(fs::read_symlink(path + ".other"), target);
+  EXPECT_EQ(first->path(), path + ".other");
+  EXPECT_EQ(second->path(), "");
+}
+
+TEST_F(PtyLinkTest, ItsOwnLinkToTheSamePtyIsTakenAgain) {
+  fs::create_symlink(target, path);
+  EXPECT_TRUE(PtyLink::publish(path, target).has_value());
 }
 
 }  // namespace

@@ -8,7 +8,6 @@
 #include <poll.h>
 #include <sys/file.h>
 #include <sys/ioctl.h>
-#include <sys/resource.h>
 #include <sys/wait.h>
 #include <termios.h>
 #include <unistd.h>
@@ -21,6 +20,7 @@
 #include "libport/loop/sampler.hpp"
 #include "libport/tty/pty.hpp"
 #include "libport/tty/tty.hpp"
+#include "tests/support/descriptor_limit.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
 #include "tests/support/temp_dir.hpp"
@@ -29,41 +29,6 @@
 
 namespace porttape {
 namespace {
-
-// Nothing can be opened while it is there.
-class NoDescriptors {
- public:
-  NoDescriptors() {
-    ::getrlimit(RLIMIT_NOFILE, &before_);
-    const rlimit none{3, before_.rlim_max};
-    ::setrlimit(RLIMIT_NOFILE, &none);
-  }
-  NoDescriptors(const NoDescriptors&) = delete;
-  NoDescriptors& operator=(const NoDescriptors&) = delete;
-  ~NoDescriptors() { ::setrlimit(RLIMIT_NOFILE, &before_); }
-
- private:
-  rlimit before_{};
-};
-
-// All but some descriptors are in use while it is there.
-class FewDescriptors {
- public:
-  explicit FewDescriptors(std::size_t left) {
-    ::getrlimit(RLIMIT_NOFILE, &before_);
-    const rlimit few{256, before_.rlim_max};
-    ::setrlimit(RLIMIT_NOFILE, &few);
-    for (int fd = ::dup(0); fd >= 0; fd = ::dup(0)) taken_.emplace_back(fd);
-    taken_.resize(taken_.size() - left);
-  }
-  FewDescriptors(const FewDescriptors&) = delete;
-  FewDescriptors& operator=(const FewDescriptors&) = delete;
-  ~FewDescriptors() { ::setrlimit(RLIMIT_NOFILE, &before_); }
-
- private:
-  rlimit before_{};
-  std::vector<UniqueFd> taken_;
-};
 
 TEST_F(PtyPortTest, IsUpWhileADriverHasItOpen) {
   start();
@@ -405,14 +370,12 @@ TEST_F(PtyPortTest, BetweenCloseAndOpenAPeersBytesWait) {
 }
 
 TEST_F(PtyPortTest, ANewPtyThatCannotBeMadeIsTriedAgain) {
-#ifdef __SANITIZE_ADDRESS__
-  GTEST_SKIP() << "the sanitizers need descriptors themselves";
-#endif
+  PORTTAPE_SKIP_UNDER_SANITIZERS();
   start();
   const UniqueFd first = driver();
   until("up ");
   {
-    const NoDescriptors none;
+    const test::NoDescriptors none;
     port.hang_up(false);
     until("up hung_up ");
     run_until(loop, [&] { return book.text().find("is dead until") != std::string::npos; });
@@ -424,15 +387,13 @@ TEST_F(PtyPortTest, ANewPtyThatCannotBeMadeIsTriedAgain) {
 }
 
 TEST_F(PtyPortTest, AHangUpNeedsNoMoreDescriptorsThanThePtyHad) {
-#ifdef __SANITIZE_ADDRESS__
-  GTEST_SKIP() << "the sanitizers need descriptors themselves";
-#endif
+  PORTTAPE_SKIP_UNDER_SANITIZERS();
   start();
   const UniqueFd fd = driver();
   until("up ");
   std::filesystem::path pty = std::filesystem::read_symlink(link);
   {
-    const FewDescriptors few(1);  // making a pty takes two for a moment
+    const test::FewDescriptors few(1);  // making a pty takes two for a moment
     port.hang_up(false);
     until("up hung_up ");
     run_until(loop, [&] { return std::filesystem::read_symlink(link) != pty; });

@@ -101,14 +101,42 @@ TEST_F(SerialPortTest, BytesGoBothWaysUnchanged) {
 
 TEST_F(SerialPortTest, WhatIsNotASerialDeviceIsNamed) {
   const test::TempDir dir;
-  const std::string file = (dir.path() / "file").string();
+  const std::string file = dir / "file";
+  const std::string folder = dir.path().string();
   std::ofstream(file) << "x";
-  for (const std::string& wrong :
-       {file, dir.path().string(), std::string("/dev/null"), std::string("/dev/no-such-tty")}) {
-    const Error error = prepare_error(wrong);
+  const std::pair<std::string, std::string> wrong[] = {
+      {file, "device '" + file + "' is a file, not a serial device"},
+      {folder, "device '" + folder + "' is a folder, not a serial device"},
+      {"/dev/null", "device '/dev/null' is something else, not a serial device"},
+      {"/dev/no-such-tty",
+       "device '/dev/no-such-tty': No such file or directory; is it plugged in? (--wait-device waits for "
+       "it)"},
+  };
+  for (const auto& [name, message] : wrong) {
+    const Error error = prepare_error(name);
     EXPECT_EQ(error.code, Errc::device_missing);
-    EXPECT_NE(error.message.find(wrong), std::string::npos) << error.message;
+    EXPECT_EQ(error.message, message);
   }
+}
+
+TEST_F(SerialPortTest, AMissingDeviceIsWaitedForWhereThatIsWanted) {
+  make_port({{"device", "/dev/no-such-tty"}, {"wait", "1"}});
+  EXPECT_TRUE(port->prepare().has_value());
+  EXPECT_NE(book.text().find("device '/dev/no-such-tty': No such file or directory; waiting for it"),
+            std::string::npos)
+      << book.text();
+}
+
+TEST_F(SerialPortTest, OneThatIsGoneWhenItIsOpenedFails) {
+  make_port();
+  ASSERT_TRUE(port->prepare().has_value());
+  device.reset();
+  port->open();
+  EXPECT_EQ(log.events, "failed ");
+  EXPECT_EQ(log.error.code, Errc::device_missing);
+  EXPECT_EQ(
+      log.error.message,
+      "device '" + path + "': No such file or directory; is it plugged in? (--wait-device waits for it)");
 }
 
 TEST_F(SerialPortTest, ABusyDeviceFailsToOpen) {
@@ -118,7 +146,21 @@ TEST_F(SerialPortTest, ABusyDeviceFailsToOpen) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
   EXPECT_EQ(log.events, "failed ");
-  EXPECT_NE(log.error.message.find("busy"), std::string::npos) << log.error.message;
+  EXPECT_EQ(log.error.message, "device '" + path + "' is busy; another program has it open");
+}
+
+// The line is worth more than the lock.
+TEST_F(SerialPortTest, ALockThatCannotBeMadeIsToldOnceAndCostsNoLine) {
+  make_port({{"uucplock", "1"}});
+  std::filesystem::remove_all(locks.path());
+  ASSERT_TRUE(port->prepare().has_value());
+  port->open();
+  port->close();
+  port->open();
+  run_until(loop, [&] { return log.events == "up up "; });
+  const std::string told = port->name() + ": option 'uucplock': ";
+  EXPECT_NE(book.text().find(told), std::string::npos) << book.text();
+  EXPECT_EQ(book.text().find(told), book.text().rfind(told)) << "once";
 }
 
 TEST_F(SerialPortTest, ADeviceThatGoesAwayIsLost) {
@@ -219,7 +261,7 @@ TEST_F(SerialPortTest, ADeviceThatALivingProcessHasLockedIsBusy) {
   std::ofstream(lock_of(path)) << ::getppid() << "\n";
   const Error error = prepare_error(path);
   EXPECT_EQ(error.code, Errc::device_missing);
-  EXPECT_NE(error.message.find("busy"), std::string::npos) << error.message;
+  EXPECT_TRUE(error.message.starts_with("device '" + path + "' is busy: ")) << error.message;
   EXPECT_NE(error.message.find(std::to_string(::getppid())), std::string::npos) << error.message;
 }
 

@@ -1,6 +1,6 @@
 // A device that does not do every rate, and one that takes no bytes. A pty does, so this program has an
 // ioctl() in which ptys do not: of the rates above kMostBaud nothing is set, as an 8250 would, and unsent
-// bytes are there while `stuck_bytes` says so.
+// bytes are there while `stuck_bytes` says so. A PlayedTty has its ioctls from it too.
 
 #include <asm/termbits.h>
 #include <atomic>
@@ -18,6 +18,7 @@
 #include "libport/tty/serial_port.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
+#include "tests/tty/played_ioctl.hpp"
 
 namespace {
 constexpr unsigned kMostBaud = 100'000'000;
@@ -29,6 +30,9 @@ extern "C" int ioctl(int fd, unsigned long request, ...) noexcept {
   va_start(arguments, request);
   void* const argument = va_arg(arguments, void*);
   va_end(arguments);
+  if (const auto* const play = porttape::PlayedTty::current();
+      play != nullptr && fd == porttape::PlayedTty::kFd)
+    return (*play)(request, argument);
   if (request == TCSETS2 && static_cast<const termios2*>(argument)->c_ospeed > kMostBaud) return 0;
   if (request == TIOCOUTQ && stuck_bytes > 0) {
     *static_cast<int*>(argument) = stuck_bytes;

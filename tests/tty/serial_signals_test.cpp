@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -14,6 +15,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/tty/tty.hpp"
+#include "tests/support/descriptor_limit.hpp"
 #include "tests/support/temp_dir.hpp"
 #include "tests/tty/played_line.hpp"
 #include "tests/tty/serial_rig.hpp"
@@ -145,7 +147,8 @@ TEST_F(SerialSignalsTest, WhatTheDeviceHasNotIsToldOnce) {
   for (const Name name : {Name::dtr, Name::rts, Name::dtr}) port->signal({name, true});
   port->write(as_bytes("a"));
   until_journal("[dtr+][rts+][dtr+]a");
-  EXPECT_EQ(times_told("no modem lines"), 1U);
+  EXPECT_EQ(times_told(path + ": the device has no modem lines; what the driver does to them is ignored"),
+            1U);
   EXPECT_EQ(times_told("[warning]"), 0U);
 }
 
@@ -170,7 +173,8 @@ TEST_F(SerialSignalsTest, OtherTroubleIsAWarning) {
   for (int i = 0; i < 2; ++i) port->signal({Name::rts, true});
   port->write(as_bytes("a"));
   until_journal("[rts+][rts+]a");
-  EXPECT_EQ(times_told("setting rts"), 1U);
+  EXPECT_EQ(times_told("[warning] serial:" + path + ": setting rts: Input/output error; check the device"),
+            1U);
 }
 
 TEST_F(SerialSignalsTest, WhatIsAskedIsAnsweredByTheDeviceInTurnWithTheRest) {
@@ -258,6 +262,44 @@ TEST_F(SerialSignalsTest, WithoutALineTheyAreIgnored) {
   port->open();
   port->write(as_bytes("a"));
   until_journal("a");
+}
+
+// No duplicate for another thread: what is asked for is done at once, and waits for nothing.
+TEST_F(SerialSignalsTest, WithoutADescriptorForTheJobItIsDoneAtOnce) {
+  PORTTAPE_SKIP_UNDER_SANITIZERS();
+  start();
+  std::string told;
+  int done = 0;
+  {
+    const test::NoDescriptors none;
+    port->signal({Name::rts, true});
+    EXPECT_EQ(line->journal(), "[rts+]");
+    port->signal({Name::brk, true});
+    EXPECT_EQ(line->journal(), "[rts+][break+]");
+    ask(made_rs485(3), told);
+    EXPECT_EQ(told, "0,0,3 ");
+    EXPECT_TRUE(port->apply({.baud = 1200}).has_value());
+    EXPECT_EQ(shown_settings(device.get())->settings.baud, 1200U);
+    drain(done);
+    EXPECT_EQ(done, 1);
+  }
+  EXPECT_EQ(line->journal(), "[rts+][break+][set rs485]");
+}
+
+TEST_F(SerialSignalsTest, WithoutADescriptorABreakThatWouldHaveToWaitIsLeftOut) {
+  PORTTAPE_SKIP_UNDER_SANITIZERS();
+  start();
+  line->queued = 1;
+  std::string told;
+  {
+    const test::NoDescriptors none;
+    port->signal({Name::brk, true});
+    port->signal({Name::brk, false});
+    ask({.kind = LineRequest::Kind::last_break}, told);
+  }
+  EXPECT_EQ(line->journal(), "[break-]");
+  EXPECT_EQ(told, "0,0,0 ") << "not the device's error";
+  EXPECT_EQ(times_told("a break is left out, since the device does not take the bytes before it"), 1U);
 }
 
 TEST_F(SerialSignalsTest, ABreakThatTheDriverLeftEndsWhenItCloses) {

@@ -173,6 +173,65 @@ TEST_F(UucpLockTest, AFolderThatIsMissingIsAnErrorThatNamesIt) {
   EXPECT_THAT(taken.error().message, HasSubstr(folder));
 }
 
+TEST_F(UucpLockTest, AMessageSaysWhoHasItAndWhatIsToBeDone) {
+  EXPECT_EQ(
+      to_text({.file = "/var/lock/LCK..ttyUSB0", .pid = 17, .program = "minicom"}),
+      "process 17 ('minicom') has it, says '/var/lock/LCK..ttyUSB0': end that program, or remove the file "
+      "if it does not use the device any more");
+  EXPECT_EQ(
+      to_text({.file = "/l", .pid = 17}),
+      "process 17 has it, says '/l': end that program, or remove the file if it does not use the device "
+      "any more");
+}
+
+TEST_F(UucpLockTest, AnErrorSaysWhatCannotBeMadeAndWhy) {
+  const std::string rest = "; other programs are not told that the device is in use";
+  const std::string file = folder + "/LCK..ttyUSB0";
+  lock("LCK..ttyUSB0", "something else");
+  EXPECT_EQ(UucpLock::take(folder, device).error().message,
+            "no lock can be made: '" + file + "': File exists" + rest);
+  lock("LCK..ttyUSB0", fmt::format("{}\n", alive));
+  const Result<UucpLock> others = UucpLock::take(folder, device);
+  ASSERT_FALSE(others.has_value());
+  EXPECT_EQ(others.error().message, to_text(*holder()));
+  fs::remove_all(folder);
+  EXPECT_EQ(UucpLock::take(folder, device).error().message,
+            "no lock can be made: '" + folder + "': No such file or directory" + rest);
+}
+
+TEST_F(UucpLockTest, OthersMayReadItWhateverTheUmaskIs) {
+  const mode_t before = ::umask(077);
+  const Result<UucpLock> taken = UucpLock::take(folder, device);
+  ::umask(before);
+  ASSERT_TRUE(taken.has_value());
+  EXPECT_EQ(fs::status(folder + "/LCK..ttyUSB0").permissions(), static_cast<fs::perms>(0644));
+}
+
+TEST_F(UucpLockTest, ADeviceThatIsNotThereIsKnownByTheNameGiven) {
+  const std::string missing = (dir.path() / "ttyUSB7").string();
+  lock("LCK..ttyUSB7", fmt::format("{}\n", alive));
+  EXPECT_TRUE(uucp_holder(folder, missing, dir.path().string()));
+  EXPECT_FALSE(uucp_holder(folder, missing, dir.path().string() + "/ttyUSB")) << "not below that folder";
+  const Result<UucpLock> taken = UucpLock::take(folder, missing);
+  ASSERT_TRUE(taken.has_value());
+  EXPECT_THAT(names(), UnorderedElementsAre("LCK..ttyUSB7"));
+}
+
+TEST_F(UucpLockTest, OfTwoHoldersTheDevicesOwnComesFirst) {
+  lock("LCK..ttyUSB0", fmt::format("{}\n", alive));
+  lock("LCK..usb-x", "1\n");
+  EXPECT_EQ(holder()->pid, alive);
+  lock("LCK..ttyUSB0", fmt::format("{}\n", dead_process()));
+  EXPECT_EQ(holder()->pid, 1);
+}
+
+TEST_F(UucpLockTest, OurOwnLockIsNoHolder) {
+  const Result<UucpLock> first = UucpLock::take(folder, device);
+  ASSERT_TRUE(first.has_value());
+  EXPECT_FALSE(holder()) << "nobody else's";
+  EXPECT_EQ(content("LCK..ttyUSB0"), fmt::format("{:>10}\n", ::getpid()));
+}
+
 TEST_F(UucpLockTest, AFolderWithoutRightsIsAnError) {
   if (::geteuid() == 0) {
     const pid_t child = ::fork();

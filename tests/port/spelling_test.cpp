@@ -1,0 +1,143 @@
+// The spellings of ports, with types of this test.
+
+#include "libport/port/spelling.hpp"
+
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "libport/port/port_options.hpp"
+#include "libport/port/port_type.hpp"
+
+namespace porttape {
+namespace {
+
+using Kind = OptionSpec::Kind;
+using testing::ElementsAre;
+
+PortTypes types() {
+  PortType net{"net", {"ip", "port"}, "a socket"};
+  net.listening = {"ip", "port"};
+  net.options = {{.name = "ip", .default_value = "127.0.0.1"},
+                 {"port", Kind::integer, "20000", "", 0, 65535},
+                 {"listen", Kind::flag},
+                 {.name = "mode", .default_value = "0600"},
+                 {"seed", Kind::choice, "", "", 0, 0, {"none", "random[:SEED]"}}};
+  PortType serial{"serial", {"device"}, "a tty"};
+  serial.options = {{.name = "device", .default_value = "/dev/ttyS0"}};
+  return PortTypes({net, serial});
+}
+
+class Spelling : public testing::Test {
+ protected:
+  OptionValues values(const std::string& spelled) const {
+    const Result<PortOptions> options = parse_options(all, spelled);
+    if (!options) return {{"wrong", options.error().message}};
+    OptionValues found = options->values;
+    found["type"] = options->type->name;
+    return found;
+  }
+  std::string refused(const std::string& spelled) const {
+    const Result<PortOptions> options = parse_options(all, spelled);
+    if (options) return "nothing is wrong";
+    EXPECT_EQ(options.error().code, Errc::usage);
+    return options.error().message;
+  }
+
+  const PortTypes all = types();
+};
+
+TEST_F(Spelling, AHostAndAPortAreOnTheMainPart) {
+  using Values = OptionValues;
+  EXPECT_EQ(values("net:host"), (Values{{"type", "net"}, {"ip", "host"}}));
+  EXPECT_EQ(values("net:host:7"), (Values{{"type", "net"}, {"ip", "host"}, {"port", "7"}}));
+  EXPECT_EQ(values("net::7"), (Values{{"type", "net"}, {"port", "7"}}));
+  EXPECT_EQ(values("net:host:"), (Values{{"type", "net"}, {"ip", "host"}}));
+  EXPECT_EQ(values("net:[::1]"), (Values{{"type", "net"}, {"ip", "::1"}}));
+  EXPECT_EQ(values("net:[::1]:7"), (Values{{"type", "net"}, {"ip", "::1"}, {"port", "7"}}));
+  EXPECT_EQ(values("net"), (Values{{"type", "net"}}));
+  EXPECT_EQ(values("net,port=7"), (Values{{"type", "net"}, {"port", "7"}}));
+  EXPECT_EQ(values("net:host,port=7"), (Values{{"type", "net"}, {"ip", "host"}, {"port", "7"}}));
+}
+
+TEST_F(Spelling, APortAloneIsForListening) {
+  using Values = OptionValues;
+  EXPECT_EQ(values("net-listen:7"), (Values{{"type", "net"}, {"listen", "1"}, {"port", "7"}}));
+  EXPECT_EQ(values("net-listen:h:7"), (Values{{"type", "net"}, {"listen", "1"}, {"ip", "h"}, {"port", "7"}}));
+  EXPECT_EQ(values("net-listen"), (Values{{"type", "net"}, {"listen", "1"}}));
+  EXPECT_EQ(values("net:7"), (Values{{"type", "net"}, {"ip", "7"}})) << "a host's name";
+}
+
+TEST_F(Spelling, ABarePathIsASerialDevices) {
+  EXPECT_EQ(values("/dev/ttyUSB0"), (OptionValues{{"type", "serial"}, {"device", "/dev/ttyUSB0"}}));
+  EXPECT_EQ(values("serial:/dev/ttyUSB0"), (OptionValues{{"type", "serial"}, {"device", "/dev/ttyUSB0"}}));
+  EXPECT_EQ(values("type=serial,device=x"), (OptionValues{{"type", "serial"}, {"device", "x"}}));
+}
+
+TEST_F(Spelling, WhatIsNoPlaceIsRefused) {
+  for (const char* const place : {"tcp://host", "::1", "[::1", "[::1]7", "a:b:c", "//host:7"})
+    EXPECT_NE(refused(std::string("net:") + place), "nothing is wrong") << place;
+  EXPECT_NE(refused("serial-listen:x"), "nothing is wrong") << "it does not listen";
+  EXPECT_NE(refused("nett:x"), "nothing is wrong");
+}
+
+TEST_F(Spelling, IsTheOneThatIsReadBack) {
+  for (const char* const spelled :
+       {"net:host:7", "net-listen:host:7", "net:[::1]:7", "serial:/dev/ttyUSB0"}) {
+    const Result<PortOptions> options = parse_options(all, spelled);
+    ASSERT_TRUE(options.has_value());
+    EXPECT_EQ(options->name(), spelled);
+    EXPECT_EQ(options->spelled(), spelled);
+  }
+  const Result<PortOptions> more = parse_options(all, "net:host:7,mode=0660");
+  EXPECT_EQ(more->name(), "net:host:7");
+  EXPECT_EQ(more->spelled(), "net:host:7,mode=0660");
+}
+
+TEST_F(Spelling, NamesATypeOrIsSomethingElse) {
+  EXPECT_TRUE(names_type(all, "net:host"));
+  EXPECT_TRUE(names_type(all, "net-listen:7"));
+  EXPECT_TRUE(names_type(all, "/dev/ttyUSB0"));
+  EXPECT_TRUE(names_type(all, "device=x,type=serial"));
+  EXPECT_FALSE(names_type(all, "laser.log"));
+  EXPECT_FALSE(names_type(all, "serial-listen:x"));
+}
+
+TEST_F(Spelling, PermissionsAreOctalAndOfThreeDigits) {
+  const auto mode = [this](const std::string& text) -> std::string {
+    const Result<unsigned> read = parse_options(all, "net:h,mode=" + text)->mode("mode");
+    return read ? std::to_string(*read) : read.error().message;
+  };
+  EXPECT_EQ(mode("0660"), std::to_string(0660));
+  EXPECT_EQ(mode("777"), std::to_string(0777));
+  EXPECT_EQ(mode("0777"), std::to_string(0777));
+  EXPECT_EQ(mode("0"), "0");
+  for (const char* const wrong : {"1000", "00777", "8", "rw", "-1"}) {
+    EXPECT_EQ(mode(wrong), std::string("option 'mode': '") + wrong +
+                               "' is not valid; accepted: octal permissions like 0660");
+  }
+}
+
+TEST_F(Spelling, ANumberMayStandBehindAChoiceThatHasOne) {
+  EXPECT_EQ(values("net:h,seed=random:7")["seed"], "random:7");
+  EXPECT_EQ(values("net:h,seed=random")["seed"], "random");
+  for (const char* const wrong : {"random:", "random:x", "random:4294967296", "none:7", "randomly"}) {
+    EXPECT_THAT(refused(std::string("net:h,seed=") + wrong), testing::HasSubstr("'seed'")) << wrong;
+  }
+}
+
+TEST(SplitTokens, LeavesOutWhatIsEmpty) {
+  EXPECT_THAT(split_tokens("a,b;c", ",;"), ElementsAre("a", "b", "c"));
+  EXPECT_THAT(split_tokens(",,a,", ","), ElementsAre("a"));
+  EXPECT_THAT(split_tokens("", ","), testing::IsEmpty());
+  EXPECT_EQ(split_option("key=a=b"), (std::pair<std::string, std::string>("key", "a=b")));
+  EXPECT_EQ(split_option("flag"), (std::pair<std::string, std::string>("flag", "1")));
+  EXPECT_EQ(split_option("key="), (std::pair<std::string, std::string>("key", "")));
+}
+
+}  // namespace
+}  // namespace porttape

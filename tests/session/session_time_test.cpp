@@ -1,0 +1,228 @@
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "libport/session/session.hpp"
+#include "tests/support/manual_clock.hpp"
+#include "tests/support/memory_port.hpp"
+#include "tests/support/quiet_log.hpp"
+
+namespace porttape {
+namespace {
+
+using Reason = LineDown::Reason;
+using std::chrono::milliseconds;
+using std::chrono::minutes;
+using std::chrono::seconds;
+
+// How long a session waits, by a clock that is moved, and what its log tells of that.
+class SessionTimeTest : public testing::Test {
+ protected:
+  SessionTimeTest() {
+    driver.name = "driver";
+    device.name = "device";
+    driver.passive = true;
+    driver.up_at_once = false;
+    session = std::make_unique<Session>(PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(driver),
+                                        std::make_unique<MemoryPort>(device),
+                                        [this](int status) { end_status = status; });
+    EXPECT_TRUE(session->start().has_value());
+  }
+  void pass(Nanos time) { (void)let_pass(loop, clock, time); }
+  bool ends_within(Nanos time) {
+    return let_pass(loop, clock, time, [this] { return end_status.has_value(); });
+  }
+  [[nodiscard]] bool told(const std::string& text) const {
+    return book.text().find(text) != std::string::npos;
+  }
+  // The device fails as often, each time for a driver that comes and goes.
+  void fail(int times) {
+    device.up_at_once = false;
+    for (int n = 0; n < times; ++n) {
+      driver.up();
+      pass(seconds(1));
+      device.down(Reason::failed, "no device");
+      driver.down(Reason::hung_up);
+    }
+  }
+
+  ManualClock clock;
+  Loop loop{clock};
+  LogBook book;
+  MemoryPort::Peer driver;
+  MemoryPort::Peer device;
+  std::optional<int> end_status;
+  std::unique_ptr<Session> session;
+};
+
+TEST_F(SessionTimeTest, AnEndWaitsForADriverAsLongAsItReads) {
+  driver.up();
+  driver.congested = true;
+  driver.unread = 1000;
+  session->stop();
+  for (int n = 0; n < 60; ++n) {
+    --*driver.unread;
+    ASSERT_FALSE(ends_within(seconds(4)));
+  }
+  EXPECT_FALSE(ends_within(milliseconds(900)));
+  EXPECT_TRUE(ends_within(milliseconds(200))) << "five seconds in which it read nothing";
+  EXPECT_TRUE(
+      told("940 bytes reached nobody (the last because the driver did not read them before the end)"));
+}
+
+TEST_F(SessionTimeTest, AnEndWaitsForADeviceAsLongAsItTakesBytes) {
+  driver.up();
+  device.congested = true;
+  device.unread = 1000;
+  session->stop();
+  for (int n = 0; n < 60; ++n) {
+    --*device.unread;
+    ASSERT_FALSE(ends_within(seconds(4)));
+  }
+  EXPECT_TRUE(ends_within(milliseconds(1100)));
+}
+
+TEST_F(SessionTimeTest, WhatEitherTakesIsProgress) {
+  driver.up();
+  driver.congested = device.congested = true;
+  driver.unread = device.unread = 10;
+  session->stop();
+  for (int n = 0; n < 10; ++n) {
+    --*(n % 2 == 0 ? driver : device).unread;
+    ASSERT_FALSE(ends_within(seconds(4)));
+  }
+  EXPECT_TRUE(ends_within(milliseconds(1100)));
+}
+
+TEST_F(SessionTimeTest, WhereNobodyKnowsAnEndWaitsFiveSeconds) {
+  driver.up();
+  driver.congested = true;
+  session->stop();
+  EXPECT_FALSE(ends_within(milliseconds(4900)));
+  EXPECT_TRUE(ends_within(milliseconds(200)));
+}
+
+TEST_F(SessionTimeTest, ADeviceThatTakesAllIsNotAskedHowMuchIsLeft) {
+  driver.up();
+  device.unread = 5;  // in its own buffer, say
+  session->stop();
+  EXPECT_EQ(driver.calls, "prepare open hang_up_after_reading ");
+  EXPECT_FALSE(ends_within(milliseconds(4900)));
+  EXPECT_TRUE(ends_within(milliseconds(200))) << "the driver stays, and nothing is known of it";
+}
+
+TEST_F(SessionTimeTest, ADriverThatHasGoneIsNotWaitedFor) {
+  driver.up();
+  driver.unread = 5;
+  driver.down(Reason::closed);
+  session->stop();
+  EXPECT_TRUE(ends_within(Nanos(0)));
+  EXPECT_FALSE(told("reached nobody"));
+}
+
+TEST_F(SessionTimeTest, WhatIsGivenUpAtTheEndSaysWhichPortsItWas) {
+  device.completes = false;
+  session->stop();
+  EXPECT_FALSE(ends_within(milliseconds(10'499)));
+  EXPECT_TRUE(ends_within(milliseconds(1)));
+  EXPECT_EQ(end_status, exit_status::kRuntime);
+  EXPECT_TRUE(
+      told("device and driver: what is to be completed at the end takes too long and is given up; is "
+           "the disk there?"))
+      << book.text();
+}
+
+TEST_F(SessionTimeTest, BothPortsAreReadOnceMoreAtTheEnd) {
+  driver.up();
+  std::string order;
+  driver.pending = [&] { order += "driver "; };
+  device.pending = [&] { order += "device "; };
+  driver.congested = true;
+  session->stop();
+  EXPECT_EQ(order, "driver device ");
+}
+
+TEST_F(SessionTimeTest, ADeviceThatHasFailedOnceIsOpenedAtOnce) {
+  fail(1);
+  device.calls.clear();
+  driver.up();
+  EXPECT_EQ(device.calls, "open ");
+}
+
+TEST_F(SessionTimeTest, ADeviceThatFailsAgainAndAgainIsOpenedLaterAndLater) {
+  device.up_at_once = false;
+  Nanos expected{};
+  for (int n = 0; n < 12; ++n) {
+    driver.up();
+    const Instant begin = clock.now();
+    ASSERT_TRUE(let_pass(loop, clock, seconds(5), [this] { return device.calls.ends_with("open "); }));
+    EXPECT_EQ(clock.now() - begin, expected) << n;
+    device.down(Reason::failed, "no device");
+    driver.down(Reason::hung_up);
+    device.calls.clear();
+    if (n > 0) expected = std::min<Nanos>(seconds(1), expected * 2);
+    if (n == 0) expected = Nanos(0);
+    if (n == 1) expected = milliseconds(10);
+  }
+}
+
+TEST_F(SessionTimeTest, ADriverThatLeavesWhileItsDeviceIsOpenedLaterOpensNothing) {
+  device.up_at_once = false;
+  for (int n = 0; n < 6; ++n) {
+    driver.up();
+    (void)let_pass(loop, clock, seconds(5), [this] { return device.calls.ends_with("open "); });
+    device.down(Reason::failed, "no device");
+    driver.down(Reason::hung_up);
+  }
+  driver.up();
+  driver.down(Reason::closed);
+  device.calls.clear();
+  pass(minutes(1));
+  EXPECT_EQ(device.calls, "");
+}
+
+TEST_F(SessionTimeTest, AnEndThatComesWhileTheDeviceIsOpenedLaterOpensNothing) {
+  device.up_at_once = false;
+  for (int n = 0; n < 6; ++n) {
+    driver.up();
+    (void)let_pass(loop, clock, seconds(5), [this] { return device.calls.ends_with("open "); });
+    device.down(Reason::failed, "no device");
+    driver.down(Reason::hung_up);
+  }
+  driver.up();
+  device.calls.clear();
+  driver.congested = true;
+  session->stop();
+  pass(seconds(2));
+  driver.set({.baud = 1200});
+  driver.signal({LineSignal::Name::dtr, true});
+  driver.flush(FlushQueue::both);
+  EXPECT_EQ(device.calls, "");
+  EXPECT_TRUE(ends_within(seconds(5)));
+}
+
+TEST_F(SessionTimeTest, ATroubleThatRepeatsIsToldOnceAndThenCounted) {
+  fail(5);
+  const std::string text = book.text();
+  EXPECT_EQ(text.find("no device"), text.rfind("no device")) << text;
+  driver.up();
+  pass(seconds(1));
+  device.up();
+  device.send("works");
+  EXPECT_TRUE(told("device: works again")) << book.text();
+  EXPECT_TRUE(told("device: it had failed 4 more times in the same way")) << book.text();
+}
+
+TEST_F(SessionTimeTest, ADriversHalfCloseIsPassedOnWhereTheDeviceIsThere) {
+  device.up_at_once = false;
+  driver.up();
+  EXPECT_EQ(driver.end(), PortListener::Answers::none) << "there is nobody to answer";
+  device.up();
+  EXPECT_EQ(driver.end(), PortListener::Answers::until_hang_up);
+}
+
+}  // namespace
+}  // namespace porttape

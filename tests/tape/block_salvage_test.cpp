@@ -1,0 +1,347 @@
+#include "libport/tape/block_salvage.hpp"
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/tape_bytes.hpp"
+
+namespace porttape {
+namespace {
+
+using test::Block;
+using testing::ElementsAre;
+using testing::ElementsAreArray;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr std::string_view kGarbage =
+    "\xff\xfe\xfd\xfc\xfb\xfa\xf9\xf8\xf7\xf6\xf5\xf4\xf3\xf2\xf1\xf0\xef\xee\xed\xec\xeb\xea\xe9\xe8\xe7";
+
+// "5 3@15" for a block of 3 bytes at 5 us whose data is at 15; "lost 5 at 10 from 3: why".
+std::vector<std::string> salvaged(const Bytes& bytes, Layout layout = Layout::big_endian) {
+  BlockSalvage salvage(test::memory("b", bytes), layout, bytes.size());
+  std::vector<std::string> all;
+  for (;;) {
+    const auto step = salvage.next();
+    if (!step) return {"error: " + step.error().message};
+    if (step->lost)
+      all.push_back("lost " + std::to_string(step->lost->bytes) + " at " +
+                    std::to_string(step->lost->offset) + " from " + std::to_string(to_us(step->lost->from)) +
+                    ": " + step->lost->why);
+    if (!step->lost && !step->block) return all;
+    if (!step->block) continue;
+    all.push_back(std::to_string(to_us(step->block->at)) + " " + std::to_string(step->block->length) + "@" +
+                  std::to_string(step->block->data_offset));
+  }
+}
+
+// Blocks of 4 bytes each, which take 16 in the file: number n, from 0 on, at (n + 1) ms.
+std::vector<Block> numbered(std::size_t count) {
+  std::vector<Block> blocks;
+  for (std::size_t n = 0; n < count; ++n) blocks.push_back({static_cast<std::int64_t>(n + 1) * 1000, "data"});
+  return blocks;
+}
+
+std::vector<std::string> told(std::size_t from, std::size_t to, std::size_t shift = 0,
+                              std::size_t head = 12) {
+  std::vector<std::string> all;
+  for (std::size_t n = from; n < to; ++n)
+    all.push_back(std::to_string((n + 1) * 1000) + " 4@" + std::to_string(n * (head + 4) + head + shift));
+  return all;
+}
+
+std::vector<std::string> joined(std::initializer_list<std::vector<std::string>> lists) {
+  std::vector<std::string> all;
+  for (const auto& list : lists) all.insert(all.end(), list.begin(), list.end());
+  return all;
+}
+
+void overwrite(Bytes& bytes, std::size_t at, std::string_view with) {
+  std::copy(with.begin(), with.end(), bytes.begin() + static_cast<std::ptrdiff_t>(at));
+}
+
+TEST(BlockSalvage, GivesTheBlocksOfASoundFile) {
+  EXPECT_THAT(salvaged({}), IsEmpty());
+  EXPECT_EQ(salvaged(test::block_bytes(numbered(3))), told(0, 3));
+  EXPECT_EQ(salvaged(test::block_bytes(numbered(20))), told(0, 20));
+  EXPECT_EQ(salvaged(test::block_bytes(numbered(20), true), Layout::native64), told(0, 20, 0, 24));
+  EXPECT_THAT(salvaged(test::block_bytes({{5, ""}, {5, ""}, {5, "a"}})),
+              ElementsAre("5 0@12", "5 0@24", "5 1@36"));
+}
+
+TEST(BlockSalvage, GivesTheDataOfABlock) {
+  const Bytes bytes = test::block_bytes(numbered(2));
+  BlockSalvage salvage(test::memory("b", bytes), Layout::big_endian, bytes.size());
+  EXPECT_EQ(as_text(*salvage.data(12, 4)), "data");
+  EXPECT_EQ(as_text(*salvage.data(14, 1)), "t");
+  EXPECT_EQ(as_text(*salvage.data(30, 10)), "ta");
+  EXPECT_EQ(salvage.name(), "b");
+}
+
+TEST(BlockSalvage, AnUnfinishedBlockAtTheEndIsLost) {
+  const Bytes whole = test::block_bytes(numbered(3));
+  for (const std::size_t size : {33U, 43U, 44U, 47U}) {
+    const Bytes torn(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size));
+    EXPECT_EQ(
+        salvaged(torn),
+        joined({told(0, 2), {"lost " + std::to_string(size - 32) + " at 32 from 2000: an unfinished block"}}))
+        << size;
+  }
+}
+
+TEST(BlockSalvage, AHeaderThatIsDestroyedCostsItsBlockInEitherLayout) {
+  for (const bool native64 : {false, true}) {
+    const std::size_t head = native64 ? 24 : 12;
+    const Layout layout = native64 ? Layout::native64 : Layout::big_endian;
+    for (const std::size_t at : {0U, 1U, 5U, 10U, 19U}) {
+      Bytes bytes = test::block_bytes(numbered(20), native64);
+      overwrite(bytes, at * (head + 4), kGarbage.substr(0, head));
+      const std::vector<std::string> all = salvaged(bytes, layout);
+      ASSERT_EQ(all.size(), 20U);
+      EXPECT_THAT(all[at],
+                  HasSubstr("lost " + std::to_string(head + 4) + " at " + std::to_string(at * (head + 4)) +
+                            " from " + std::to_string(at * 1000) + ": microseconds are "));
+      EXPECT_EQ(joined({{all.begin(), all.begin() + static_cast<std::ptrdiff_t>(at)},
+                        {all.begin() + static_cast<std::ptrdiff_t>(at) + 1, all.end()}}),
+                joined({told(0, at, 0, head), told(at + 1, 20, 0, head)}));
+    }
+  }
+}
+
+// `count` blocks behind garbage, and whether they were found.
+bool finds(std::size_t count, std::string_view behind, std::size_t before = 10) {
+  const Bytes lead = test::block_bytes(numbered(before));
+  Bytes bytes = lead;
+  test::append(bytes, kGarbage);
+  std::vector<Block> blocks = numbered(before + count);
+  blocks.erase(blocks.begin(), blocks.begin() + static_cast<std::ptrdiff_t>(before));
+  const Bytes rest = test::block_bytes(blocks);
+  bytes.insert(bytes.end(), rest.begin(), rest.end());
+  test::append(bytes, behind);
+  const std::vector<std::string> all = salvaged(bytes);
+  const std::string lost = "lost 25 at " + std::to_string(16 * before);
+  for (const std::string& each : all) {
+    if (each.starts_with(lost)) return true;
+  }
+  return false;
+}
+
+TEST(BlockSalvage, BlocksBehindDamageCountOnceTheyAreSure) {
+  EXPECT_TRUE(finds(1, "")) << "to the exact end";
+  EXPECT_FALSE(finds(1, "\x01")) << "an unfinished header";
+  EXPECT_TRUE(finds(2, "\x01"));
+  EXPECT_FALSE(finds(2, kGarbage)) << "damage again";
+  EXPECT_TRUE(finds(3, kGarbage));
+  EXPECT_TRUE(finds(8, kGarbage));
+}
+
+TEST(BlockSalvage, EmptyBlocksAreNoEvidence) {
+  Bytes bytes = test::block_bytes(numbered(10));
+  test::append(bytes, kGarbage);
+  for (int i = 0; i < 5; ++i) {
+    const Bytes header = test::header_bytes(0, 50'000, 0);
+    bytes.insert(bytes.end(), header.begin(), header.end());
+  }
+  test::append(bytes, kGarbage);
+  EXPECT_EQ(salvaged(bytes).size(), 11U);
+}
+
+TEST(BlockSalvage, ASilenceOfMoreThanTenDaysBehindDamageIsNone) {
+  constexpr std::int64_t kTenDays = 864'000'000'000;
+  for (const std::int64_t more : {0, 1}) {
+    Bytes bytes = test::block_bytes(numbered(10));
+    test::append(bytes, kGarbage);
+    const Bytes rest = test::block_bytes({{10'000 + kTenDays + more, "data"}});
+    bytes.insert(bytes.end(), rest.begin(), rest.end());
+    EXPECT_EQ(salvaged(bytes).back().starts_with("lost"), more == 1);
+  }
+}
+
+TEST(BlockSalvage, ATimeThatIsTooEarlyBecomesThatOfTheBlockBefore) {
+  std::vector<Block> blocks = numbered(20);
+  blocks[10].us = 5;
+  const std::vector<std::string> all = salvaged(test::block_bytes(blocks));
+  EXPECT_EQ(all, joined({told(0, 10),
+                         {"lost 0 at 160 from 10000: time goes back from 0.010000 s to 0.000005 s; the block "
+                          "stays, at the time of the one beside it",
+                          "10000 4@172"},
+                         told(11, 20)}));
+}
+
+TEST(BlockSalvage, ATimeThatIsTooLateBecomesThatOfTheBlockBehind) {
+  std::vector<Block> blocks = numbered(20);
+  blocks[10].us = 3'000'000'000;
+  const std::vector<std::string> all = salvaged(test::block_bytes(blocks));
+  EXPECT_EQ(all,
+            joined({told(0, 10),
+                    {"lost 0 at 160 from 10000: time goes back from 3000.000000 s to 0.012000 s; the block "
+                     "stays, at the time of the one beside it",
+                     "12000 4@172"},
+                    told(11, 20)}));
+}
+
+TEST(BlockSalvage, TheFirstAndTheLastTimeAreMendedToo) {
+  std::vector<Block> blocks = numbered(20);
+  blocks[0].us = 3'000'000'000;
+  std::vector<std::string> all = salvaged(test::block_bytes(blocks));
+  ASSERT_EQ(all.size(), 21U);
+  EXPECT_THAT(all[0], HasSubstr("lost 0 at 0 from 0: time goes back"));
+  EXPECT_EQ(all[1], "2000 4@12");
+  blocks = numbered(20);
+  blocks[19].us = 5;
+  all = salvaged(test::block_bytes(blocks));
+  ASSERT_EQ(all.size(), 21U);
+  EXPECT_THAT(all[19], HasSubstr("lost 0 at 304 from 19000: time goes back"));
+  EXPECT_EQ(all[20], "19000 4@316");
+}
+
+TEST(BlockSalvage, TimesThatStayEarlierAreToldOnce) {
+  std::vector<Block> blocks = numbered(10);
+  for (const Block& again : numbered(10)) blocks.push_back(again);
+  const std::vector<std::string> all = salvaged(test::block_bytes(blocks));
+  ASSERT_EQ(all.size(), 21U);
+  EXPECT_THAT(all[10], HasSubstr("lost 0 at 160 from 10000"));
+  for (std::size_t n = 10; n < 20; ++n) EXPECT_EQ(all[n + 1], "10000 4@" + std::to_string(n * 16 + 12));
+  blocks.push_back({11'000, "data"});
+  blocks.push_back({12'000, "data"});
+  blocks.push_back({5, "data"});
+  blocks.push_back({13'000, "data"});
+  const std::vector<std::string> more = salvaged(test::block_bytes(blocks));
+  ASSERT_EQ(more.size(), 26U);
+  EXPECT_EQ(more[22], "12000 4@348");
+  EXPECT_THAT(more[23], HasSubstr("lost 0 at 352 from 12000")) << "a new fault is told again";
+}
+
+TEST(BlockSalvage, ALengthThatSwallowsBlocksGivesThemBack) {
+  for (const std::size_t at : {0U, 3U, 12U}) {
+    Bytes bytes = test::block_bytes(numbered(20));
+    bytes[at * 16 + 11] = 0x38;  // up to somewhere in a later one
+    const std::vector<std::string> all = salvaged(bytes);
+    const std::vector<std::string> before = told(0, at);
+    const std::vector<std::string> behind = told(at + 1, 20);
+    ASSERT_EQ(all.size(), 20U);
+    EXPECT_EQ(std::vector(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(at)), before);
+    EXPECT_THAT(all[at],
+                HasSubstr("lost 16 at " + std::to_string(at * 16) + " from " + std::to_string(at * 1000)));
+    EXPECT_EQ(std::vector(all.begin() + static_cast<std::ptrdiff_t>(at) + 1, all.end()), behind);
+  }
+}
+
+TEST(BlockSalvage, ALengthThatIsTooSmallByLessThanAHeaderIsMended) {
+  Bytes bytes = test::block_bytes(numbered(20));
+  bytes[10 * 16 + 11] = 1;
+  const std::vector<std::string> all = salvaged(bytes);
+  EXPECT_EQ(all,
+            joined({told(0, 10),
+                    {"lost 0 at 160 from 10000: a length of 1 is too small by 3; the block stays, with them",
+                     "11000 4@172"},
+                    told(11, 20)}));
+}
+
+TEST(BlockSalvage, HoldsBlocksWhereTheyFollowOneAnother) {
+  const auto holds = [](const Bytes& bytes, Layout layout = Layout::big_endian) {
+    MemorySource source("s", bytes);
+    return *BlockSalvage::holds_blocks(source, layout, bytes.size());
+  };
+  EXPECT_FALSE(holds({}));
+  EXPECT_FALSE(holds(test::bytes_of(std::string(kGarbage) + std::string(kGarbage))));
+  Bytes bytes = test::bytes_of(kGarbage);
+  const Bytes blocks = test::block_bytes(numbered(3));
+  bytes.insert(bytes.end(), blocks.begin(), blocks.end());
+  EXPECT_TRUE(holds(bytes));
+  EXPECT_FALSE(holds(bytes, Layout::native64));
+  EXPECT_TRUE(holds(test::block_bytes(numbered(3), true), Layout::native64));
+  EXPECT_FALSE(holds(test::block_bytes(numbered(3), true)));
+}
+
+// Fails at one of its reads.
+class FailingBlocks final : public ByteSource {
+ public:
+  FailingBlocks(Bytes bytes, int reads_left) : bytes_("b", std::move(bytes)), reads_left_(reads_left) {}
+  Result<std::size_t> read_at(std::uint64_t offset, std::span<Byte> into) override {
+    if (reads_left_-- == 0) return make_error(Errc::io, "out of order");
+    return bytes_.read_at(offset, into);
+  }
+  Result<std::uint64_t> size() override { return bytes_.size(); }
+  [[nodiscard]] const std::string& name() const override { return bytes_.name(); }
+
+ private:
+  MemorySource bytes_;
+  int reads_left_;
+};
+
+TEST(BlockSalvage, AFailedReadIsItsErrorWhereverItComes) {
+  std::vector<Block> blocks = numbered(20);
+  blocks[5].us = 5;
+  Bytes bytes = test::block_bytes(blocks);
+  overwrite(bytes, 12 * 16, kGarbage.substr(0, 12));
+  int failed = 0;
+  for (int reads = 0; reads < 10; ++reads) {
+    BlockSalvage salvage(std::make_unique<FailingBlocks>(bytes, reads), Layout::big_endian, bytes.size());
+    for (;;) {
+      const auto step = salvage.next();
+      if (!step) {
+        EXPECT_EQ(step.error().message, "out of order");
+        ++failed;
+        break;
+      }
+      if (!step->lost && !step->block) break;
+    }
+  }
+  EXPECT_EQ(failed, 4) << "each time that it reads the file anew";
+  FailingBlocks source(bytes, 0);
+  EXPECT_EQ(BlockSalvage::holds_blocks(source, Layout::big_endian, bytes.size()).error().message,
+            "out of order");
+}
+
+TEST(BlockSalvage, AFileThatHasBecomeShorterIsToldSo) {
+  const Bytes bytes = test::block_bytes(numbered(3));
+  BlockSalvage salvage(test::memory("b", Bytes(bytes.begin(), bytes.begin() + 20)), Layout::big_endian,
+                       bytes.size());
+  EXPECT_EQ(salvage.next().error(), make_error(Errc::io, "b became shorter while it was read"));
+}
+
+TEST(BlockSalvage, BlocksBehindDamageDoNotGoBackInTime) {
+  Bytes bytes = test::block_bytes(numbered(10));
+  test::append(bytes, kGarbage);
+  const Bytes back =
+      test::block_bytes({{50'000, "data"}, {40'000, "data"}, {30'000, "data"}, {20'000, "data"}});
+  bytes.insert(bytes.end(), back.begin(), back.end());
+  test::append(bytes, kGarbage);
+  EXPECT_EQ(salvaged(bytes).size(), 11U);
+}
+
+TEST(BlockSalvage, ATimeIsMendedToThatOfTheBlockBehindAlsoWhereThatIsAsTheOneBefore) {
+  std::vector<Block> blocks = numbered(20);
+  blocks[10].us = 3'000'000'000;
+  blocks[11].us = blocks[9].us;
+  const std::vector<std::string> all = salvaged(test::block_bytes(blocks));
+  ASSERT_EQ(all.size(), 21U);
+  EXPECT_EQ(all[11], "10000 4@172");
+  EXPECT_EQ(all[12], "10000 4@188");
+}
+
+TEST(BlockSalvage, ABlockThatProvesToBeNoneIsLostWithWhatIsAroundIt) {
+  Bytes bytes = test::block_bytes(numbered(10));
+  test::append(bytes, kGarbage);
+  const Bytes late =
+      test::block_bytes({{3'600'000'000, "data"}, {3'600'000'001, "data"}, {3'600'000'002, "data"}});
+  bytes.insert(bytes.end(), late.begin(), late.end());
+  test::append(bytes, kGarbage);
+  std::vector<Block> rest = numbered(30);
+  rest.erase(rest.begin(), rest.begin() + 15);
+  const Bytes behind = test::block_bytes(rest);
+  bytes.insert(bytes.end(), behind.begin(), behind.end());
+  const std::vector<std::string> all = salvaged(bytes);
+  ASSERT_EQ(all.size(), 26U);
+  EXPECT_THAT(all[10], testing::StartsWith("lost 98 at 160 from 10000: "));
+  EXPECT_THAT(all[11], testing::StartsWith("16000 4@"));
+}
+
+}  // namespace
+}  // namespace porttape
