@@ -295,7 +295,8 @@ class Schedule {
     const Session::State state = session_->state();
     driver_.peer.set(seen);
     const auto followed = before && device_.peer.takes_settings ? seen.over(*before) : before;
-    const bool not_yet = state == Session::State::draining;  // the line is the last driver's
+    // The line is the last driver's, or has failed and is opened later.
+    const bool not_yet = state == Session::State::draining || !device_.open;
     const bool may_wait = state == Session::State::ending && device_.peer.settings == before;
     require(device_.peer.settings == (not_yet ? before : followed) || may_wait,
             "the device's line follows the driver's");
@@ -361,8 +362,10 @@ class Schedule {
     require(!device.congested || !driver.reading, "a driver waits for a slow device");
     require(device_.up || device_.broken || !driver.reading, "a driver waits for the device to come up");
     const bool driver_takes = !driver_.interrupted && !driver.congested;
-    require(driver_takes == device.reading,
-            "a device is read when, and only when, the driver takes what comes");
+    require(driver_takes || !device.reading, "a device is read only when the driver takes what comes");
+    // One that is kept open is not read before it is up for its driver.
+    require(!driver_takes || !device_.up || device.reading,
+            "a device that is up is read when the driver takes what comes");
   }
 
   void end() {

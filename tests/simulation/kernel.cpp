@@ -225,6 +225,8 @@ void Kernel::sleep(Moment time) {
   parts_->wait();
 }
 
+bool Kernel::on_worker() const { return parts_->running != parts_->threads.front().get(); }
+
 bool Kernel::run_down() {
   const auto left = [this] {
     return std::ranges::any_of(parts_->threads, [this](const auto& each) {

@@ -9,21 +9,24 @@
 
 namespace porttape::simulation {
 
-// Chance from a seed, the same with every library (SplitMix64).
+// Chance from a seed, the same with every library (SplitMix64). The seed is mixed first: neighbouring multiples of
+// the step below would give one sequence, each a number further on.
 class Random {
  public:
   using result_type = std::uint64_t;
-  explicit Random(std::uint64_t seed) : state_(seed * 0x9e3779b97f4a7c15U) {}
+  explicit Random(std::uint64_t seed) : state_(mixed(seed + kStep)) {}
   static constexpr result_type min() { return 0; }
   static constexpr result_type max() { return std::numeric_limits<result_type>::max(); }
-  result_type operator()() {
-    std::uint64_t z = state_ += 0x9e3779b97f4a7c15U;
+  result_type operator()() { return mixed(state_ += kStep); }
+
+ private:
+  static constexpr std::uint64_t kStep = 0x9e3779b97f4a7c15U;
+  static constexpr std::uint64_t mixed(std::uint64_t z) {
     z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9U;
     z = (z ^ (z >> 27U)) * 0x94d049bb133111ebU;
     return z ^ (z >> 31U);
   }
 
- private:
   std::uint64_t state_;
 };
 
@@ -55,6 +58,8 @@ class Kernel final : public Clock {
   [[nodiscard]] std::uint64_t wake_ups() const;
   // Waits as a slow call does: the others go on.
   void sleep(Moment time);
+  // Whether it is called by one of the program's worker threads.
+  [[nodiscard]] bool on_worker() const;
   // Lets the other threads end, which may take simulated time. False: some never do.
   bool run_down();
   // Threads that were not to be had from now on (EAGAIN).

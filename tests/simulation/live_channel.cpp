@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <filesystem>
 #include <map>
 #include <span>
@@ -14,7 +13,10 @@
 #include "libport/tape/tape_lock.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "libport/tape/tape_writer.hpp"
+#include "tests/simulation/acts_check.hpp"
 #include "tests/simulation/catalog.hpp"
+#include "tests/simulation/line_check.hpp"
+#include "tests/simulation/tape_steps.hpp"
 
 namespace porttape::simulation {
 namespace {
@@ -22,23 +24,20 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-// Whether `part` is `whole` less some of its bytes.
-bool is_subsequence(ByteView part, ByteView whole) {
-  auto at = whole.begin();
-  for (const Byte byte : part) {
-    at = std::find(at, whole.end(), byte);
-    if (at == whole.end()) return false;
-    ++at;
-  }
-  return true;
-}
+// On the driver's own port.
+constexpr std::string_view kDriverFaults =
+    "drop:p=0.005;delay:p=0.01:for=0.1;stall:p=0.0005:for=2;hangup:p=0.0003,seed=11";
 
-Bytes joined(const std::vector<Line::Passed>& passed, bool to_listener) {
-  Bytes all;
-  for (const Line::Passed& each : passed) {
-    if (each.to_listener == to_listener) all.insert(all.end(), each.data.begin(), each.data.end());
+// A device that is kept open may send before a driver has come: there is no tape yet.
+std::vector<Passed> since_opens(std::span<const Passed> passed) {
+  std::vector<Passed> recorded;
+  bool begun = false;
+  for (const Passed& each : passed) {
+    begun = (begun || each.what == Passed::What::open) && each.what != Passed::What::prepare &&
+            each.what != Passed::What::finish;
+    if (begun && each.what == Passed::What::data) recorded.push_back(each);
   }
-  return all;
+  return recorded;
 }
 
 // Whether a gap is the disk's and not the line's.
@@ -48,18 +47,35 @@ bool is_of_disk(std::string_view why) {
   return std::ranges::find(reasons, why) != reasons.end();
 }
 
-// Runs of one direction made one.
-std::vector<Line::Passed> in_runs(const std::vector<Line::Passed>& passed) {
-  std::vector<Line::Passed> runs;
-  for (const Line::Passed& each : passed) {
-    if (each.data.empty()) continue;
-    if (runs.empty() || runs.back().to_listener != each.to_listener) {
+// Runs of one direction made one, but for datagrams.
+std::vector<Passed> in_runs(std::span<const Passed> passed, bool datagrams) {
+  std::vector<Passed> runs;
+  for (const Passed& each : passed) {
+    if (each.what != Passed::What::data || each.data.empty()) continue;
+    if (datagrams || runs.empty() || runs.back().to_listener != each.to_listener) {
       runs.push_back(each);
     } else {
       runs.back().data.insert(runs.back().data.end(), each.data.begin(), each.data.end());
     }
   }
   return runs;
+}
+
+// A tty as often as a socket; half of the drivers on one run under a supervisor.
+Line::Kind live_driver_kind(World& world) {
+  Line::Kind kind = Line::Kind::of_driver(world);
+  kind.datagrams = !kind.half_closes && world.chance(0.2);
+  kind.supervised = !kind.half_closes && !kind.datagrams && world.chance(0.5);
+  return kind;
+}
+
+Line::Kind live_device_kind(World& world) {
+  Line::Kind kind = Line::Kind::of_device(world);
+  kind.datagrams = !kind.half_closes && world.chance(0.2);
+  kind.serial = !kind.half_closes && !kind.datagrams && world.chance(0.7);
+  kind.knows_unread = world.chance(0.6);
+  kind.passive = kind.half_closes && !kind.always_open && world.chance(0.3);
+  return kind;
 }
 
 }  // namespace
@@ -74,18 +90,27 @@ LiveChannel::LiveChannel(World& world, std::string name, bool records, bool disk
       device_acts_left_(1 << world.between(1, 8)),
       pace_(world.some_time(seconds(5)) + milliseconds(1)),
       most_bytes_(static_cast<std::size_t>(world.between(1, 1 << world.between(1, 14)))),
-      driver_(world, this->name() + "-driver", Line::Kind::of_driver(world)),
-      device_(world, this->name() + "-device", Line::Kind::of_device(world)) {
+      device_is_slow_(world.chance(0.2)),
+      driver_(world, this->name() + "-driver", live_driver_kind(world)),
+      device_(world, this->name() + "-device", live_device_kind(world)) {
   put_up(world, driver_);
   put_up(world, device_);
   driver_.on_readable = [this] { reads_soon(driver_, driver_stalls_, driver_reads_); };
+  device_.on_prepare = [this] { lost_at_prepare_ = lost_by_line(); };
+  device_.on_open = [this] {
+    if (const auto before = std::exchange(lost_at_prepare_, std::nullopt))
+      lost_without_tape_ += lost_by_line() - *before;
+  };
+  device_.on_cut = [this](std::size_t bytes) { check_cut(bytes); };
   device_.on_readable = [this] { reads_soon(device_, device_stalls_, device_reads_); };
 }
 
 ChannelSpec LiveChannel::spec() const {
   ChannelSpec spec;
   spec.mode = records_ ? ChannelMode::record : ChannelMode::bridge;
-  spec.values = {{"driver", "memory:" + driver_.name()}, {"device", "memory:" + device_.name()}};
+  const std::string of_driver = faults_on_driver() ? ",faults=" + std::string(kDriverFaults) : "";
+  spec.values = {{"driver", "memory:" + driver_.name() + of_driver},
+                 {"device", "memory:" + device_.name() + (device_.kind().always_open ? ",alwaysopen" : "")}};
   if (const std::string plan = faults(); !plan.empty()) {
     spec.values["faults"] = plan;
     spec.values["seed"] = std::to_string(most_bytes_);
@@ -110,17 +135,21 @@ std::string LiveChannel::faults() const {
 }
 
 void LiveChannel::start() {
-  if (world().chance(0.9)) device_.open();
+  if (world().chance(0.9)) device_.plug_in();
   world().after(world().some_time(pace_), [this] { driver_acts(); });
   world().after(world().some_time(pace_), [this] { device_acts(); });
 }
 
 void LiveChannel::reads_soon(Line& line, bool& stalls, bool& planned) {
   if (stalls || std::exchange(planned, true)) return;
-  world().after(world().some_time(milliseconds(50)), [this, &line, &stalls, &planned] {
+  // An end waits for a device as long as that takes something (contract, "Signals"): it hurries at last.
+  const bool hurries = !world().ends().empty() && world().loop().now() - world().ends().front() > seconds(30);
+  const bool slow = &line == &device_ && device_is_slow_ && !calm_ && !hurries;
+  const Nanos soon = slow ? milliseconds(world().between(50, 900)) : world().some_time(milliseconds(50));
+  world().after(soon, [this, &line, &stalls, &planned, slow] {
     planned = false;
     if (stalls) return;
-    const std::size_t most = world().chance(0.3) ? 1 : 1 << 20;
+    const std::size_t most = slow ? line.unread() / 40 + 1 : world().chance(0.3) ? 1 : 1 << 20;
     line.read(calm_ ? line.unread() : most);
     // One that was sent the end of its input ends too.
     if (line.near_ended() && line.unread() == 0) {
@@ -135,24 +164,80 @@ void LiveChannel::reads_soon(Line& line, bool& stalls, bool& planned) {
 void LiveChannel::driver_acts() {
   if (calm_ || driver_acts_left_-- == 0) return;
   const auto act = world().between(0, 99);
-  if (!driver_.is_open()) {
-    driver_.open();
-  } else if (act < 60) {
+  if (driver_waits_) {
+    if (act < 2) driver_.close();  // it was killed
+  } else if (!driver_.is_open()) {
+    driver_opens();
+  } else if (act < 48) {
     (void)driver_.send(world().some_bytes(
         static_cast<std::size_t>(world().between(1, static_cast<std::int64_t>(most_bytes_)))));
-  } else if (act < 68) {
+  } else if (act < 55) {
     driver_stalls_ = !driver_stalls_;
     if (!driver_stalls_) reads_soon(driver_, driver_stalls_, driver_reads_);
-  } else if (act < 74) {
+  } else if (act < 60) {
     driver_.half_close();
-  } else if (act < 78) {
-    driver_.flush_input();
-  } else if (act < 88) {
+  } else if (act < 64) {
+    driver_.flush(static_cast<FlushQueue>(world().between(0, 2)));
+  } else if (act < 82) {
+    driver_does_to_line();
+  } else if (act < 91) {
     driver_.close();
-  } else if (act < 89 && records_ && !disk_fails_) {
+  } else if (act < 92) {
+    driver_.lose(false);
+  } else if (act < 93 && records_ && !disk_fails_) {
     replace_tape();
   }
   world().after(world().some_time(pace_), [this] { driver_acts(); });
+}
+
+// A supervised one begins as TtyCalls has it, and often makes its line ready at once.
+void LiveChannel::driver_opens() {
+  driver_waits_ = false;
+  driver_.open();
+  if (!driver_.kind().supervised) return;
+  driver_.signal({LineSignal::Name::dtr, true});
+  driver_.signal({LineSignal::Name::rts, true});
+  if (!world().chance(0.5)) return;
+  for (auto count = world().between(1, 5); count > 0 && !driver_waits_; --count) driver_does_to_line();
+}
+
+void LiveChannel::driver_does_to_line() {
+  const auto waited_for = [this, session = ++driver_calls_] {
+    if (session == driver_calls_) driver_waits_ = false;
+  };
+  switch (world().between(0, 5)) {
+    case 0:
+    case 1:
+      return driver_sets();
+    case 2:
+    case 3: {
+      constexpr std::array names = {LineSignal::Name::dtr, LineSignal::Name::rts, LineSignal::Name::brk};
+      return driver_.signal({names.at(static_cast<std::size_t>(world().between(0, 2))), world().chance(0.5)});
+    }
+    case 4:
+      driver_waits_ = world().chance(0.7);
+      return driver_.drain(waited_for);
+    default:
+      driver_waits_ = world().chance(0.7);
+      return driver_.ask({.kind = static_cast<LineRequest::Kind>(world().between(0, 4))},
+                         [waited_for](const std::optional<LineAnswer>&) { waited_for(); });
+  }
+}
+
+// Of a pty that is only looked at neither data bits nor parity are seen.
+void LiveChannel::driver_sets() {
+  LineSettings settings = driver_.settings();
+  if (world().chance(0.7)) {
+    settings.baud = 300 * static_cast<unsigned>(world().between(1, 400));
+  } else {
+    settings.hw_flow = !settings.hw_flow;
+  }
+  SeenSettings seen = SeenSettings::of(settings);
+  if (!driver_.kind().supervised) {
+    seen.data_bits.reset();
+    seen.parity.reset();
+  }
+  driver_.set(seen);
 }
 
 void LiveChannel::device_acts() {
@@ -160,14 +245,18 @@ void LiveChannel::device_acts() {
   const auto act = world().between(0, 99);
   if (!device_.is_open()) {
     if (act < 50) device_.plug_in();
-  } else if (act < 70) {
+  } else if (act < 62) {
     (void)device_.send(world().some_bytes(
         static_cast<std::size_t>(world().between(1, static_cast<std::int64_t>(most_bytes_)))));
+  } else if (act < 70) {
+    constexpr std::array names = {LineSignal::Name::cts, LineSignal::Name::dsr, LineSignal::Name::cd,
+                                  LineSignal::Name::ri, LineSignal::Name::brk};
+    device_.signal({names.at(static_cast<std::size_t>(world().between(0, 4))), world().chance(0.5)});
   } else if (act < 80) {
     device_stalls_ = !device_stalls_;
     if (!device_stalls_) reads_soon(device_, device_stalls_, device_reads_);
   } else if (act < 84) {
-    device_.unplug();
+    device_.lose(world().chance(0.3));
   } else if (act < 86 && !device_.kind().always_open) {
     device_.close();
   } else if (act < 89 && !device_.kind().always_open) {
@@ -201,7 +290,7 @@ void LiveChannel::replace_tape() {
 
 void LiveChannel::calm() {
   calm_ = true;
-  driver_stalls_ = device_stalls_ = false;
+  driver_stalls_ = device_stalls_ = driver_waits_ = false;
   if (!device_.is_open()) device_.plug_in();
   reads_soon(driver_, driver_stalls_, driver_reads_);
   reads_soon(device_, device_stalls_, device_reads_);
@@ -216,42 +305,46 @@ void LiveChannel::check_calm() {
   }
 }
 
-// What the log tells of bytes that reached nobody.
-std::uint64_t LiveChannel::told() const { return told_by({"bytes reached nobody"}); }
-
-// The numbers before one of these.
-std::uint64_t LiveChannel::told_by(std::initializer_list<std::string_view> texts) const {
-  std::uint64_t sum = 0;
-  for (const std::string& line : world().logged()) {
-    if (!line.starts_with(name() + ": ")) continue;
-    for (const std::string_view text : texts) {
-      const std::size_t end = line.find(text);
-      if (end == std::string::npos || end == 0) continue;
-      const std::size_t begin = line.find_last_not_of("0123456789", end - 2) + 1;
-      std::uint64_t bytes = 0;
-      std::from_chars(line.data() + begin, line.data() + end, bytes);
-      sum += bytes;
-    }
-  }
-  return sum;
+// The last bytes of a driver that has closed wait for the device, see README.md.
+void LiveChannel::check_cut(std::size_t bytes) {
+  constexpr Nanos kClosed = seconds(30);
+  constexpr Nanos kNextWaits = seconds(1);
+  constexpr Nanos kEnd = seconds(5);
+  const Instant now = world().loop().now();
+  const std::vector<Instant>& ends = world().ends();
+  if (ends.size() > 1 || (fail_closed_ && disk_fails_)) return;
+  if (has_faults()) return;  // a fault may have closed it
+  if (ends.size() == 1 && now - ends.front() >= kEnd) return;
+  const auto gone = std::find_if(driver_.passed.rbegin(), driver_.passed.rend(), [](const Passed& each) {
+    return each.what == Passed::What::down || each.what == Passed::What::up;
+  });
+  const auto closed = std::find_if(driver_.passed.rbegin(), driver_.passed.rend(),
+                                   [](const Passed& each) { return each.what == Passed::What::down; });
+  if (closed == driver_.passed.rend())
+    return world().wrong("{}: {} bytes for the device are given up, and the driver has not closed", name(),
+                         bytes);
+  if (now - closed->at >= kClosed) return;
+  const bool next_waits = gone->what == Passed::What::up && now - gone->at >= kNextWaits;
+  if (next_waits && now - std::max(device_.last_read, closed->at) >= kNextWaits) return;
+  world().wrong("{}: {} bytes for the device are given up {} ms after the driver's close", name(), bytes,
+                std::chrono::duration_cast<milliseconds>(now - closed->at).count());
 }
 
 void LiveChannel::check_end(bool failed) {
   check_line();
+  const bool may_end = fail_closed_ && disk_fails_;
+  const Instant end = may_end || world().ends().empty() ? Instant{} : world().ends().front();
+  check_acts(world(), name(), driver_, device_, !has_faults(), end);
   if (records_) check_tape(failed);
 }
 
 void LiveChannel::check_line() {
-  const auto passes = [this](const Line& from, const Line& to) {
-    if (!is_subsequence(joined(to.passed, false), joined(from.passed, true)))
-      world().wrong("{}: what {} was given is not what {} gave, in order", name(), to.name(), from.name());
-  };
-  passes(driver_, device_);
-  passes(device_, driver_);
-  if (!faults().empty()) return;  // whose losses are told nowhere
-  const std::uint64_t lost = driver_.bytes_in - device_.bytes_out + device_.bytes_in - driver_.bytes_out +
-                             driver_.bytes_dropped + device_.bytes_dropped + driver_.bytes_unread;
-  if (lost != told()) world().wrong("{}: {} bytes reached nobody, told were {}", name(), lost, told());
+  check_passes(world(), driver_, device_, !has_faults());
+  check_passes(world(), device_, driver_, !has_faults());
+  if (has_faults()) return;  // whose losses are told nowhere
+  const std::uint64_t lost = lost_between(driver_, device_);
+  const std::uint64_t told = told_by(world(), name(), {"bytes reached nobody"});
+  if (lost != told) world().wrong("{}: {} bytes reached nobody, told were {}", name(), lost, told);
   constexpr std::size_t kMostKept = 64 << 10;
   for (const Line* line : {&driver_, &device_}) {
     if (line->most_kept > kMostKept)
@@ -285,14 +378,25 @@ std::vector<TapePaths> LiveChannel::tapes() const {
   return tapes;
 }
 
+// Bytes that reached nobody, less those of the device that no driver took: those are on the tape.
+std::uint64_t LiveChannel::lost_by_line() const {
+  return driver_.bytes_in - device_.bytes_out + driver_.bytes_dropped + device_.bytes_dropped +
+         driver_.bytes_unread;
+}
+
 void LiveChannel::check_tape(bool failed) {
-  std::vector<Line::Passed> taped;
+  std::vector<Passed> taped;
   std::uint64_t gaps = 0;  // of the line, too
   std::uint64_t disk_gaps = 0;
-  for (const TapePaths& paths : tapes()) {
+  std::vector<TapeStep> steps;
+  std::uint64_t read = 0;
+  std::uint64_t written = 0;
+  const std::vector<TapePaths> all = tapes();
+  for (const TapePaths& paths : all) {
     Result<TapeReader> reader = TapeReader::open(paths);
     if (!reader) return world().wrong("{}: {}", name(), reader.error().message);
     TapeTime last{};
+    bool carried = true;
     for (;;) {
       const Result<std::optional<Record>> next = reader->next();
       if (!next) return world().wrong("{}: {}", paths.name(), next.error().message);
@@ -302,6 +406,14 @@ void LiveChannel::check_tape(bool failed) {
       last = record.at;
       if (record.kind == RecordKind::read || record.kind == RecordKind::write)
         taped.push_back({record.kind == RecordKind::read, Bytes(record.data.begin(), record.data.end())});
+      (record.kind == RecordKind::read ? read : written) += record.data.size();
+      carried =
+          carried && (record.event == nullptr ? record.data.empty()
+                                              : std::holds_alternative<event::Open>(*record.event) ||
+                                                    std::holds_alternative<event::Settings>(*record.event) ||
+                                                    std::holds_alternative<event::Gap>(*record.event));
+      if (const std::string what = record.event == nullptr ? "" : step_text(*record.event); !what.empty())
+        steps.push_back({.what = what, .read = read, .written = written, .carried = carried});
       const auto* gap = record.event == nullptr ? nullptr : std::get_if<event::Gap>(record.event);
       if (gap != nullptr) gaps += gap->bytes;
       if (gap != nullptr && is_of_disk(gap->why)) disk_gaps += gap->bytes;
@@ -313,15 +425,20 @@ void LiveChannel::check_tape(bool failed) {
       world().wrong("{} is damaged: {}", paths.name(), judgement.damages.front());
     if (!disk_fails_ && !summary->events.ended) world().wrong("{} has no end", paths.name());
   }
-  if (!faults().empty()) return;  // it is the line as they made it, not the device's
-  const std::uint64_t of_line = driver_.bytes_in - device_.bytes_out + driver_.bytes_dropped +
-                                device_.bytes_dropped + driver_.bytes_unread;
+  if (has_faults()) return;  // it is the line as they made it, not the device's
+  check_tape_steps(world(), name(), device_, steps, !disk_fails_);
+  if (const auto before = std::exchange(lost_at_prepare_, std::nullopt))
+    lost_without_tape_ += lost_by_line() - *before;
+  const std::uint64_t of_line = lost_by_line() - lost_without_tape_;
   std::uint64_t on_tape = 0;
-  for (const Line::Passed& each : taped) on_tape += each.data.size();
-  const std::uint64_t missing = device_.bytes_in + device_.bytes_out - on_tape;
+  for (const Passed& each : taped) on_tape += each.data.size();
+  const std::vector<Passed> recorded = since_opens(device_.passed);
+  std::uint64_t on_line = 0;
+  for (const Passed& each : recorded) on_line += each.data.size();
+  const std::uint64_t missing = on_line - on_tape;
   if (missing == 0) {
-    const auto tape_runs = in_runs(taped);
-    const auto line_runs = in_runs(device_.passed);
+    const auto tape_runs = in_runs(taped, device_.kind().datagrams);
+    const auto line_runs = in_runs(recorded, device_.kind().datagrams);
     const bool same = std::ranges::equal(tape_runs, line_runs, [](const auto& one, const auto& other) {
       return one.to_listener == other.to_listener && one.data == other.data;
     });
@@ -331,14 +448,14 @@ void LiveChannel::check_tape(bool failed) {
   if (!disk_fails_ && gaps != of_line)
     world().wrong("{}: {} bytes of the line reached nobody, the tape's gaps tell {}", name(), of_line, gaps);
   // Each is told somewhere: by a gap, or where no gap could be written in the log.
-  const std::uint64_t logged = told_by({"bytes passed and are on no tape", "bytes and "});
+  const std::uint64_t logged = told_by(world(), name(), {"bytes passed and are on no tape", "bytes and "});
   if (disk_gaps + logged < missing)
     world().wrong("{}: {} bytes are not on the tape, its gaps tell {}, the log {}", name(), missing,
                   disk_gaps, logged);
   if (missing != 0 && !has_logged("trying again") && !failed)
     world().wrong("{}: {} bytes are not on the tape, and the daemon ended with 0", name(), missing);
   for (const bool reads : {true, false}) {
-    if (!is_subsequence(joined(taped, reads), joined(device_.passed, reads)))
+    if (!is_subsequence(joined(taped, reads), joined(recorded, reads)))
       world().wrong("{}: the tape has bytes that did not pass, or not in their order", name());
   }
 }

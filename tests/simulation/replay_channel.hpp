@@ -1,21 +1,25 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
-#include <set>
+#include <optional>
 #include <string>
-#include <vector>
 
 #include "tests/simulation/channel.hpp"
 #include "tests/simulation/line.hpp"
+#include "tests/simulation/replay_check.hpp"
+#include "tests/simulation/replay_plan.hpp"
 
 namespace porttape::simulation {
 
-// A channel that replays a tape to a driver which does what the recorded one did, or does one thing wrong.
+// A channel that replays a tape to a driver which does what the recorded one did, or does one thing wrong,
+// and a user who pauses it, lets it go by hand and changes its rate.
 class ReplayChannel final : public Channel {
  public:
-  ReplayChannel(World& world, std::string name);
+  // `stalls`: another channel's disk may hold the loop up, so that what is due comes late.
+  ReplayChannel(World& world, std::string name, bool stalls);
 
   [[nodiscard]] ChannelSpec spec() const override;
   void start() override;
@@ -24,42 +28,59 @@ class ReplayChannel final : public Channel {
   void check_end(bool failed) override;
 
  private:
-  enum class Driver { as_recorded, one_byte_wrong, leaves_early };
-  struct Step {
-    bool reads = false;
-    Bytes data;
-    unsigned baud = 0;  // set before it; 0: none
-  };
-
-  void make_tape();
+  // The driver.
   void act();
-  void write_on();
-  void next_step();
-  void take_in(ByteView data);
-  bool is_in_order(ByteView data) const;
-  bool is_of_whole_answers(ByteView data);
-  [[nodiscard]] std::size_t released() const;
-  [[nodiscard]] std::string chunks() const;
-  [[nodiscard]] bool by_lookup() const;
-  [[nodiscard]] bool one_request_begins_another() const;
-  [[nodiscard]] bool resyncs() const { return expected_.size() % 5 == 0; }
-  [[nodiscard]] std::filesystem::path report() const { return world().folder() / (name() + ".json"); }
+  void act_at(Instant when);
+  void go_on();
+  bool goes_on_without_line(const TapeItem& item);
+  void do_item(const TapeItem& item);
+  void open();
+  void close();
+  void flush();
+  void arrived();
+  bool write_on(const TapeItem& item);
+  bool begin_write(const TapeItem& item);
+  void next_item();
+  void ends();
+  bool has_read(std::size_t items) const;
+  [[nodiscard]] bool need_not_wait() const;
+  bool waits();
+  [[nodiscard]] bool may_have_ended() const;
+  bool is_unseen();
+  [[nodiscard]] Instant write_time() const;
+  [[nodiscard]] bool is_last_item() const { return item_ + 1 == plan_.script().items().size(); }
 
-  Driver driver_does_;
+  // The user.
+  void control();
+  void look_at_status();
+  void ask_pause(bool on);
+  void ask_step();
+  void ask_rate();
+  bool ask(const std::string& request);
+
+  [[nodiscard]] std::string tape() const { return (world().folder() / (name() + ".log")).string(); }
+  [[nodiscard]] std::filesystem::path report() const { return world().folder() / (name() + ".json"); }
+  [[nodiscard]] std::array<std::string, 3> tape_files() const;
+
+  const bool hurries_;
   Line driver_;
-  std::vector<Step> steps_;
-  std::size_t step_ = 0;       // of the driver
-  bool set_ = false;           // what that step begins with
-  std::size_t leaves_at_ = 0;  // step
-  Bytes to_write_;             // of this step
-  std::uint64_t written_ = 0;
-  Bytes expected_;  // all that the tape's device sent
-  std::size_t read_ = 0;
-  std::set<std::size_t> answers_;       // where in it an answer begins
-  std::set<std::size_t> places_ = {0};  // where in it the driver may be that gets answers in any order
-  bool pause_decides_ = false;          // which request it is that the driver has written
+  ReplayPlan plan_;
+  ReplayCheck check_;
+  std::array<std::string, 3> tape_before_;
+
+  std::size_t item_ = 0;  // that the driver is at
+  std::optional<Instant> not_before_;
+  bool in_write_ = false;
+  Bytes to_write_;  // of this item
+  Instant opened_{};
+  std::optional<Instant> unseen_until_;
   bool acting_ = false;
-  bool left_ = false;
+  bool finished_ = false;
+  bool broken_ = false;  // the line, by the replay
+  bool made_mistake_ = false;
+  bool missed_settings_ = false;  // maybe: the line had ended
+  std::int64_t controls_left_;
+  bool calm_ = false;
 };
 
 }  // namespace porttape::simulation

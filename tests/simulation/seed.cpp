@@ -7,8 +7,10 @@
 #include <memory>
 #include <optional>
 
+#include "daemon/control_protocol.hpp"
 #include "daemon/daemon.hpp"
 #include "tests/simulation/catalog.hpp"
+#include "tests/simulation/connections_channel.hpp"
 #include "tests/simulation/disk.hpp"
 #include "tests/simulation/live_channel.hpp"
 #include "tests/simulation/replay_channel.hpp"
@@ -57,10 +59,15 @@ class Life {
   }
 
   [[nodiscard]] bool calms() const { return calms_; }
+  // Its tape is looked at four times a second then.
+  void disk_hangs() { disk_hangs_ = true; }
+  // A disk may begin to hang.
+  [[nodiscard]] bool is_young() const { return world_->kernel().now() - begun_ < minutes(10); }
 
  private:
   void signal(int number) {
     world_->trace("signal {}", number);
+    if (number == SIGTERM) world_->end_wanted();
     std::raise(number);
   }
 
@@ -72,7 +79,7 @@ class Life {
     world_->after(minutes(1), [this] { wake_ups_ = world_->kernel().wake_ups(); });
     world_->after(minutes(2), [this] {
       const std::uint64_t woken = world_->kernel().wake_ups() - wake_ups_;
-      if (woken > kMostWakeUps) world_->wrong("{} wake-ups in a calm minute", woken);
+      if (woken > kMostWakeUps && !disk_hangs_) world_->wrong("{} wake-ups in a calm minute", woken);
       for (const auto& channel : *channels_) channel->check_calm();
       end();
     });
@@ -90,12 +97,23 @@ class Life {
 
   World* world_;
   std::vector<std::unique_ptr<Channel>>* channels_;
+  Instant begun_ = world_->kernel().now();
   std::uint64_t wake_ups_ = 0;
   bool calms_ = false;
+  bool disk_hangs_ = false;
 };
 
-Disk::Trouble disk_trouble(World& world, const Life& life, double rate) {
+// Longer than a daemon lives after SIGTERM, and less than the kernel waits for its threads.
+constexpr Nanos kHangs = minutes(20);
+
+Disk::Trouble disk_trouble(World& world, Life& life, double rate, bool hangs) {
   Disk::Trouble trouble;
+  // The loop's own thread may find a disk slow once, and waits for it then: it meets no disk that hangs.
+  if (hangs && life.is_young() && !life.calms() && world.kernel().on_worker() && world.chance(0.02)) {
+    trouble.takes = kHangs;
+    life.disk_hangs();
+    return trouble;
+  }
   if (life.calms() || !world.chance(rate)) return trouble;
   switch (world.between(0, 3)) {
     case 0:
@@ -120,7 +138,9 @@ void live(World& world, bool disk_fails) {
     // With one channel alone the log has no channel's name.
     const std::string name = fmt::format("ch{}", count);
     if (world.chance(0.3)) {
-      channels.push_back(std::make_unique<ReplayChannel>(world, name));
+      channels.push_back(std::make_unique<ReplayChannel>(world, name, disk_fails));
+    } else if (world.chance(0.15)) {
+      channels.push_back(std::make_unique<ConnectionsChannel>(world, name, world.chance(0.8), disk_fails));
     } else {
       channels.push_back(std::make_unique<LiveChannel>(world, name, world.chance(0.8), disk_fails));
     }
@@ -133,9 +153,10 @@ void live(World& world, bool disk_fails) {
                    Daemon::Options{.keeps_channels = true});
     Life life(world, channels);
     const double rate = world.chance(0.5) ? 0.02 : 0.3;
+    const bool hangs = disk_fails && world.chance(0.2);
     std::optional<Disk> disk;
     disk.emplace([&](Disk::Call call) {
-      const Disk::Trouble trouble = disk_fails ? disk_trouble(world, life, rate) : Disk::Trouble{};
+      const Disk::Trouble trouble = disk_fails ? disk_trouble(world, life, rate, hangs) : Disk::Trouble{};
       if (trouble.error != 0 || trouble.takes.count() > 0 || trouble.most_bytes != ~std::size_t{0})
         world.trace("disk: {} takes {} ms, error {}, {} bytes", name_of(call),
                     trouble.takes.count() / 1'000'000, trouble.error,
@@ -146,6 +167,7 @@ void live(World& world, bool disk_fails) {
       world.wrong("the daemon does not start: {}", started.error().message);
       return;
     }
+    world.control = [&daemon](std::string_view line) { return control_reply(*daemon, line); };
     life.plan();
     try {
       status = daemon->run();
@@ -155,6 +177,7 @@ void live(World& world, bool disk_fails) {
       world.wrong("an exception leaves the loop: {}", error.what());
     }
     world.trace("the daemon has ended with status {}", status);
+    world.control = nullptr;
     daemon.reset();
     world.close_loop();
   }

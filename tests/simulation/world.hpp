@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <spdlog/logger.h>
@@ -38,6 +39,12 @@ class World {
   // Mostly short ones, and each order of magnitude up to `most` as often.
   Nanos some_time(Nanos most);
   Bytes some_bytes(std::size_t size);
+  // Another one each time: in the order in which they are asked for.
+  std::uint64_t next_number() { return ++numbers_; }
+
+  // The daemon's end was wanted: when, each time.
+  void end_wanted() { ends_.push_back(loop_->now()); }
+  [[nodiscard]] const std::vector<Instant>& ends() const { return ends_; }
 
   // Calls from the loop, after this time.
   void after(Nanos time, std::function<void()> what);
@@ -54,6 +61,9 @@ class World {
   [[nodiscard]] const std::string& trouble() const { return trouble_; }  // the first; empty: none
   [[nodiscard]] const std::vector<std::string>& told() const { return trace_; }
 
+  // Gives a line to the daemon's control socket, and what it answers. Empty while there is no daemon.
+  std::function<std::string(std::string_view)> control;
+
   // Ends the loop and the program's threads, so that the rest can be looked at.
   void close_loop();
 
@@ -68,6 +78,8 @@ class World {
   std::vector<std::string> trace_;
   std::vector<std::string> logged_;
   std::string trouble_;
+  std::uint64_t numbers_ = 0;
+  std::vector<Instant> ends_;
   std::unique_ptr<Loop> loop_;
   std::shared_ptr<spdlog::logger> log_;
   struct Later;
