@@ -9,7 +9,7 @@ plain_build=(g++ make cmake libboost1.81-dev libboost-program-options1.81-dev li
 presets=(ninja-build ccache clang libclang-rt-14-dev libgtest-dev libgmock-dev libbenchmark-dev)
 # What the end-to-end tests run: lint, simulated devices, real drivers.
 all_tests=(
-  pkg-config python3 python3-serial python3-pytest python3-pytest-xdist catch2 libxml2-utils patch procps socat shellcheck
+  pkg-config python3 python3-clang python3-serial python3-pytest python3-pytest-xdist catch2 libxml2-utils patch procps socat shellcheck
   mbpoll libmodbus-dev lrzsz ckermit flashrom bc redis-tools libhamlib-utils whois systemd mosquitto mosquitto-clients
   strace musl-tools libserialport0 udev zstd tshark sigrok-cli umockdev gdb gdbserver ser2net
   chromium chromium-driver python3-selenium
