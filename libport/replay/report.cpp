@@ -38,6 +38,12 @@ void give_up_totals(RunReport& report, std::string_view why) {
   if (!report.trouble) report.trouble = why;
 }
 
+void damage(RunReport& report, std::string_view why) {
+  if (report.verdict == Verdict::pass) report.verdict = Verdict::incomplete;
+  report.undecided_from.reset();
+  report.trouble = why;
+}
+
 int exit_status_of(const RunReport& report) {
   if (report.process_exit) return *report.process_exit;
   if (report.trouble) return exit_status::kRuntime;

@@ -66,7 +66,7 @@ struct Mismatch {
 
 // Something that overlapped the run and may have had its part in the verdict (contract section 6).
 struct Doubt {
-  enum class Kind : std::uint8_t { gap, stall, answer };
+  enum class Kind : std::uint8_t { gap, stall, answer, unchecked };
   Kind kind = Kind::stall;
   std::string text;  // for a person
 
@@ -226,6 +226,8 @@ std::string_view to_string(Verdict verdict);
 void add_totals(RunReport& report, const TapeTotals& totals);
 // The tape could not be counted: an undecided verdict is `incomplete`, and the report's trouble says `why`.
 void give_up_totals(RunReport& report, std::string_view why);
+// The tape is not what was recorded, as `why` tells: nothing passes by it.
+void damage(RunReport& report, std::string_view why);
 int exit_status_of(const RunReport& report);
 
 // The report of contract section 6, one JSON object, newline at the end.

@@ -79,6 +79,8 @@ std::string_view name_of(Doubt::Kind kind) {
       return "stall";
     case Doubt::Kind::answer:
       return "answer";
+    case Doubt::Kind::unchecked:
+      return "unchecked";
   }
   return "";
 }

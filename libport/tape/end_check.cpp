@@ -19,7 +19,8 @@ std::string totals_text(const PayloadTotals& totals, bool with_digest) {
 // A digest that is not told fits any.
 bool fits(const PayloadTotals& held, const PayloadTotals& told) {
   return held.blocks == told.blocks && held.bytes == told.bytes &&
-         (!held.xxh3 || !told.xxh3 || held.xxh3 == told.xxh3);
+         (!held.xxh3 || !told.xxh3 || held.xxh3 == told.xxh3) &&
+         (!held.xxh3_all || !told.xxh3_all || held.xxh3_all == told.xxh3_all);
 }
 
 // An r or w file beside what the `end` event tells of it.
@@ -39,6 +40,9 @@ std::string what_is_wrong(const CheckedFile& checked, const CheckedFile& other, 
   const bool same_size = held.blocks == checked.told.blocks && held.bytes == checked.told.bytes;
   const std::string told = events + " tells of " + totals_text(checked.told, same_size);
   if (!file.exists) return file.path + " is missing: " + told;
+  if (same_size && held.xxh3 && held.xxh3 == checked.told.xxh3)
+    return fmt::format("{} has other times or lengths of blocks: their xxh3_all is {}, and {} tells of {}",
+                       file.path, digest_text(*held.xxh3_all), events, digest_text(*checked.told.xxh3_all));
   const std::string holds = ": it holds " + totals_text(held, same_size) + "; " + told;
   if (fits(held, other.told)) return file.path + " is what belongs in " + other.file.path + holds;
   const bool less = held.blocks <= checked.told.blocks && held.bytes <= checked.told.bytes && !same_size;
@@ -90,7 +94,7 @@ void EndCheck::pass(const Record& record) {
     return;
   }
   PayloadCounter& counter = record.kind == RecordKind::read ? read_ : write_;
-  if (record.piece_offset == 0) counter.begin_block();
+  if (record.piece_offset == 0) counter.begin_block(record.at, record.block_length);
   counter.add(record.data);
 }
 

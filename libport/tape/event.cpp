@@ -24,6 +24,12 @@ namespace json = boost::json;
 
 constexpr std::string_view kFormat = "porttape-events";
 constexpr int kVersion = 1;
+constexpr std::string_view kEventsDigest = "events_xxh3";
+// The last key of a line that tells a digest of itself; 16 digits and kSealEnd follow.
+constexpr std::string_view kSeal = R"(,"line_xxh3":")";
+constexpr std::string_view kSealEnd = R"("})";
+constexpr std::size_t kDigits = 16;
+constexpr std::size_t kSealSize = kSeal.size() + kDigits + kSealEnd.size();
 
 // The values that are words on the tape; the place is the value.
 using Words = std::span<const std::string_view>;
@@ -103,6 +109,7 @@ void put(JsonObject& line, std::string_view key, const std::optional<PayloadTota
   JsonObject object;
   object.add("blocks", totals->blocks).add("bytes", totals->bytes);
   if (totals->xxh3) object.add("xxh3", digest_text(*totals->xxh3));
+  if (totals->xxh3_all) object.add("xxh3_all", digest_text(*totals->xxh3_all));
   line.add_raw(key, object.str());
 }
 
@@ -153,6 +160,7 @@ void put(JsonObject& line, const event::Fault& event) {
 void put(JsonObject& line, const event::End& end) {
   put(line, "read", end.read);
   put(line, "write", end.write);
+  if (end.events) line.add(kEventsDigest, digest_text(*end.events));
 }
 
 // Reading.
@@ -252,10 +260,10 @@ TapeOrigin origin_of(const json::object& object) {
   return origin;
 }
 
-std::optional<std::uint64_t> digest_of(const std::string& hex) {
+std::optional<std::uint64_t> number_of_digest(const std::string& hex) {
   std::uint64_t digest = 0;
   const auto [end, error] = std::from_chars(hex.data(), hex.data() + hex.size(), digest, 16);
-  if (hex.size() != 16 || error != std::errc() || end != hex.data() + hex.size()) return std::nullopt;
+  if (hex.size() != kDigits || error != std::errc() || end != hex.data() + hex.size()) return std::nullopt;
   return digest;
 }
 
@@ -265,7 +273,8 @@ std::optional<PayloadTotals> totals_of(const json::object* object) {
   const auto bytes = number_of(*object, "bytes");
   if (!blocks || !bytes) return std::nullopt;
   return PayloadTotals{static_cast<std::uint64_t>(*blocks), static_cast<std::uint64_t>(*bytes),
-                       digest_of(text_of(*object, "xxh3"))};
+                       number_of_digest(text_of(*object, "xxh3")),
+                       number_of_digest(text_of(*object, "xxh3_all"))};
 }
 
 // The keys of each kind, as put() wrote them.
@@ -311,7 +320,30 @@ void take(const json::object& line, event::Fault& event) {
                  .seed = count_of(line, "seed")};
 }
 void take(const json::object& line, event::End& end) {
-  end = {totals_of(object_of(line, "read")), totals_of(object_of(line, "write"))};
+  end = {totals_of(object_of(line, "read")), totals_of(object_of(line, "write")),
+         number_of_digest(text_of(line, kEventsDigest))};
+}
+
+// Seals.
+
+std::string seal_of(std::string_view before) { return digest_text(digest_of(as_bytes(before))); }
+
+// `line` is a JSON object.
+std::string sealed(std::string line) {
+  line.pop_back();
+  const std::string seal = seal_of(line);
+  return line.append(kSeal).append(seal).append(kSealEnd);
+}
+
+bool has_seal(std::string_view line) {
+  return line.size() > kSealSize && line.substr(line.size() - kSealSize).starts_with(kSeal) &&
+         line.ends_with(kSealEnd);
+}
+
+// What is changed by hand or moved is not as it was sealed.
+void unseal(json::object& line) {
+  line.erase("line_xxh3");
+  line.erase(kEventsDigest);
 }
 
 // The event of that name among the kinds of the variant.
@@ -360,7 +392,8 @@ std::string encode(TapeTime at, const Event& event) {
   JsonObject line;
   line.add("t_us", to_us(at)).add("event", name_of(event));
   std::visit([&](const auto& kind) { put(line, kind); }, event);
-  return line.str() + '\n';
+  const auto* end = std::get_if<event::End>(&event);
+  return (end != nullptr && end->events ? sealed(line.str()) : line.str()) + '\n';
 }
 
 std::string encode(const TapeHeader& header) {
@@ -410,9 +443,24 @@ Result<TapeEvent> decode_event(std::string_view line) {
   return TapeEvent{tape_time_us(*at), event_of(std::move(name), *object, std::type_identity<Event>())};
 }
 
+Result<void> check_seal(std::string_view line, const Event& event) {
+  const auto changed = [](const char* how) {
+    return make_error(Errc::damaged_tape,
+                      std::string("the line is not as it was written: its own digest, line_xxh3, is ") + how);
+  };
+  const auto* end = std::get_if<event::End>(&event);
+  const bool is_sealed = has_seal(line);
+  if (!is_sealed && end != nullptr && end->events) return changed("missing");
+  if (!is_sealed) return {};
+  const std::string_view seal = line.substr(line.size() - kSealEnd.size() - kDigits, kDigits);
+  if (seal != seal_of(line.substr(0, line.size() - kSealSize))) return changed("another");
+  return {};
+}
+
 std::string encode_again(std::string_view line, TapeTime at) {
   json::value value = parse_json_line(line);
   if (json::object* object = value.if_object()) {
+    unseal(*object);
     const bool is_gap = text_of(*object, "event") == event::Gap::kName;
     const auto from = is_gap ? gap_begin(*object) : std::nullopt;
     const auto was = number_of(*object, "t_us");
@@ -426,6 +474,7 @@ std::string encode_again(std::string_view line, TapeTime at) {
 std::string encode_carried(std::string_view line, TapeTime at) {
   json::value value = parse_json_line(line);
   if (json::object* object = value.if_object()) {
+    unseal(*object);
     (*object)["t_us"] = to_us(at);
     (*object)["carried"] = true;
   }

@@ -126,6 +126,7 @@ struct End {
   static constexpr std::string_view kName = "end";
   std::optional<PayloadTotals> read;  // what the r and w files hold; nothing where it does not say so
   std::optional<PayloadTotals> write;
+  std::optional<std::uint64_t> events = {};  // XXH3 of all lines before this one, newlines included
   friend bool operator==(const End&, const End&) = default;
 };
 
@@ -161,11 +162,12 @@ std::optional<TapedSignal> signal_of(const Event& event);
 // The kind's name on the tape. Refers to the event.
 std::string_view name_of(const Event& event);
 
-// A line of the events file, newline included; a long text is cut to kMaxEventText bytes.
+// A line of the events file, newline included; a long text is cut to kMaxEventText bytes. An `end` that tells
+// a digest of the lines before it is sealed: its last key is a digest of what stands before that in the line.
 std::string encode(TapeTime at, const Event& event);
 std::string encode(const TapeHeader& header);
 // A line (without its newline) that was decoded, at another time; with its newline. Keys that this version
-// does not know stay. A gap's begin moves with it.
+// does not know stay. A gap's begin moves with it. An `end` loses its digest of the lines before it.
 std::string encode_again(std::string_view line, TapeTime at);
 // The same, of an event that tells what held before the tape's beginning.
 std::string encode_carried(std::string_view line, TapeTime at);
@@ -178,6 +180,9 @@ std::string encode_again(std::string_view line, const TapeHeader& changed);
 // with the line, without its file and number: Errc::damaged_tape; a header of another version:
 // Errc::not_a_tape, as in "an events file of version 2".
 Result<TapeEvent> decode_event(std::string_view line);
+// Whether a line (without its newline) that was decoded to `event` is as it was written, as far as it tells
+// that. Errc::damaged_tape with a message as above.
+Result<void> check_seal(std::string_view line, const Event& event);
 Result<TapeHeader> decode_header(std::string_view line);
 
 }  // namespace porttape

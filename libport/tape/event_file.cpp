@@ -2,6 +2,9 @@
 
 #include <cstring>
 #include <utility>
+#include <variant>
+
+#include "libport/tape/json_line.hpp"
 
 namespace porttape {
 
@@ -17,6 +20,7 @@ Result<EventFile> EventFile::create(std::unique_ptr<ByteSource> source) {
 void EventFile::rewind() {
   begin_ = end_ = 0;
   offset_ = line_number_ = 0;
+  lines_ = {};
   event_ = {};
   line_ = {};
   ended_ = torn_ = false;
@@ -40,6 +44,11 @@ std::optional<std::string> EventFile::torn_tail() const {
 Error EventFile::damage(const std::string& reason) const {
   return make_error(Errc::damaged_tape,
                     name() + " is damaged in line " + std::to_string(line_number_) + ": " + reason);
+}
+
+void EventFile::pass(std::string_view line) {
+  lines_.add(as_bytes(line));
+  lines_.add(as_bytes("\n"));
 }
 
 EventFile::Step EventFile::fail(Error error) {
@@ -84,12 +93,13 @@ Result<void> EventFile::read_header() {
   }
   if (!*line) {
     ended_ = true;
-    return {};
+    return check_unfinished();
   }
   auto header = decode_header(**line);
   if (!header) return make_error(header.error().code, name() + " is " + header.error().message);
   header_ = std::move(*header);
   header_line_ = **line;
+  pass(**line);
   return {};
 }
 
@@ -103,9 +113,29 @@ EventFile::Step EventFile::next() {
   if (!line) return fail(line.error());
   if (!*line) {
     ended_ = true;
-    return Step::end;
+    const Result<void> unfinished = check_unfinished();
+    return unfinished ? Step::end : fail(unfinished.error());
   }
   return take(**line);
+}
+
+// A killed recorder leaves the beginning of a line, and nothing that goes on behind a whole one.
+Result<void> EventFile::check_unfinished() const {
+  const std::string_view unread(buffer_.get() + begin_, end_ - begin_);
+  if (!goes_on_behind_object(unread)) return {};
+  return make_error(Errc::damaged_tape, name() + " is damaged in line " + std::to_string(line_number_ + 1) +
+                                            ": something other than its end follows the line");
+}
+
+// What the line tells of itself and of those before it.
+Result<void> EventFile::check(std::string_view line, const Event& event) const {
+  if (Result<void> sealed = check_seal(line, event); !sealed) return sealed;
+  const auto* end = std::get_if<event::End>(&event);
+  if (end == nullptr || !end->events || *end->events == lines_.value()) return {};
+  return make_error(Errc::damaged_tape,
+                    "the lines before it are not those that were written: their xxh3 is " +
+                        digest_text(lines_.value()) + ", and this line tells of " +
+                        digest_text(*end->events));
 }
 
 // Makes the line the current event.
@@ -116,6 +146,8 @@ EventFile::Step EventFile::take(std::string_view line) {
     return fail(damage("time goes back from " + std::to_string(to_us(event_.at)) + " to " +
                        std::to_string(to_us(event->at)) + " us"));
   }
+  if (const Result<void> sound = check(line, event->what); !sound) return fail(damage(sound.error().message));
+  pass(line);
   event_ = std::move(*event);
   line_ = line;
   if (const auto* told = std::get_if<event::Zero>(&event_.what)) header_->zero = told->zero;

@@ -15,7 +15,8 @@ namespace porttape {
 // Reads the events file line by line through one buffer of kMaxLine bytes. Owns the source.
 //
 // Drive it by next() until it gives `end` or `failed`, which then come again; rewind() starts again. event()
-// and line() are valid until the next call. header() is there from the start: create() has read it.
+// and line() are valid until the next call. header() is there from the start: create() has read it. A line
+// that is not as it was written is damage, as far as the file tells that: see FORMAT.md, `events_xxh3`.
 class EventFile {
  public:
   static constexpr std::size_t kMaxLine = std::size_t{64} * 1024;  // a longer line is damage
@@ -50,6 +51,9 @@ class EventFile {
   Result<void> read_header();
   Result<std::optional<std::string_view>> next_line();
   Step take(std::string_view line);
+  [[nodiscard]] Result<void> check(std::string_view line, const Event& event) const;
+  [[nodiscard]] Result<void> check_unfinished() const;
+  void pass(std::string_view line);
   Step fail(Error error);
   [[nodiscard]] Error damage(const std::string& reason) const;
 
@@ -59,6 +63,7 @@ class EventFile {
   std::size_t end_ = 0;
   std::uint64_t offset_ = 0;  // in the file, of end_
   std::uint64_t line_number_ = 0;
+  StreamDigest lines_;  // of all before the current one
   std::optional<TapeHeader> header_;
   std::string header_line_;
   TapeEvent event_;

@@ -48,19 +48,25 @@ Result<void> EventSalvage::fill() {
     const auto read = read_line();
     if (!read) return read.error();
     if (!*read) return {};
-    if (number_ == 1 && wrong_.empty() && decode_header(text_)) {
-      header_line_ = text_;
-      continue;
-    }
-    const auto event =
-        wrong_.empty() ? decode_event(text_) : Result<TapeEvent>(make_error(Errc::damaged_tape, wrong_));
-    if (event) {
-      ahead_.push_back({*event, text_, number_});
-    } else {
-      lose(number_, number_ == 1 ? "it is no header" : event.error().message);
-    }
+    take_line();
+    lines_.add(as_bytes(text_ + '\n'));
   }
   return {};
+}
+
+void EventSalvage::take_line() {
+  if (number_ == 1 && wrong_.empty() && decode_header(text_)) {
+    header_line_ = text_;
+    return;
+  }
+  auto event =
+      wrong_.empty() ? decode_event(text_) : Result<TapeEvent>(make_error(Errc::damaged_tape, wrong_));
+  if (const Result<void> sealed = event ? check_seal(text_, event->what) : Result<void>(); !sealed)
+    event = sealed.error();
+  if (!event) return lose(number_, number_ == 1 ? "it is no header" : event.error().message);
+  const auto* end = std::get_if<event::End>(&event->what);
+  const bool others_changed = end != nullptr && end->events && *end->events != lines_.value();
+  ahead_.push_back({*event, text_, number_, others_changed});
 }
 
 // Takes out a line whose time does not fit, if there is one among the next.

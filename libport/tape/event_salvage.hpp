@@ -26,6 +26,7 @@ class EventSalvage {
     TapeEvent event;
     std::string text;  // without its newline
     std::uint64_t number = 0;
+    bool others_changed = false;  // of an `end`: the lines before it are not those that it tells of
   };
   // What was lost, then the line that follows it. Neither: the end.
   struct Step {
@@ -42,6 +43,7 @@ class EventSalvage {
   Result<void> fill();
   bool drop_misplaced();
   void lose(std::uint64_t number, std::string why);
+  void take_line();
 
   static constexpr std::size_t kLookAhead = 3;
 
@@ -52,6 +54,7 @@ class EventSalvage {
   std::string text_;
   std::string wrong_;  // with the line as such
   std::string header_line_;
+  StreamDigest lines_;  // of all before the current one
   std::deque<Line> ahead_;
   std::optional<LostLines> lost_;
   TapeTime last_{};

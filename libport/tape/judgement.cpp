@@ -79,6 +79,16 @@ std::vector<std::string> unchecked_of(const TapeSummary& tape) {
   return {};
 }
 
+// What an older recorder did not vouch for, on a tape that is sound otherwise.
+std::vector<std::string> uncovered_of(const TapeSummary& tape) {
+  const EventsSummary& events = tape.events;
+  const bool covered =
+      events.covers_lines && events.end_read && events.end_read->xxh3_all && events.end_write->xxh3_all;
+  if (!events.ended || covered) return {};
+  return {"times and events are not covered: " + events.path +
+          " has no digests of them, so a changed one would not be seen"};
+}
+
 }  // namespace
 
 Judgement judge(const TapeSummary& tape) {
@@ -87,16 +97,18 @@ Judgement judge(const TapeSummary& tape) {
   const EventsSummary& events = tape.events;
   const bool has_totals = events.end_read && events.end_write;
   if (has_totals && !tape.being_written) {
-    EndFindings found =
-        compare_with_end(held(tape.read), held(tape.write), {events.end_read, events.end_write}, events.path);
+    EndFindings found = compare_with_end(held(tape.read), held(tape.write),
+                                         {events.end_read, events.end_write, {}}, events.path);
     std::ranges::move(found.damages, std::back_inserter(judgement.damages));
     judgement.notes = std::move(found.notes);
   }
   const std::vector<std::string> flaws = flaws_of(tape);
   judgement.notes.insert(judgement.notes.end(), flaws.begin(), flaws.end());
   const std::vector<std::string> unchecked = unchecked_of(tape);
-  if (judgement.damages.empty())
-    judgement.notes.insert(judgement.notes.end(), unchecked.begin(), unchecked.end());
+  if (judgement.damages.empty()) {
+    const std::vector<std::string> uncovered = unchecked.empty() ? uncovered_of(tape) : unchecked;
+    judgement.notes.insert(judgement.notes.end(), uncovered.begin(), uncovered.end());
+  }
   using Verdict = Judgement::Verdict;
   judgement.verdict = !judgement.damages.empty() ? Verdict::damaged
                       : !flaws.empty()           ? Verdict::flawed

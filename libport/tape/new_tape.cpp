@@ -71,6 +71,10 @@ struct NewTape::Impl {
     if (error == 0) return {};
     return failed(make_error(Errc::io, "cannot write " + name_of(file) + ": " + errno_text(error)));
   }
+  Result<void> put_line(std::string_view text) {
+    lines.add(as_bytes(text));
+    return put(events, as_bytes(text));
+  }
   Result<void> take_time(File& file, TapeTime at);
   Result<void> line(TapeTime at, const std::string& text);
   [[nodiscard]] std::string name_of(const File& file) const;
@@ -79,6 +83,7 @@ struct NewTape::Impl {
   File read;
   File write;
   File events;
+  StreamDigest lines;
   TapePaths paths;
   std::optional<NewTapeFiles> files;  // none: other sinks
   std::optional<Error> failure;
@@ -110,7 +115,7 @@ Result<void> NewTape::Impl::take_time(File& file, TapeTime at) {
 
 Result<void> NewTape::Impl::line(TapeTime at, const std::string& text) {
   if (Result<void> taken = take_time(events, at); !taken) return taken;
-  return put(events, as_bytes(text));
+  return put_line(text);
 }
 
 Result<void> NewTape::Impl::bring_to_disk() {
@@ -132,8 +137,7 @@ Result<NewTape> NewTape::create(const TapePaths& paths, std::string_view header_
   auto impl = std::make_unique<Impl>(std::move(files->sinks), files->paths);
   impl->files.emplace(std::move(*files));
   impl->sync = options.sync;
-  if (const auto put = impl->put(impl->events, as_bytes(std::string(header_line) + "\n")); !put)
-    return put.error();
+  if (const auto put = impl->put_line(std::string(header_line) + "\n"); !put) return put.error();
   return NewTape(std::move(impl));
 }
 
@@ -145,7 +149,7 @@ Result<NewTape> NewTape::create(const TapePaths& paths, const TapeHeader& header
 
 Result<NewTape> NewTape::on_sinks(TapeSinks sinks, const TapeHeader& header) {
   auto impl = std::make_unique<Impl>(std::move(sinks), TapePaths());
-  if (const auto put = impl->put(impl->events, as_bytes(encode(completed(header)))); !put) return put.error();
+  if (const auto put = impl->put_line(encode(completed(header))); !put) return put.error();
   return NewTape(std::move(impl));
 }
 
@@ -165,7 +169,7 @@ Result<void> NewTape::block(Direction direction, TapeTime at, ByteView data) {
 Result<void> NewTape::begin_block(Direction direction, TapeTime at, std::uint32_t length) {
   Impl::File& file = direction == Direction::read ? impl_->read : impl_->write;
   if (Result<void> taken = impl_->take_time(file, at); !taken) return taken;
-  file.payload.begin_block();
+  file.payload.begin_block(at, length);
   impl_->open_block = &file;
   impl_->missing = length;
   return impl_->put(file, encode_header(at, length));
@@ -204,13 +208,15 @@ Result<void> NewTape::copy(const Record& record, Micros later) {
   return add(record.data);
 }
 
-Result<TapePaths> NewTape::finish(std::optional<TapeTime> end) {
+Result<TapePaths> NewTape::finish(std::optional<TapeTime> end, Vouches vouches) {
   if (end) {
     // Behind the last block: of equal times events are read first.
     const std::int64_t last_block = std::max(impl_->read.last_us, impl_->write.last_us);
     const std::int64_t earliest = std::max(impl_->events.last_us, std::min(last_block + 1, kMaxBlockTimeUs));
     const TapeTime at = std::max(*end, tape_time_us(earliest));
-    const event::End totals{impl_->read.payload.totals(), impl_->write.payload.totals()};
+    event::End totals{impl_->read.payload.totals(), impl_->write.payload.totals(), impl_->lines.value()};
+    if (vouches == Vouches::data)
+      totals.read->xxh3_all = totals.write->xxh3_all = totals.events = std::nullopt;
     if (const auto ended = impl_->line(at, encode(at, totals)); !ended) return ended.error();
   } else if (const auto taken = impl_->take_time(impl_->events, tape_time_us(impl_->events.last_us));
              !taken) {

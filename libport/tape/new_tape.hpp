@@ -54,9 +54,11 @@ class NewTape {
   // What a reader gives, so much later (or earlier); `end` events are left out.
   Result<void> copy(const Record& record, Micros later = Micros(0));
 
+  // What the `end` event has digests of: all that the tape holds, or the data alone.
+  enum class Vouches : std::uint8_t { all, data };
   // Brings it to the disk and gives it its name. Without a time it has no `end` event, as a tape whose
   // recorder was killed. Gives the files' names.
-  Result<TapePaths> finish(std::optional<TapeTime> end);
+  Result<TapePaths> finish(std::optional<TapeTime> end, Vouches vouches = Vouches::all);
 
   // The latest time given so far.
   [[nodiscard]] TapeTime latest() const;

@@ -8,6 +8,8 @@
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
+#include "libport/tape/block.hpp"
+
 namespace porttape {
 
 static_assert(XXH_VERSION_NUMBER >= 800, "XXH3 is stable from xxHash 0.8.0 on");
@@ -22,27 +24,43 @@ std::uint64_t digest_of(ByteView data, std::uint64_t seed) {
   return XXH3_64bits_withSeed(data.data(), data.size(), seed);
 }
 
-struct PayloadCounter::Digest {
-  XXH3_state_t state;
+struct StreamDigest::State {
+  XXH3_state_t xxh3;
 };
 
-PayloadCounter::PayloadCounter(bool with_digest) {
-  if (!with_digest) return;
-  digest_ = std::make_unique_for_overwrite<Digest>();
-  XXH3_64bits_reset(&digest_->state);
+StreamDigest::StreamDigest() : state_(std::make_unique_for_overwrite<State>()) {
+  XXH3_64bits_reset(&state_->xxh3);
 }
-PayloadCounter::PayloadCounter(PayloadCounter&&) noexcept = default;
-PayloadCounter& PayloadCounter::operator=(PayloadCounter&&) noexcept = default;
-PayloadCounter::~PayloadCounter() = default;
+StreamDigest::StreamDigest(const StreamDigest& other) : state_(std::make_unique_for_overwrite<State>()) {
+  XXH3_copyState(&state_->xxh3, &other.state_->xxh3);
+}
+StreamDigest& StreamDigest::operator=(const StreamDigest& other) { return *this = StreamDigest(other); }
+StreamDigest::StreamDigest(StreamDigest&&) noexcept = default;
+StreamDigest& StreamDigest::operator=(StreamDigest&&) noexcept = default;
+StreamDigest::~StreamDigest() = default;
+
+void StreamDigest::add(ByteView data) { XXH3_64bits_update(&state_->xxh3, data.data(), data.size()); }
+std::uint64_t StreamDigest::value() const { return XXH3_64bits_digest(&state_->xxh3); }
+
+PayloadCounter::PayloadCounter(bool with_digests) {
+  if (with_digests) digests_.emplace();
+}
+
+void PayloadCounter::begin_block(TapeTime at, std::uint32_t length) {
+  ++blocks_;
+  if (digests_) digests_->all.add(encode_header(at, length));
+}
 
 void PayloadCounter::add(ByteView data) {
   bytes_ += data.size();
-  if (digest_) XXH3_64bits_update(&digest_->state, data.data(), data.size());
+  if (!digests_) return;
+  digests_->payload.add(data);
+  digests_->all.add(data);
 }
 
 PayloadTotals PayloadCounter::totals() const {
-  if (!digest_) return {blocks_, bytes_, std::nullopt};
-  return {blocks_, bytes_, XXH3_64bits_digest(&digest_->state)};
+  if (!digests_) return {blocks_, bytes_, std::nullopt, std::nullopt};
+  return {blocks_, bytes_, digests_->payload.value(), digests_->all.value()};
 }
 
 }  // namespace porttape

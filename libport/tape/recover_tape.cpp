@@ -23,6 +23,7 @@ struct ToldOfTape {
   bool ends = false;
   event::End end;  // where it does
   TapeTime end_at{};
+  bool lines_changed = false;  // before that
 };
 
 // The layout, also where detect_layout() finds none since the begin is damaged.
@@ -136,10 +137,11 @@ class TapeRecoverer {
   }
 
  private:
-  // An end that vouches for the bytes only where the source's did.
+  // An end that vouches only for what the source's did.
   Result<TapePaths> finish() {
     if (events_source_ && !told_.ends) return tape_->finish(std::nullopt);
-    if (told_.end.read && told_.end.write) return tape_->finish(told_.end_at);
+    const auto vouches = told_.end.events ? NewTape::Vouches::all : NewTape::Vouches::data;
+    if (told_.end.read && told_.end.write) return tape_->finish(told_.end_at, vouches);
     const TapeTime at = std::max(told_.end_at, tape_->latest() + Micros(1));
     if (const auto ended = tape_->event(at, event::End{}); !ended) return ended.error();
     return tape_->finish(std::nullopt);
@@ -174,6 +176,7 @@ class TapeRecoverer {
       told_.ends = end != nullptr;
       told_.end = told_.ends ? *end : event::End{};
       told_.end_at = event.at;
+      told_.lines_changed = events.line().others_changed;
       if (Result<void> advanced = events.advance(); !advanced) return advanced;
     }
     told_.header_line = events.header_line();
@@ -208,7 +211,7 @@ class TapeRecoverer {
     if (Result<void> told = tell(file, file.take_lost(), file.at()); !told) return told;
     const SalvagedBlock& block = file.block();
     ++done_.blocks;
-    file.kept.begin_block();
+    file.kept.begin_block(block.at, block.length);
     if (Result<void> begun = tape_->begin_block(file.direction(), block.at, block.length); !begun)
       return begun;
     for (std::uint64_t offset = block.data_offset; offset < block.end();) {
@@ -238,7 +241,11 @@ class TapeRecoverer {
       if (Result<void> compared = compare(*file, totals ? &*totals : nullptr, damaged); !compared)
         return compared;
     }
-    return {};
+    if (!told_.lines_changed || !done_.clean()) return {};
+    return lose(
+        from_.events.filename().string() +
+            ": a line is not as it was written, by the digest that the end tells; which one is not known",
+        0, TapeTime{}, tape_->latest());
   }
 
   // With what the end tells of it.
@@ -251,14 +258,18 @@ class TapeRecoverer {
     }
     if (told == nullptr) return {};
     const bool other_bytes = told->xxh3 && kept.xxh3 != told->xxh3;
-    const bool differs = kept.blocks != told->blocks || kept.bytes != told->bytes || other_bytes;
+    const bool other_blocks = told->xxh3_all && kept.xxh3_all != told->xxh3_all;
+    const bool differs =
+        kept.blocks != told->blocks || kept.bytes != told->bytes || other_bytes || other_blocks;
     if (!differs || (damaged && !missing)) return {};
     const std::string is = "of " + std::to_string(told->blocks) + " blocks and " +
                            std::to_string(told->bytes) + " bytes, as the end tells, " +
                            std::to_string(kept.blocks) + " and " + std::to_string(kept.bytes) + " are there";
     const std::string why = missing ? file.name() + " is missing: " + is
                             : kept.blocks == told->blocks && kept.bytes == told->bytes
-                                ? file.name() + ": the bytes are not those that the end tells of"
+                                ? file.name() + ": the " +
+                                      (other_bytes ? "bytes" : "times or lengths of the blocks") +
+                                      " are not those that the end tells of"
                                 : file.name() + ": " + is;
     return lose(why, told->bytes > kept.bytes ? told->bytes - kept.bytes : 0, TapeTime{}, tape_->latest());
   }

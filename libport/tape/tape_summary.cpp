@@ -101,6 +101,7 @@ class BlockStream {
   BlockStream(std::unique_ptr<ByteSource> source, Layout layout, bool with_digest, FileSummary& summary)
       : summary_(summary), payload_(with_digest) {
     summary_.xxh3 = payload_.totals().xxh3;
+    summary_.xxh3_all = payload_.totals().xxh3_all;
     if (!source) return;
     summary_.exists = true;
     summary_.path = source->name();
@@ -125,9 +126,9 @@ class BlockStream {
       if (step != BlockFile::Step::piece) [[unlikely]]
         return stop(step);
       const BlockPiece& piece = file_->piece();
+      if (piece.piece_offset == 0) payload_.begin_block(piece.at, piece.block_length);
       payload_.add(piece.data);
       if (piece.piece_offset > 0) continue;
-      payload_.begin_block();
       largest_ = std::max(largest_, piece.block_length);
       if (!summary_.first) summary_.first = piece.at;
       last_ = piece.at;
@@ -143,6 +144,7 @@ class BlockStream {
     summary_.blocks = totals.blocks;
     summary_.bytes = totals.bytes;
     summary_.xxh3 = totals.xxh3;
+    summary_.xxh3_all = totals.xxh3_all;
     summary_.largest_block = largest_;
     if (totals.blocks > 0) summary_.last = last_;
     if (step == BlockFile::Step::failed) summary_.damage = file_->error();
@@ -207,6 +209,7 @@ class EventStream {
     const bool tells = end != nullptr && end->read && end->write;
     summary_.end_read = tells ? end->read : std::nullopt;
     summary_.end_write = tells ? end->write : std::nullopt;
+    summary_.covers_lines = end != nullptr && end->events;
     summary_.last = at;
   }
 

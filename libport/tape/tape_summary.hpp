@@ -26,13 +26,14 @@ struct FileSummary {
   std::uint64_t bytes = 0;  // payload
   std::uint32_t largest_block = 0;
   std::optional<std::uint64_t> xxh3;  // of the payload; nothing where the tape tells none to compare it with
+  std::optional<std::uint64_t> xxh3_all;  // of all blocks, in the same way
   std::optional<TapeTime> first;
   std::optional<TapeTime> last;
   std::uint64_t torn_bytes = 0;
   std::optional<std::string> torn_tail;  // a note for a person
   std::optional<Error> damage;           // or that it could not be read on (Errc::io)
 
-  [[nodiscard]] PayloadTotals totals() const { return {blocks, bytes, xxh3}; }
+  [[nodiscard]] PayloadTotals totals() const { return {blocks, bytes, xxh3, xxh3_all}; }
 };
 
 struct GapSummary {
@@ -87,6 +88,7 @@ struct EventsSummary {
   bool ended = false;                                // the last event is `end`
   std::optional<PayloadTotals> end_read;             // what it tells of the r and w files, both or none
   std::optional<PayloadTotals> end_write;
+  bool covers_lines = false;  // it vouches for the lines before it
   std::optional<TapeTime> last;
   std::optional<std::string> torn_tail;
   std::optional<Error> damage;

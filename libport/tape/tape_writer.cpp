@@ -43,14 +43,17 @@ struct TapeWriter::Impl {
   int begin(TapeHeader header, const TapeWriterOptions& options);
   [[nodiscard]] std::int64_t stamp(TapeTime at, bool is_block) const;
   void block(Direction direction, TapeTime at, ByteView data);
-  void keep(Direction direction, ByteView payload);
+  void keep(Direction direction, std::int64_t us, ByteView payload);
   bool commit(const RunBoth& run_both, std::optional<TapeTime> end = {});
-  [[nodiscard]] TapeBatch::Line last_line(TapeTime at) const;
+  [[nodiscard]] TapeBatch::Line last_line(std::int64_t us, const std::vector<TapeBatch::Line>& before) const;
+  int put_line(const std::string& line);
   void settle(Direction direction, const TapeBatch::Blocks& blocks);
   std::optional<Gap> tell_owed(TapeBatch& batch, std::optional<std::int64_t> first_kept);
   void write_lines(const std::vector<TapeBatch::Line>& lines, std::optional<Gap> told);
   WholeAppender& file_of(Direction direction) { return direction == Direction::read ? read : write; }
   void event(std::int64_t at_us, const std::string& line);
+  void put_event(std::int64_t at_us, const std::string& line);
+  void put_end(TapeTime at);
   void lose(std::int64_t at_us, std::uint64_t bytes, std::string why);
   void tell_gap(std::int64_t at_us);
   void finish(TapeTime at, const RunBoth& run_both);
@@ -62,6 +65,7 @@ struct TapeWriter::Impl {
   std::optional<TapeBatch> batch;
   PayloadCounter kept_read;
   PayloadCounter kept_write;
+  StreamDigest kept_lines;
   TapePaths paths;
   std::string id;
   bool sync = false;
@@ -83,12 +87,19 @@ struct TapeWriter::Impl {
 int TapeWriter::Impl::begin(TapeHeader header, const TapeWriterOptions& options) {
   header = completed(std::move(header));
   id = header.id;
-  if (const int error = events.append({}, as_bytes(encode(header))); error != 0) {
+  if (const int error = put_line(encode(header)); error != 0) {
     finished = true;
     return error;
   }
   sync = options.sync;
   return 0;
+}
+
+// Whole, or not at all. 0, or the errno.
+int TapeWriter::Impl::put_line(const std::string& line) {
+  const int error = events.append({}, as_bytes(line));
+  if (error == 0) kept_lines.add(as_bytes(line));
+  return error;
 }
 
 std::int64_t TapeWriter::Impl::stamp(TapeTime at, bool is_block) const {
@@ -114,15 +125,15 @@ void TapeWriter::Impl::block(Direction direction, TapeTime at, ByteView data) {
     return lose(us, data.size(), errno_text(error));
   last_us = us;
   last_was_block = true;
-  keep(direction, data);
+  keep(direction, us, data);
   failure.clear();
   tell_gap(us);  // at the same stamp, where events come first: the gap ends with this block
 }
 
 // A block that stands on the tape.
-void TapeWriter::Impl::keep(Direction direction, ByteView payload) {
+void TapeWriter::Impl::keep(Direction direction, std::int64_t us, ByteView payload) {
   PayloadCounter& counter = direction == Direction::read ? kept_read : kept_write;
-  counter.begin_block();
+  counter.begin_block(tape_time_us(us), static_cast<std::uint32_t>(payload.size()));
   counter.add(payload);
   bytes_written += payload.size();
 }
@@ -136,7 +147,11 @@ void TapeWriter::Impl::event(std::int64_t at_us, const std::string& line) {
     return;
   }
   tell_gap(at_us);
-  if (const int error = events.append({}, as_bytes(line)); error != 0) {
+  put_event(at_us, line);
+}
+
+void TapeWriter::Impl::put_event(std::int64_t at_us, const std::string& line) {
+  if (const int error = put_line(line); error != 0) {
     ++events_lost;
     return lose(at_us, 0, errno_text(error));
   }
@@ -169,14 +184,17 @@ bool TapeWriter::Impl::commit(const RunBoth& run_both, std::optional<TapeTime> e
   settle(Direction::read, done.read);
   settle(Direction::write, done.write);
   const bool ends = end && !gap;  // a new gap is told first
-  if (ends) done.lines.push_back(last_line(*end));
+  if (ends) done.lines.push_back(last_line(stamp(*end, false), done.lines));
   write_lines(done.lines, told);
   return ends;
 }
 
-TapeBatch::Line TapeWriter::Impl::last_line(TapeTime at) const {
-  const std::int64_t us = std::max(stamp(at, false), gap ? gap->from_us : 0);
-  return {us, encode(tape_time_us(us), event::End{kept_read.totals(), kept_write.totals()})};
+// The `end`, if it comes behind `before`.
+TapeBatch::Line TapeWriter::Impl::last_line(std::int64_t us,
+                                            const std::vector<TapeBatch::Line>& before) const {
+  StreamDigest lines = kept_lines;
+  for (const TapeBatch::Line& line : before) lines.add(as_bytes(line.text));
+  return {us, encode(tape_time_us(us), event::End{kept_read.totals(), kept_write.totals(), lines.value()})};
 }
 
 // A gap from before the batch ends with the first thing of it that is written. Puts its line in its place.
@@ -192,7 +210,7 @@ std::optional<TapeWriter::Impl::Gap> TapeWriter::Impl::tell_owed(TapeBatch& done
 void TapeWriter::Impl::settle(Direction direction, const TapeBatch::Blocks& blocks) {
   for (std::size_t i = 0; i < blocks.blocks.size(); ++i) {
     const ByteView payload = blocks.payload(i);
-    i < blocks.kept.parts ? keep(direction, payload)
+    i < blocks.kept.parts ? keep(direction, blocks.blocks[i].us, payload)
                           : lose(blocks.blocks[i].us, payload.size(), errno_text(blocks.kept.error));
   }
 }
@@ -207,6 +225,7 @@ void TapeWriter::Impl::write_lines(const std::vector<TapeBatch::Line>& lines, st
   }
   if (text.empty()) return;
   const auto [written, error] = events.append_parts(as_bytes(text), ends);
+  if (written > 0) kept_lines.add(as_bytes(text).first(ends[written - 1]));
   for (std::size_t i = written; i < lines.size(); ++i) {
     const bool is_gap = i == 0 && told;
     if (!is_gap) ++events_lost;
@@ -228,17 +247,21 @@ void TapeWriter::Impl::lose(std::int64_t at_us, std::uint64_t bytes, std::string
 // Says what is missing, if anything; stays owed where even that cannot be written.
 void TapeWriter::Impl::tell_gap(std::int64_t at_us) {
   if (!gap) return;
-  if (events.append({}, as_bytes(gap->line(at_us))) == 0) gap.reset();
+  if (put_line(gap->line(at_us)) == 0) gap.reset();
 }
 
 void TapeWriter::Impl::finish(TapeTime at, const RunBoth& run_both) {
   if (finished) return;
-  if (!commit(run_both, at)) {
-    const TapeBatch::Line line = last_line(at);
-    event(line.us, line.text);
-  }
+  if (!commit(run_both, at)) put_end(at);
   finished = true;
   close_all(run_both);
+}
+
+// A tape that lacks what no gap tells has no end.
+void TapeWriter::Impl::put_end(TapeTime at) {
+  const std::int64_t us = std::max(stamp(at, false), gap ? gap->from_us : 0);
+  tell_gap(us);
+  if (!gap) put_event(us, last_line(us, {}).text);
 }
 
 void TapeWriter::Impl::close_all(const RunBoth& run_both) {

@@ -39,15 +39,20 @@ constexpr Nanos kLook = std::chrono::microseconds(50);
 // drivers.
 constexpr int kSpinShare = 5;
 
-// What a tape holds that is counted in no time; nothing for a larger one.
-std::optional<TapeTotals> count_small(const TapePaths& paths, RecordSource& tape, TapeTime start) {
+// Whether it is read in no time.
+bool is_small(const TapePaths& paths) {
   std::uintmax_t size = 0;
   for (const auto& path : {paths.read, paths.write}) {
     std::error_code absent;
     const std::uintmax_t bytes = std::filesystem::file_size(path, absent);
     if (!absent) size += bytes;
   }
-  if (size > kSmallTape) return std::nullopt;
+  return size <= kSmallTape;
+}
+
+// What a small tape holds; nothing for a larger one.
+std::optional<TapeTotals> count_small(const TapePaths& paths, RecordSource& tape, TapeTime start) {
+  if (!is_small(paths)) return std::nullopt;
   const std::optional<TapeTotals> totals = count_tape(tape, {}, start);
   return tape.rewind() ? totals : std::nullopt;
 }
@@ -79,6 +84,9 @@ Result<void> ReplayPort::prepare() {
       PlayedTape::open(options_.tape, as, PlayedTape::Select::compared);
   if (!writes) return writes.error();
   if (known->flaw) return *known->flaw;
+  const bool check_now = known->checkable && is_small(options_.tape);
+  const std::optional<TapeCheck> checked = check_now ? check_tape(options_.tape) : std::nullopt;
+  if (checked && checked->whole && !checked->found) return checked->found;
   Engine::TapeFacts& facts = known->facts;
   for (const std::string& file : {options_.report_file, options_.junit_file}) {
     if (file.empty()) continue;
@@ -107,15 +115,17 @@ Result<void> ReplayPort::prepare() {
   if (Result<void> there = check_start(*schedule_, known->last); !there) return there;
   if (options_.brief && facts.opens <= 1) context_.loop->file_events().begin_after(kBrief);
   if (const auto counted = count_small(options_.tape, *schedule_, config.start)) facts.totals = counted;
-  reports_ = std::make_unique<ReplayReports>(context_,
-                                             ReplayReports::Options{.tape = options_.tape,
-                                                                    .file = options_.report_file,
-                                                                    .junit_file = options_.junit_file,
-                                                                    .totals = facts.totals,
-                                                                    .as = as,
-                                                                    .start = config.start,
-                                                                    .group = options_.group},
-                                             [this](const RunReport& report) { publish(report); });
+  reports_ =
+      std::make_unique<ReplayReports>(context_,
+                                      ReplayReports::Options{.tape = options_.tape,
+                                                             .file = options_.report_file,
+                                                             .junit_file = options_.junit_file,
+                                                             .totals = facts.totals,
+                                                             .as = as,
+                                                             .start = config.start,
+                                                             .unchecked = known->checkable && !check_now,
+                                                             .group = options_.group},
+                                      [this](const RunReport& report) { publish(report); });
   const bool has_place = options_.clock && known->zero;
   const Micros begin = has_place ? options_.clock->tape_begin(*known->zero) : Micros{};
   Result<Engine::Parts> given = parts(as);

@@ -13,6 +13,7 @@
 #include "libport/replay/tape_count.hpp"
 #include "libport/replay/test_case.hpp"
 #include "libport/taped/report_file.hpp"
+#include "libport/taped/tape_facts.hpp"
 
 namespace porttape {
 namespace {
@@ -36,6 +37,10 @@ struct ReplayReports::Count : Job {
   std::optional<TapeTotals> totals;
 };
 
+struct ReplayReports::Checking : Job {
+  std::optional<TapeCheck> found;  // nothing: it was not read to its end
+};
+
 struct ReplayReports::Search : Job {
   Mismatch mismatch;
   std::optional<std::string> hint;
@@ -56,6 +61,7 @@ ReplayReports::ReplayReports(const PortContext& context, Options options, Publis
 
 ReplayReports::~ReplayReports() {
   if (count_) count_->stop = true;
+  if (check_) check_->stop = true;
   for (const auto& search : searches_) search->stop = true;
   for (const Waiting& waiting : waiting_) {
     if (waiting.search) waiting.search->stop = true;
@@ -73,7 +79,22 @@ bool ReplayReports::run(const Workers::Strand& strand, const std::shared_ptr<Job
                                       });
 }
 
+void ReplayReports::begin_check() {
+  if (!options_.unchecked || check_) return;
+  check_ = std::make_shared<Checking>();
+  const auto found = std::make_shared<std::optional<TapeCheck>>();
+  const auto work = [check = check_, found, tape = options_.tape] {
+    *found = check_tape(tape, [&check] { return check->stop.load(); });
+  };
+  const bool begun = run(check_strand_, check_, work, [this, found] {
+    check_->found = std::move(*found);
+    move_on();
+  });
+  check_->done = !begun;
+}
+
 void ReplayReports::begin_count() {
+  begin_check();
   if (options_.totals || count_) return;
   count_ = std::make_shared<Count>();
   const auto found = std::make_shared<std::optional<TapeTotals>>();
@@ -158,7 +179,7 @@ void ReplayReports::move_on() {
 
 bool ReplayReports::complete(Waiting& waiting, Instant now) {
   const bool hint = has_hint(waiting, now);
-  return has_totals(waiting, now) && has_diagnosis(waiting, now) && hint;
+  return has_totals(waiting, now) && has_check(waiting, now) && has_diagnosis(waiting, now) && hint;
 }
 
 // By its totals the report has its verdict.
@@ -206,6 +227,22 @@ bool ReplayReports::has_totals(Waiting& waiting, Instant now) {
   if (!count_->done && !late(waiting.ended + kCountLimit, now)) return false;
   count_->stop = true;
   give_up_totals(waiting.report, "it was not counted in time, so that writes may be missing");
+  return true;
+}
+
+// A verdict is about all of the tape.
+bool ReplayReports::has_check(Waiting& waiting, Instant now) {
+  if (!check_) return true;
+  if (!check_->done && !late(waiting.ended + kCountLimit, now)) return false;
+  RunReport& report = waiting.report;
+  if (!check_->found) {
+    report.doubts.push_back(
+        {Doubt::Kind::unchecked,
+         "the tape was not read to its end in time: whether it is as it was recorded is not "
+         "known; `porttape verify` tells"});
+  } else if (const Result<void>& sound = check_->found->found; !sound && !report.trouble) {
+    damage(report, sound.error().message);
+  }
   return true;
 }
 
@@ -264,7 +301,7 @@ void ReplayReports::set_timer() {
   if (done_) at(waiting_.empty() ? *limit_ : *limit_ - kFileTime);
   if (!waiting_.empty()) {
     const Waiting& first = waiting_.front();
-    if (!options_.totals) at(first.ended + kCountLimit);
+    if (!options_.totals || (check_ && !check_->done)) at(first.ended + kCountLimit);
     if (first.search) at(first.ended + kHintLimit);
     if (first.diagnosing) at(*first.settled + kHintLimit);
   }

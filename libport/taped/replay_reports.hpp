@@ -19,10 +19,10 @@
 namespace porttape {
 
 // The way of each run's report from the end of the run to those who read it. What may take long is done on
-// other threads, by readers of their own: counting the tape, looking for where the bytes of a mismatch stand
-// elsewhere, finding the cause (diagnose()), writing the file. A report waits for the count, the hint and the
-// cause, but not longer than the limits below, and then says what is missing, or has no cause; the line waits
-// for nothing.
+// other threads, by readers of their own: counting the tape, checking it by its digests, looking for where
+// the bytes of a mismatch stand elsewhere, finding the cause (diagnose()), writing the file. A report waits
+// for count, check, hint and cause, but not longer than the limits below, and then says what is missing, or
+// has no cause; the line waits for nothing.
 //
 // Drive it: begin_count() when a run begins, look_for_hint() for each mismatch, add() at the end of a run,
 // and finish() once. Loop thread only. Destroying it gives up what is under way.
@@ -46,6 +46,7 @@ class ReplayReports {
     std::optional<TapeTotals> totals;   // if known without counting
     PlayedAs as = {};                   // what of the tape, and by whom
     TapeTime start = {};                // from there on
+    bool unchecked = false;             // check_tape() is still to be asked
     std::shared_ptr<Group> group = {};  // whose runs the file is to have; null: these alone
   };
   // In the order of the runs; the file follows.
@@ -54,7 +55,7 @@ class ReplayReports {
   ReplayReports(const PortContext& context, Options options, Publish publish);
   ~ReplayReports();
 
-  // Counts the tape, unless that is done, given up or under way.
+  // Counts the tape and checks it, unless that is done, given up or under way.
   void begin_count();
   void look_for_hint(const Mismatch& mismatch);
   void add(RunReport report);
@@ -69,6 +70,7 @@ class ReplayReports {
  private:
   struct Job;
   struct Count;
+  struct Checking;
   struct Search;
   struct Diagnosing;
   struct Waiting {
@@ -84,7 +86,9 @@ class ReplayReports {
   void hint_found(const Search& search);
   void move_on();
   bool complete(Waiting& waiting, Instant now);
+  void begin_check();
   bool has_totals(Waiting& waiting, Instant now);
+  bool has_check(Waiting& waiting, Instant now);
   bool has_hint(Waiting& waiting, Instant now);
   void begin_diagnosis(Waiting& waiting, Instant now);
   bool has_diagnosis(Waiting& waiting, Instant now);
@@ -97,10 +101,12 @@ class ReplayReports {
   Options options_;
   Publish publish_;
   Workers::Strand count_strand_;
+  Workers::Strand check_strand_;
   Workers::Strand hint_strand_;
   Workers::Strand diagnosis_strand_;
   Workers::Strand file_strand_;
   std::shared_ptr<Count> count_;
+  std::shared_ptr<Checking> check_;
   std::deque<std::shared_ptr<Search>> searches_;  // of the run that goes on
   std::deque<Waiting> waiting_;
   bool file_under_way_ = false;

@@ -10,7 +10,9 @@
 #include "libport/port/spelling.hpp"
 #include "libport/tape/block.hpp"
 #include "libport/tape/byte_source.hpp"
+#include "libport/tape/end_check.hpp"
 #include "libport/tape/event_file.hpp"
+#include "libport/tape/tape_reader.hpp"
 
 namespace porttape {
 namespace {
@@ -107,6 +109,7 @@ Result<TapeFacts> tape_facts(const TapePaths& tape, const PlayedPart& played) {
     }
     if (step == EventFile::Step::failed) return events->error();
     known.ended = end.has_value();
+    known.checkable = end && end->read && end->write && end->read->xxh3 && has_digests(events->header());
     if (end) {
       for (const auto& [path, told] : {std::pair(tape.read, end->read), std::pair(tape.write, end->write)}) {
         if (Result<void> whole = check_size(path, told); !whole && !known.flaw) known.flaw = whole.error();
@@ -128,6 +131,17 @@ Result<TapeFacts> tape_facts(const TapePaths& tape, const PlayedPart& played) {
   if (played.end) known.part.until = *played.end;
   if (!known.part.whole() || played.start > TapeTime{}) facts.totals.reset();
   return known;
+}
+
+std::optional<TapeCheck> check_tape(const TapePaths& tape, const GiveUp& give_up) {
+  Result<TapeReader> reader = TapeReader::open(tape);
+  if (!reader) return TapeCheck{reader.error(), false};
+  for (unsigned looked = 1;; ++looked) {
+    if (looked % kRecordsBetweenLooks == 0 && give_up && give_up()) return std::nullopt;
+    const auto record = reader->next();
+    if (!record) return TapeCheck{record.error(), reader->came_to_end()};
+    if (!*record) return TapeCheck{{}, true};
+  }
 }
 
 std::optional<LineSettings> own_settings(const DeviceLine& line, const std::optional<TapeHeader>& header) {

@@ -7,6 +7,7 @@
 #include "libport/base/result.hpp"
 #include "libport/replay/device_line.hpp"
 #include "libport/replay/engine.hpp"
+#include "libport/replay/give_up.hpp"
 #include "libport/replay/tape_part.hpp"
 #include "libport/tape/tape_header.hpp"
 #include "libport/tape/tape_name.hpp"
@@ -22,7 +23,8 @@ struct TapeFacts {
   TapeTime last{};                 // event of the part
   std::optional<Error> flaw = {};  // a file that is not what the tape's end tells of it: it is not played
   std::optional<bool> ended =
-      {};  // whether the tape has its end; nothing: no events, or the part ends before
+      {};                  // whether the tape has its end; nothing: no events, or the part ends before
+  bool checkable = false;  // its end has digests, by which check_tape() finds more than a size shows
 };
 
 // What of a tape is wanted.
@@ -34,6 +36,14 @@ struct PlayedPart {
 
 // Reads the events file through, which is small. Errc::usage where the tape has not so many sessions.
 Result<TapeFacts> tape_facts(const TapePaths& tape, const PlayedPart& played);
+
+// Reads all of a tape, whatever part is played. Nothing: it was given up. An error that came with `whole`
+// tells that the tape is not what its end tells of; else it could not be read on.
+struct TapeCheck {
+  Result<void> found;
+  bool whole = false;  // all of it was read
+};
+std::optional<TapeCheck> check_tape(const TapePaths& tape, const GiveUp& give_up = {});
 
 // What the tape's device had: by its events, or by the options that an older recorder opened it with.
 std::optional<LineSettings> own_settings(const DeviceLine& line, const std::optional<TapeHeader>& header);

@@ -118,6 +118,7 @@ Record block_of(RecordKind kind, ByteView data, std::uint32_t piece_offset = 0) 
   Record record;
   record.kind = kind;
   record.data = data;
+  record.block_length = static_cast<std::uint32_t>(data.size());
   record.piece_offset = piece_offset;
   return record;
 }
@@ -130,7 +131,7 @@ Record event_of(const Event& event) {
 PayloadTotals totals_of(std::initializer_list<std::string_view> blocks) {
   PayloadCounter counter;
   for (const std::string_view block : blocks) {
-    counter.begin_block();
+    counter.begin_block(TapeTime{}, static_cast<std::uint32_t>(block.size()));
     counter.add(as_bytes(block));
   }
   return counter.totals();
@@ -139,13 +140,17 @@ PayloadTotals totals_of(std::initializer_list<std::string_view> blocks) {
 class EndCheckTest : public testing::Test {
  protected:
   const EndCheck::Names names{"r", "w", "e", true, true};
-  const Event told = event::End{totals_of({"abcd"}), totals_of({"x", "y"})};
+  const Event told = event::End{totals_of({"abcd"}), totals_of({"x", "y"}), {}};
   const Event closed = event::Close{};
+  TapeTime read_at{};
   EndCheck check{names, TapeHeader{.device = "d", .driver = "p", .id = "i"}};
 
   void pass_blocks(std::string_view read = "abcd") {
     check.pass(block_of(RecordKind::write, as_bytes("x")));
-    check.pass(block_of(RecordKind::read, as_bytes(read.substr(0, 2))));
+    Record first = block_of(RecordKind::read, as_bytes(read.substr(0, 2)));
+    first.at = read_at;
+    first.block_length = 4;
+    check.pass(first);
     check.pass(block_of(RecordKind::read, as_bytes(read.substr(2)), 2));
     check.pass(block_of(RecordKind::write, as_bytes("y")));
   }
@@ -176,6 +181,21 @@ TEST_F(EndCheckTest, OtherBytesAreAFlawUnlessTheHeaderHasNoId) {
   }
 }
 
+TEST_F(EndCheckTest, AnotherTimeOfABlockIsAFlaw) {
+  read_at = tape_time_us(1);
+  pass_blocks();
+  check.pass(event_of(told));
+  ASSERT_TRUE(check.flaw());
+  EXPECT_THAT(
+      check.flaw()->message,
+      testing::MatchesRegex("r has other times or lengths of blocks: their xxh3_all is [0-9a-f]{16}, and e "
+                            "tells of [0-9a-f]{16}"));
+  event::End older = std::get<event::End>(told);
+  older.read->xxh3_all.reset();
+  check.pass(event_of(older));
+  EXPECT_EQ(check.flaw(), std::nullopt) << "an older recorder told the data alone";
+}
+
 TEST_F(EndCheckTest, AllThatIsWrongIsInOneMessage) {
   check.pass(event_of(told));
   EXPECT_EQ(check.flaw()->message,
@@ -195,8 +215,8 @@ TEST_F(EndCheckTest, BeginsAgain) {
 }
 
 TEST_F(EndCheckTest, AnEndThatTellsOfOneFileIsNotCompared) {
-  const Event of_read = event::End{totals_of({"zz"}), std::nullopt};
-  const Event of_write = event::End{std::nullopt, totals_of({"zz"})};
+  const Event of_read = event::End{totals_of({"zz"}), std::nullopt, {}};
+  const Event of_write = event::End{std::nullopt, totals_of({"zz"}), {}};
   for (const Event* const end : {&of_read, &of_write}) {
     check.pass(event_of(*end));
     EXPECT_EQ(check.flaw(), std::nullopt);
@@ -220,20 +240,32 @@ TEST_F(EndCheckTest, KnowsOfATapeOnTheDiskWhichFilesAreThere) {
 
 TEST(PayloadCounter, CountsAndDigestsInAnyPieces) {
   PayloadCounter counter;
-  counter.begin_block();
+  counter.begin_block(tape_time_us(1'000'002), 2);
   counter.add(as_bytes("V"));
   counter.add(as_bytes("V"));
-  counter.begin_block();
+  counter.begin_block(tape_time_us(3'000'004), 1);
   counter.add(as_bytes("\n"));
-  EXPECT_EQ(counter.totals(), (PayloadTotals{2, 3, 0xdffe3986f0f2f0a6}));  // `xxhsum -H3`
+  const Bytes file = test::block_bytes({{1'000'002, "VV"}, {3'000'004, "\n"}});
+  EXPECT_EQ(counter.totals(), (PayloadTotals{2, 3, 0xdffe3986f0f2f0a6, digest_of(file)}));  // `xxhsum -H3`
   EXPECT_EQ(counter.bytes(), 3U);
   EXPECT_EQ(digest_of(as_bytes("VV\n")), 0xdffe3986f0f2f0a6);
   EXPECT_NE(digest_of(as_bytes("VV\n"), 1), 0xdffe3986f0f2f0a6);
   EXPECT_EQ(digest_text(0xabc), "0000000000000abc");
   PayloadCounter bare(false);
-  bare.begin_block();
+  bare.begin_block(TapeTime{}, 2);
   bare.add(as_bytes("VV"));
   EXPECT_EQ(bare.totals(), (PayloadTotals{1, 2, std::nullopt}));
+}
+
+TEST(StreamDigest, ACopyGoesOnByItself) {
+  StreamDigest digest;
+  digest.add(as_bytes("V"));
+  StreamDigest copy = digest;
+  copy.add(as_bytes("V\n"));
+  EXPECT_EQ(copy.value(), digest_of(as_bytes("VV\n")));
+  EXPECT_EQ(digest.value(), digest_of(as_bytes("V")));
+  digest = copy;
+  EXPECT_EQ(digest.value(), copy.value());
 }
 
 TEST(Disks, HaveRoomForWhatWaitsUpToTheirLimit) {

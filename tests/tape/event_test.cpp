@@ -65,7 +65,7 @@ std::vector<Example> examples() {
       {event::Gap{512, tape_time_us(3), "disk full"},
        R"({"t_us":7,"event":"gap","bytes":512,"from_us":3,"why":"disk full"})"},
       {event::Gap{}, R"({"t_us":7,"event":"gap","bytes":0,"why":""})"},
-      {event::End{read, write},
+      {event::End{read, write, {}},
        R"({"t_us":7,"event":"end","read":{"blocks":3,"bytes":40,"xxh3":"0123456789abcdef"},)"
        R"("write":{"blocks":1,"bytes":2}})"},
       {event::End{}, R"({"t_us":7,"event":"end"})"},
@@ -89,6 +89,49 @@ TEST(Event, EveryKindIsWrittenAsFormatMdTellsAndReadBack) {
     if (kinds.empty() || kinds.back() != event.index()) kinds.push_back(event.index());
   }
   EXPECT_THAT(kinds, SizeIs(std::variant_size_v<Event>)) << "a kind without an example";
+}
+
+const std::string kSealed =
+    R"({"t_us":7,"event":"end","read":{"blocks":3,"bytes":40,"xxh3":"0123456789abcdef","xxh3_all":"00000000000000ff"},)"
+    R"("write":{"blocks":0,"bytes":0},"events_xxh3":"000000000000000a")";
+std::string sealed_line() {
+  return kSealed + R"(,"line_xxh3":")" + digest_text(digest_of(as_bytes(kSealed))) + "\"}";
+}
+
+TEST(Event, AnEndThatTellsOfOtherLinesIsSealed) {
+  const event::End end{PayloadTotals{3, 40, 0x0123456789abcdef, 0xff}, PayloadTotals{0, 0, std::nullopt}, 10};
+  EXPECT_EQ(encode(tape_time_us(7), end), sealed_line() + '\n');
+  EXPECT_EQ(decoded(sealed_line()), Event(end));
+  EXPECT_TRUE(check_seal(sealed_line(), end));
+}
+
+TEST(Event, ABrokenSealIsTold) {
+  const auto flaw = [](const std::string& line) {
+    const auto event = decode_event(line);
+    const Result<void> sealed = event ? check_seal(line, event->what) : Result<void>(event.error());
+    return sealed ? "" : sealed.error().message;
+  };
+  const std::string another = "the line is not as it was written: its own digest, line_xxh3, is another";
+  const std::string missing = "the line is not as it was written: its own digest, line_xxh3, is missing";
+  EXPECT_EQ(flaw(sealed_line()), "");
+  std::string line = sealed_line();
+  line[8] = '8';
+  EXPECT_EQ(flaw(line), another);
+  line = sealed_line();
+  line[line.find("end")] = 'a';
+  EXPECT_EQ(flaw(line), another) << "of any kind";
+  EXPECT_EQ(flaw(kSealed + "}"), missing);
+  EXPECT_EQ(flaw(R"({"t_us":7,"event":"end","read":{"blocks":0,"bytes":0},"write":{"blocks":0,"bytes":0}})"),
+            "")
+      << "it tells of no other lines";
+}
+
+TEST(Event, AnEndThatIsMovedVouchesForNoOtherLines) {
+  const std::string moved = encode_again(sealed_line(), tape_time_us(9));
+  EXPECT_EQ(moved, R"({"t_us":9,"event":"end","read":{"blocks":3,"bytes":40,"xxh3":"0123456789abcdef",)"
+                   R"("xxh3_all":"00000000000000ff"},"write":{"blocks":0,"bytes":0}})"
+                   "\n");
+  EXPECT_TRUE(check_seal(moved.substr(0, moved.size() - 1), decoded(moved.substr(0, moved.size() - 1))));
 }
 
 TEST(Event, UnknownKeysAndAnyOrderAreReadAsIfTheyWereNotThere) {

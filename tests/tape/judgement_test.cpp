@@ -29,7 +29,7 @@ const std::string kTapeHeader = encode(TapeHeader{.device = "device", .driver = 
 PayloadTotals totals(const BlockList& blocks) {
   PayloadCounter counter;
   for (const Block& block : blocks) {
-    counter.begin_block();
+    counter.begin_block(tape_time_us(block.us), static_cast<std::uint32_t>(block.data.size()));
     counter.add(as_bytes(block.data));
   }
   return counter.totals();
@@ -44,8 +44,9 @@ struct Files {
 
 Files recorded(const BlockList& read = kAnswers, const BlockList& write = kQuestions,
                const std::string& events = "") {
-  return {test::block_bytes(read), test::block_bytes(write),
-          kTapeHeader + events + encode(tape_time_us(9), event::End{totals(read), totals(write)})};
+  const std::string lines = kTapeHeader + events;
+  const event::End end{totals(read), totals(write), digest_of(as_bytes(lines))};
+  return {test::block_bytes(read), test::block_bytes(write), lines + encode(tape_time_us(9), end)};
 }
 
 Judgement judged(const Files& files, bool being_written = false) {
@@ -219,11 +220,12 @@ TEST(Judgement, WithoutDigestsItSaysWhatCouldNotBeChecked) {
 
 TEST(Judgement, ASwapOfEqualFilesCannotBeSeenAndIsTold) {
   const BlockList echo{{2, "hello"}};
-  const Judgement judgement = judged(recorded(echo, {{1, "hello"}}));
+  const Judgement judgement = judged(recorded(echo, echo));
   EXPECT_EQ(judgement.verdict, Verdict::unchecked);
   EXPECT_THAT(judgement.notes,
               ElementsAre("t.logr and t.logw hold the same bytes: a swap would not be seen"));
-  EXPECT_EQ(judged(recorded({{2, "hel"}, {3, "lo"}}, {{1, "hello"}})).verdict, Verdict::sound);
+  EXPECT_EQ(judged(recorded({{2, "hel"}, {3, "lo"}}, echo)).verdict, Verdict::sound);
+  EXPECT_EQ(judged(recorded(echo, {{1, "hello"}})).verdict, Verdict::sound) << "the times tell them apart";
 }
 
 TEST(Judgement, DamageIsNotToldTwice) {
@@ -260,9 +262,101 @@ TEST(Judgement, EachVerdictHasItsWords) {
 
 TEST(Judgement, AGapIsToldInSeconds) {
   Files files = recorded();
-  files.events = kTapeHeader + encode(tape_time_us(2'000'001), event::Gap{1, tape_time_us(1'500'000), ""}) +
-                 encode(tape_time_us(3'000'000), event::End{totals(kAnswers), totals(kQuestions)});
+  const std::string gap =
+      kTapeHeader + encode(tape_time_us(2'000'001), event::Gap{1, tape_time_us(1'500'000), ""});
+  const event::End end{totals(kAnswers), totals(kQuestions), digest_of(as_bytes(gap))};
+  files.events = gap + encode(tape_time_us(3'000'000), end);
   EXPECT_THAT(judged(files).notes, ElementsAre("t.loge: a gap from 1.500000 s to 2.000001 s, 1 byte"));
+}
+
+// A small tape with what a tape may have.
+Files with_all_kinds() {
+  std::string events;
+  for (const Event& event : std::vector<Event>{
+           event::Open{},
+           event::Settings{Side::driver, {.baud = 9600U, .hw_flow = true}, SettingsOrder::exact},
+           event::Modem{LineSignal::Name::cts, true, Side::device}, event::Break{true, Side::driver},
+           event::Drain{Micros{7}}, event::Flush{event::Flush::Queue::in}, event::Mark{"a mark"},
+           event::HalfClose{Side::driver}, event::Fault{{.kind = "drop", .spec = "drop:byte=1"}},
+           event::DeviceLost{"unplugged", true}, event::DeviceBack{}, event::Unknown{"later"},
+           event::Close{}}) {
+    events += encode(tape_time_us(5), event);
+  }
+  return recorded(kAnswers, kQuestions, events);
+}
+
+// As `porttape verify` finds it: damaged, or no tape.
+bool is_refused(const Files& files) {
+  try {
+    return judged(files).verdict == Verdict::damaged;
+  } catch (const std::runtime_error&) {
+    return true;
+  }
+}
+
+TEST(Judgement, OneBitChangedAnywhereIsDamage) {
+  const Files whole = with_all_kinds();
+  ASSERT_EQ(judged(whole).verdict, Verdict::sound);
+  const auto try_each_bit = [](std::string_view file, auto& bytes, const auto& refused) {
+    for (std::size_t at = 0; at < bytes.size(); ++at) {
+      for (unsigned bit = 0; bit < 8; ++bit) {
+        const auto was = bytes[at];
+        bytes[at] = static_cast<std::decay_t<decltype(was)>>(static_cast<unsigned>(was) ^ (1U << bit));
+        EXPECT_TRUE(refused()) << file << " byte " << at << " bit " << bit;
+        bytes[at] = was;
+      }
+    }
+  };
+  Files files = whole;
+  const auto refused = [&files] { return is_refused(files); };
+  try_each_bit("r", *files.read, refused);
+  try_each_bit("w", *files.write, refused);
+  try_each_bit("e", *files.events, refused);
+}
+
+TEST(Judgement, ALineThatIsLostChangedOrAddedIsDamage) {
+  const Files whole = with_all_kinds();
+  std::vector<std::string> lines;
+  for (std::size_t at = 0; at < whole.events->size();) {
+    const std::size_t end = whole.events->find('\n', at) + 1;
+    lines.push_back(whole.events->substr(at, end - at));
+    at = end;
+  }
+  for (std::size_t lost = 1; lost + 1 < lines.size(); ++lost) {
+    Files files = whole;
+    files.events->clear();
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+      if (i != lost) *files.events += lines[i];
+    }
+    const Judgement judgement = judged(files);
+    EXPECT_EQ(judgement.verdict, Verdict::damaged) << lines[lost];
+    EXPECT_THAT(
+        judgement.damages,
+        ElementsAre(testing::MatchesRegex(
+            "t.loge is damaged in line 14: the lines before it are not those that were written: their "
+            "xxh3 is [0-9a-f]{16}, and this line tells of [0-9a-f]{16}")));
+  }
+}
+
+TEST(Judgement, AnOlderTapeSaysWhatIsNotCovered) {
+  Files files = recorded();
+  PayloadTotals read = totals(kAnswers);
+  PayloadTotals write = totals(kQuestions);
+  const auto judged_with = [&](const event::End& end) {
+    files.events = kTapeHeader + encode(tape_time_us(9), end);
+    return judged(files);
+  };
+  const auto lines = digest_of(as_bytes(kTapeHeader));
+  EXPECT_THAT(judged_with({read, write, lines}).notes, IsEmpty());
+  const std::string note =
+      "times and events are not covered: t.loge has no digests of them, so a changed one would not be seen";
+  EXPECT_THAT(judged_with({read, write, {}}).notes, ElementsAre(note));
+  read.xxh3_all.reset();
+  EXPECT_THAT(judged_with({read, write, lines}).notes, ElementsAre(note));
+  read = totals(kAnswers);
+  write.xxh3_all.reset();
+  EXPECT_THAT(judged_with({read, write, lines}).notes, ElementsAre(note));
+  EXPECT_EQ(judged_with({read, write, lines}).verdict, Verdict::sound);
 }
 
 }  // namespace

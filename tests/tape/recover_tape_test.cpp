@@ -256,6 +256,54 @@ TEST_F(RecoverTapeTest, OtherBytesThanTheEndTellsOfAndATapeWithoutAnEnd) {
   EXPECT_THAT(as_text(test::read_file(made.events)), Not(HasSubstr(R"("event":"end")")));
 }
 
+TEST_F(RecoverTapeTest, ATimeThatIsNotWhatTheEndTellsOf) {
+  const TapePaths source = exchanges(3);
+  change(source.read, 7, std::string(1, '\x01'));  // 1.000500 s, which is 0x1f4 us
+  const auto done = recover(source);
+  ASSERT_TRUE(done);
+  EXPECT_THAT(done->losses,
+              ElementsAre(HasSubstr("r: the times or lengths of the blocks are not those that the end "
+                                    "tells of")));
+  EXPECT_THAT(gaps(), SizeIs(1));
+}
+
+TEST_F(RecoverTapeTest, ALineThatIsChangedAndStillALine) {
+  const TapePaths source = exchanges(3);
+  const std::string text(as_text(test::read_file(source.events)));
+  change(source.events, text.find("4000000"), "3999999");
+  const auto done = recover(source);
+  ASSERT_TRUE(done);
+  EXPECT_THAT(done->losses,
+              ElementsAre(HasSubstr("e: a line is not as it was written, by the digest that the end "
+                                    "tells; which one is not known")));
+}
+
+TEST_F(RecoverTapeTest, AnEndWhoseOwnLineIsChangedIsLost) {
+  const TapePaths source = exchanges(3);
+  const std::string text(as_text(test::read_file(source.events)));
+  change(source.events, text.find("\"line_xxh3"), "\"line_XXh3");
+  const auto done = recover(source);
+  ASSERT_TRUE(done);
+  EXPECT_THAT(done->losses, ElementsAre(HasSubstr("line 4 lost: the line is not as it was written")));
+}
+
+TEST_F(RecoverTapeTest, TheEndVouchesForNoMoreThanTheOthers) {
+  const TapePaths source = exchanges(3);
+  std::string text(as_text(test::read_file(source.events)));
+  const std::size_t end = text.rfind("{\"t_us\":");
+  const std::string line = text.substr(end, text.size() - end - 1);
+  text.replace(end, std::string::npos, encode_again(line, tape_time_us(4'000'001)));
+  for (std::size_t at = 0; (at = text.find(",\"xxh3_all\":")) != std::string::npos;) text.erase(at, 30);
+  test::write_file(source.events, test::bytes_of(text));
+  const auto done = recover(source);
+  ASSERT_TRUE(done);
+  EXPECT_TRUE(done->clean());
+  const std::string made_text(as_text(test::read_file(made.events)));
+  EXPECT_THAT(made_text, HasSubstr("\"xxh3\":"));
+  EXPECT_THAT(made_text, testing::Not(HasSubstr("xxh3_all")));
+  EXPECT_THAT(made_text, testing::Not(HasSubstr("events_xxh3")));
+}
+
 TEST_F(RecoverTapeTest, NoiseIsNoTape) {
   std::mt19937 random(1);
   Bytes noise(100'000);

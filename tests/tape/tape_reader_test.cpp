@@ -51,11 +51,11 @@ TapeReader reader_on_changed(const TapeReader::Options& options, const std::stri
   const Bytes read = test::block_bytes({{10, "yes"}});
   const Bytes changed = test::block_bytes({{10, "yet"}});
   PayloadCounter told;
-  told.begin_block();
+  told.begin_block(tape_time_us(10), 3);
   told.add(as_bytes(std::string_view("yes")));
-  const std::string events = encode(TapeHeader{.device = "d", .driver = "p", .id = "0123"}) +
-                             encode(tape_time_us(20), event::End{told.totals(), PayloadCounter().totals()}) +
-                             behind_end;
+  const std::string events =
+      encode(TapeHeader{.device = "d", .driver = "p", .id = "0123"}) +
+      encode(tape_time_us(20), event::End{told.totals(), PayloadCounter().totals(), {}}) + behind_end;
   auto reader = TapeReader::from_sources(
       {test::memory("t.logr", changed), nullptr, test::memory("t.loge", test::bytes_of(events))}, options);
   if (!reader) throw std::runtime_error(reader.error().message);

@@ -11,10 +11,12 @@
 
 #include "libport/replay/budget.hpp"
 #include "libport/replay/replay_clock.hpp"
+#include "libport/tape/block.hpp"
 #include "libport/tape/event.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
 #include "tests/support/tape_bytes.hpp"
+#include "tests/support/tape_on_disk.hpp"
 #include "tests/support/temp_dir.hpp"
 #include "tests/support/time_bound.hpp"
 
@@ -486,6 +488,110 @@ TEST_F(ReplayPortTest, ATapeOfEmptyBlocksHoldsNothingUp) {
   ASSERT_TRUE(port->report().has_value());
   EXPECT_EQ(port->report()->to_driver_of, std::nullopt);
   EXPECT_THAT(port->report()->trouble.value_or(""), HasSubstr("not counted in time"));
+}
+
+// A recorded tape; one that is small is checked before it is played, and any other meanwhile.
+class CheckedReplay : public ReplayPortTest {
+ protected:
+  static constexpr std::size_t kSmall = 65536;  // bytes of both files
+
+  // The answer makes the files as large as that.
+  void record(std::size_t bytes) {
+    const std::size_t headers = 3 * kHeaderSize;
+    answer_ = std::string(bytes - headers - 3 - 3, 'x');
+    test::MemoryTape tape;
+    tape.open(0).write(10, "one").read(20, answer_).write(30, "two").close(40);
+    test::write_tape(literal_tape(dir / "t.log"), tape, {.device = "d", .driver = "p"});
+  }
+  void flip(const char* file, std::size_t at) {
+    Bytes all = test::read_file(dir / file);
+    all.at(at) ^= 1;
+    test::write_file(dir / file, all);
+  }
+  Result<void> prepared() {
+    ReplayPort::Options options;
+    options.tape = literal_tape(dir / "t.log");
+    ReplayPort made(PortContext{&loop, book.log()}, std::move(options));
+    made.listen(log);
+    return made.prepare();
+  }
+  void play() {
+    start();
+    write("one");
+    run_until(loop, [this] { return log.data.size() == answer_.size(); });
+    write("two");
+    port->close();
+    (void)finish();
+  }
+
+  std::string answer_;
+};
+
+TEST_F(CheckedReplay, ASmallTapeThatIsChangedIsNotPlayed) {
+  record(kSmall);
+  ASSERT_TRUE(prepared());
+  flip("t.logr", 7);
+  ASSERT_FALSE(prepared());
+  EXPECT_EQ(prepared().error().code, Errc::damaged_tape);
+  EXPECT_THAT(prepared().error().message, HasSubstr("t.logr has other times or lengths of blocks"));
+  flip("t.logr", 7);
+  flip("t.logr", kHeaderSize);
+  EXPECT_THAT(prepared().error().message, HasSubstr("t.logr is another tape's, or changed"));
+  flip("t.logr", kHeaderSize);
+  flip("t.loge", 2);
+  EXPECT_FALSE(prepared());
+}
+
+TEST_F(CheckedReplay, ALargerOneThatIsChangedFailsItsRun) {
+  record(kSmall + 1);
+  flip("t.logw", 2 * kHeaderSize + 3 - 5);  // the second block's time
+  ASSERT_TRUE(prepared());
+  play();
+  EXPECT_EQ(log.status, 1);
+  EXPECT_EQ(port->report()->verdict, Verdict::incomplete) << "nothing passes by it";
+  EXPECT_THAT(port->report()->trouble.value_or(""), HasSubstr("t.logw has other times or lengths of blocks"));
+}
+
+TEST_F(CheckedReplay, ALargerOneThatIsSoundPassesWithoutADoubt) {
+  record(kSmall + 1);
+  play();
+  EXPECT_EQ(log.status, 0) << book.text();
+  EXPECT_EQ(port->report()->verdict, Verdict::pass);
+  EXPECT_THAT(port->report()->doubts, testing::IsEmpty());
+}
+
+TEST_F(CheckedReplay, AMismatchStaysTheVerdictOfAChangedTape) {
+  record(kSmall + 1);
+  flip("t.logr", 7);
+  start();
+  write("other");
+  (void)finish();
+  EXPECT_EQ(log.status, 1);
+  EXPECT_EQ(port->report()->verdict, Verdict::data_mismatch);
+  EXPECT_TRUE(port->report()->trouble.has_value());
+}
+
+// Its end tells of as many empty blocks as its r file has, which nobody waits for.
+TEST_F(CheckedReplay, OneThatIsNotReadInTimeIsADoubt) {
+  constexpr std::uintmax_t size = std::uintmax_t{3} << 30;
+  test::write_file(dir / "t.logw", test::block_bytes({{10, "one"}}));
+  test::write_file(dir / "t.logr", ByteView{});
+  std::filesystem::resize_file(dir / "t.logr", size);
+  PayloadCounter writes;
+  writes.begin_block(tape_time_us(10), 3);
+  writes.add(as_bytes("one"));
+  const PayloadTotals read{size / kHeaderSize, 0, 0, 0};
+  const std::string lines = encode(TapeHeader{.device = "d", .driver = "p", .id = "0123"}) +
+                            encode(tape_time_us(0), event::Open{}) + encode(tape_time_us(20), event::Close{});
+  const event::End end{read, writes.totals(), digest_of(as_bytes(lines))};
+  test::write_file(dir / "t.loge", as_bytes(lines + encode(tape_time_us(21), end)));
+  start();
+  write("one");
+  port->close();
+  (void)finish();
+  ASSERT_TRUE(port->report().has_value());
+  EXPECT_THAT(port->report()->doubts,
+              testing::Contains(testing::Field(&Doubt::kind, Doubt::Kind::unchecked)));
 }
 
 // Tapes whose zeros were 40 s apart, each with a read an hour after its zero.
