@@ -108,6 +108,7 @@ class TapedDevices final : public DeviceGroup, private Nobody {
 
   Result<std::unique_ptr<Port>> port_for(unsigned connection) override {
     if (connection > tapes_.size()) {
+      note_extra(connection);
       return make_error(Errc::usage,
                         fmt::format("{} has the tapes of {} connections, and this is number {}; start again "
                                     "to play them again",
@@ -139,6 +140,14 @@ class TapedDevices final : public DeviceGroup, private Nobody {
 
  private:
   [[nodiscard]] const ReplayPort::Options& options() const { return *device_.get<ReplayPort::Options>(); }
+
+  // The next run's report has it.
+  void note_extra(unsigned connection) {
+    reports_->doubts.push_back(
+        {Doubt::Kind::refused, fmt::format("connection {} came and was turned away, since {} were recorded: "
+                                           "what it had to say is on no tape",
+                                           connection, tapes_.size())});
+  }
 
   // That it can be played, and is of the first one's recording.
   Result<void> check_tape(unsigned connection, std::optional<TapeZero>& zero) {

@@ -175,11 +175,13 @@ bool StreamListener::is_gone(int fd) {
 void StreamListener::drop_gone(Newcomer& newcomer) {
   context_.log->warn("{}: {} went away while it waited{}", name_, newcomer.who,
                      bytes_lost(newcomer.fd.get()));
+  owner_->refused(unread(newcomer.fd.get()));
   newcomer.fd.reset();
 }
 
 void StreamListener::refuse(Newcomer& newcomer, const std::string& why) {
   const std::string lost = bytes_lost(newcomer.fd.get());
+  owner_->refused(unread(newcomer.fd.get()));
   reset_connection(std::move(newcomer.fd));
   if (tell_timer_.due()) {
     ++not_told_;

@@ -42,6 +42,8 @@ class StreamListener {
     // Takes a connection; `who`, for messages, is at its other end.
     virtual void let_in(UniqueFd fd, const std::string& who) = 0;
     [[nodiscard]] virtual PeerState look_at_peer(int fd) = 0;
+    // A newcomer was turned away with so many bytes that it had written.
+    virtual void refused(std::uint64_t bytes) = 0;
 
    protected:
     ~Owner() = default;

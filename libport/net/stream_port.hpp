@@ -112,6 +112,7 @@ class StreamPort : public Port,
   void give_each(TakeConnection take) override { take_ = std::move(take); }
   StreamListener::Inside inside() override;
   void let_in(UniqueFd fd, const std::string& who) override;
+  void refused(std::uint64_t bytes) override { listener().on_refused(bytes); }
 
   void connect();
   void connected(Result<UniqueFd> result);

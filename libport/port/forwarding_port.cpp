@@ -33,6 +33,7 @@ void ForwardingPort::hang_up(bool after_reading) { inner_->hang_up(after_reading
 void ForwardingPort::read_pending() { inner_->read_pending(); }
 void ForwardingPort::peer_flushed(FlushQueue queue) { inner_->peer_flushed(queue); }
 void ForwardingPort::peer_left_unread(std::uint64_t bytes) { inner_->peer_left_unread(bytes); }
+void ForwardingPort::peer_refused(std::uint64_t bytes) { inner_->peer_refused(bytes); }
 void ForwardingPort::peer_set(const SeenSettings& settings, SettingsOrder order) {
   inner_->peer_set(settings, order);
 }
@@ -74,6 +75,7 @@ void ForwardingPort::on_ask(const LineRequest& request, TakeAnswer done) {
   listener().on_ask(request, std::move(done));
 }
 void ForwardingPort::on_left_unread(std::uint64_t bytes) { listener().on_left_unread(bytes); }
+void ForwardingPort::on_refused(std::uint64_t bytes) { listener().on_refused(bytes); }
 void ForwardingPort::on_dropped(std::uint64_t bytes, std::string_view why) {
   listener().on_dropped(bytes, why);
 }

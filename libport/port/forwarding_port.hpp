@@ -43,6 +43,7 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   void peer_flushed(FlushQueue queue) override;
   void peer_set(const SeenSettings& settings, SettingsOrder order) override;
   void peer_left_unread(std::uint64_t bytes) override;
+  void peer_refused(std::uint64_t bytes) override;
   void faulted(const LineFault& fault) override;
   void finish() override;
   // This, where the inner port has it.
@@ -82,6 +83,7 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   void on_drain(std::function<void()> done) override;
   void on_ask(const LineRequest& request, TakeAnswer done) override;
   void on_left_unread(std::uint64_t bytes) override;
+  void on_refused(std::uint64_t bytes) override;
   void on_dropped(std::uint64_t bytes, std::string_view why) override;
   void on_fault(const LineFault& fault) override;
 

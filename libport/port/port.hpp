@@ -110,6 +110,8 @@ class PortListener {
   }
   // The peer has gone and left so many bytes unread; only where that is known. on_down() follows.
   virtual void on_left_unread(std::uint64_t bytes) { (void)bytes; }
+  // Another peer came while one was there, and was turned away with so many bytes that it had written.
+  virtual void on_refused(std::uint64_t bytes) { (void)bytes; }
   // So many bytes, taken by write() or come from the peer, reached nobody.
   virtual void on_dropped(std::uint64_t bytes, std::string_view why) {
     (void)bytes;
@@ -328,6 +330,9 @@ class Port {
   // The program at the line's other end has gone, and has not read so many bytes. For a port that plays a
   // tape.
   virtual void peer_left_unread(std::uint64_t bytes) { (void)bytes; }
+  // Another program came to the line's other end and was turned away, with so many bytes that it had written.
+  // For a port that plays a tape.
+  virtual void peer_refused(std::uint64_t bytes) { (void)bytes; }
   // A wrapper of this port does so to the line, see PortListener::on_fault(). For a port that plays a tape.
   virtual void faulted(const LineFault&) {}
 

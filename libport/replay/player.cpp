@@ -254,17 +254,18 @@ bool Player::gate_opens(Instant now, TapeTime next_at) {
 Player::Progress Player::at_read(Turn& turn) {
   const Record& head = *schedule_.head();
   if (head.data.empty() || schedule_.line_closed() || !driver_line_.is_open()) {
+    reads_excused_ += schedule_.rest().size();
     schedule_.pop();
     return Progress::passed;
   }
   take_request_time();
   if (!gate_opens(turn.now, head.at)) return Progress::waits;
-  if (answer_is_left_out(turn)) return pass_read();
+  if (answer_is_left_out(turn)) return excuse_read();
   arrivals_.look(head, schedule_);
   const Instant when = pace_.due(arrivals_.first());
   if (turn.mode == Mode::drop_all || (turn.mode != Mode::deliver && passes_over(turn, when))) {
     pace_.played(head.at, when, when);
-    return pass_read();
+    return turn.mode == Mode::flush ? excuse_read() : pass_read();
   }
   if (turn.blocked) return wait(std::nullopt);
   if (turn.mode != Mode::deliver || early(turn, when)) return wait(when);
@@ -278,6 +279,11 @@ Player::Progress Player::at_read(Turn& turn) {
   if (turn.room == 0 || cut) return wait(turn.now);
   deliver(turn, piece, when);
   return Progress::passed;
+}
+
+Player::Progress Player::excuse_read() {
+  reads_excused_ += schedule_.rest().size();
+  return pass_read();
 }
 
 // It reaches nobody.

@@ -154,6 +154,8 @@ class Player {
   [[nodiscard]] std::uint64_t doubtful_answers() const { return doubtful_answers_; }
   // How much of the tape's reads the walk has delivered or passed.
   [[nodiscard]] std::uint64_t reads_delivered() { return schedule_.reads_taken(); }
+  // What of them no driver could read, see RunReport.
+  [[nodiscard]] std::uint64_t reads_excused() const { return reads_excused_; }
   // Where the tape is at `now`, by the session's timeline alone.
   [[nodiscard]] TapeTime tape(Instant now) const { return pace_.tape(now); }
   [[nodiscard]] Schedule& schedule() { return schedule_; }
@@ -214,6 +216,7 @@ class Player {
 
   bool gate_opens(Instant now, TapeTime next_at);
   Progress pass_read();
+  Progress excuse_read();
   bool answer_is_left_out(const Turn& turn);
   [[nodiscard]] ByteView next_piece();
   void deliver(Turn& turn, ByteView piece, Instant due);
@@ -256,6 +259,7 @@ class Player {
   std::uint64_t asked_ = 0;  // writes on the tape before what the device said last
   LeftOut answer_ = LeftOut::no;
   std::uint64_t doubtful_answers_ = 0;
+  std::uint64_t reads_excused_ = 0;
   bool untimed_ = false;  // a gap is between the last event and the next
   bool used_up_ = false;
   HandStep by_hand_;

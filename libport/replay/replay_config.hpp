@@ -38,6 +38,7 @@ struct ReplayConfig {
   std::uint64_t loops = 1;             // so often in all; 0: for ever
   std::optional<Micros> max_gap = {};  // of the tape; what idle gaps longer than that are cut to
   bool check_settings = false;         // recorded settings that the driver never makes are a mismatch
+  bool must_read = false;              // what was recorded as read and was not makes the run incomplete
   Micros burst_gap{500};  // of the tape; and, in real time, between writes that count as one arrival
   // Real time, whatever the rate. At strictness 0, and under warn after the first data mismatch, a gate also
   // opens when the driver has written something and then nothing for `quiet`, or `patience` after the block

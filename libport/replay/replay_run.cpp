@@ -424,6 +424,8 @@ void ReplayRun::end(Instant now, EndedBy by) {
   report.sessions_of = std::max<std::uint64_t>(1, opens_);
   report.from_driver_matched = matcher_.matched();
   report.delivered = fails() && report.mismatch ? report.mismatch->delivered : player_.reads_delivered();
+  report.reads_excused = player_.reads_excused();
+  report.output_flushes = player_.schedule().output_flushes();
   report.ruled = ruled_;
   report.think_times = player_.think_times().times();
   report.idle = std::chrono::floor<Micros>(now - last_byte_);

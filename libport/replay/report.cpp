@@ -1,5 +1,7 @@
 #include "libport/replay/report.hpp"
 
+#include <fmt/format.h>
+
 #include "libport/base/error.hpp"
 
 namespace porttape {
@@ -36,6 +38,49 @@ void give_up_totals(RunReport& report, std::string_view why) {
   report.undecided_from.reset();
   report.verdict = Verdict::incomplete;
   if (!report.trouble) report.trouble = why;
+}
+
+namespace {
+
+// How much of what was recorded as read reached no program, as far as that is certain.
+std::uint64_t unread_of(const RunReport& report) {
+  const std::uint64_t left = report.left_unread.value_or(0);
+  // By another order, by hand, or by rules that change what is said, the tape's length says nothing.
+  const bool countable =
+      !report.lookup && !report.ruled && !report.playback.steered() && report.playback.loops_of;
+  if (!countable || !report.to_driver_of) return left;
+  const std::uint64_t came = report.to_driver_bytes + report.reads_excused;
+  return left + (*report.to_driver_of > came ? *report.to_driver_of - came : 0);
+}
+
+// The share in percent; of a small one that there is any.
+std::string share_text(std::uint64_t part, std::uint64_t all) {
+  const double percent = 100.0 * static_cast<double>(part) / static_cast<double>(all);
+  return percent < 0.1 ? "less than 0.1 %" : fmt::format("{:.1f} %", percent);
+}
+
+}  // namespace
+
+void judge_reading(RunReport& report) {
+  const std::uint64_t unread = unread_of(report);
+  const bool judged =
+      report.verdict == Verdict::pass && report.writer == Writer::driver && !report.nobody_came;
+  if (unread == 0 || !judged) return;
+  report.unread = unread;
+  const std::uint64_t all = report.to_driver_of.value_or(0);
+  const bool speaks_alone = report.from_driver_of == 0U;
+  const bool took_none = report.to_driver_bytes <= report.left_unread.value_or(0);
+  report.incomplete_by_unread = report.strictness > 0 && (report.must_read || (speaks_alone && took_none));
+  if (report.incomplete_by_unread) {
+    report.verdict = Verdict::incomplete;
+    return;
+  }
+  const std::string of_all = all >= unread ? fmt::format(" of {} ({})", all, share_text(unread, all)) : "";
+  const char* const one = unread == 1 ? "was" : "were";
+  const char* const remedy = report.strictness > 0 ? "; --must-read makes that the verdict" : "";
+  report.doubts.push_back(
+      {Doubt::Kind::unread, fmt::format("{} byte{}{} that {} recorded as read {} not read{}", unread,
+                                        unread == 1 ? "" : "s", of_all, one, one, remedy)});
 }
 
 void damage(RunReport& report, std::string_view why) {

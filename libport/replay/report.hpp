@@ -66,7 +66,7 @@ struct Mismatch {
 
 // Something that overlapped the run and may have had its part in the verdict (contract section 6).
 struct Doubt {
-  enum class Kind : std::uint8_t { gap, stall, answer, unchecked };
+  enum class Kind : std::uint8_t { gap, stall, answer, unchecked, unread, refused, flushed };
   Kind kind = Kind::stall;
   std::string text;  // for a person
 
@@ -206,6 +206,13 @@ struct RunReport {
   bool closed = false;                       // the run ended by the driver's close
   std::uint64_t delivered = 0;               // bytes of the tape's reads, at the end of the run
   std::optional<std::uint64_t> left_unread;  // of what was delivered, at the driver's close, where known
+  // Of the tape's reads, what no driver could read: it came with nobody there, was dropped by a flush of the
+  // driver's own, or answered what a rule let be left out.
+  std::uint64_t reads_excused = 0;
+  std::uint64_t output_flushes = 0;          // of the tape's driver, each behind other writes
+  bool must_read = false;                    // what was not read is part of the verdict
+  std::optional<std::uint64_t> unread = {};  // of what was recorded as read, where judge_reading() found any
+  bool incomplete_by_unread = false;         // that alone makes it incomplete
   Micros idle{};                             // from the last byte of either direction to the run's end
   bool hung = false;                         // `porttape test`: it slept, or ran too long, and was ended
 
@@ -226,6 +233,9 @@ std::string_view to_string(Verdict verdict);
 void add_totals(RunReport& report, const TapeTotals& totals);
 // The tape could not be counted: an undecided verdict is `incomplete`, and the report's trouble says `why`.
 void give_up_totals(RunReport& report, std::string_view why);
+// Judges what the driver did not read of what was recorded as read, once the totals are known or given up: a
+// doubt, or the verdict where the driver took nothing of a tape that only speaks, or must read all.
+void judge_reading(RunReport& report);
 // The tape is not what was recorded, as `why` tells: nothing passes by it.
 void damage(RunReport& report, std::string_view why);
 int exit_status_of(const RunReport& report);

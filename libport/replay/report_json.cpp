@@ -81,6 +81,12 @@ std::string_view name_of(Doubt::Kind kind) {
       return "answer";
     case Doubt::Kind::unchecked:
       return "unchecked";
+    case Doubt::Kind::unread:
+      return "unread";
+    case Doubt::Kind::refused:
+      return "refused";
+    case Doubt::Kind::flushed:
+      return "flushed";
   }
   return "";
 }
@@ -189,13 +195,19 @@ std::string latency_json(const std::optional<ThinkTimes>& times) {
 // Why, and what surrounds it.
 void add_diagnosis(JsonObject& json, const RunReport& report) {
   const std::optional<Cause>& cause = report.diagnosis.cause;
-  json.add_raw("cause", cause ? cause_json(*cause).str() : "null").add("diff", diff_json(report));
+  if (report.incomplete_by_unread) {
+    json.add("cause", "unread");  // a verdict's own
+  } else {
+    json.add_raw("cause", cause ? cause_json(*cause).str() : "null");
+  }
+  json.add("diff", diff_json(report));
   const Neighbours around =
       report.excerpt && exit_status_of(report) != 0 ? neighbours_of(report) : Neighbours{};
   json.add_raw("previous", neighbour_json(report, around.previous))
       .add_raw("next", neighbour_json(report, around.next))
       .add_raw("latency_us", latency_json(report.think_times))
       .add_or_null("left_unread", report.left_unread)
+      .add_or_null("unread", report.unread)
       .add("idle_us", report.idle.count())
       .add_raw("closed", report.closed ? "true" : "false")
       .add("outcome", report.outcome)

@@ -200,6 +200,11 @@ bool all_came(const RunReport& report) {
 }
 
 Headline unsent_headline(const RunReport& report) {
+  if (report.incomplete_by_unread) {
+    const std::string all = report.to_driver_of ? " of " + std::to_string(*report.to_driver_of) : "";
+    return {"incomplete", text_of(roles_of(report.writer).one) + " did not read " +
+                              std::to_string(*report.unread) + all + " bytes that were recorded as read"};
+  }
   if (const std::vector<std::string> left = left_out(report); all_came(report) && !left.empty())
     return {"incomplete", left.front()};
   if (all_came(report) && report.writer == Writer::device)
@@ -275,8 +280,8 @@ Headline headline_of(const RunReport& report) {
   if (report.verdict == Verdict::incomplete) return unsent_headline(report);
   if (report.verdict == Verdict::settings_mismatch)
     return {"settings mismatch", settings_cause(report.settings)};
-  return report.mismatch ? headline_of(*report.mismatch, roles_of(report.writer))
-                         : Headline{to_string(report.verdict), "see above"};
+  if (report.mismatch) return headline_of(*report.mismatch, roles_of(report.writer));
+  return {to_string(report.verdict), "see above"};
 }
 
 // The first line, and what there is to be known of it.
@@ -295,7 +300,8 @@ std::string finding(const RunReport& report, const Paint& paint) {
   if (const auto& cause = report.diagnosis.cause) out += "  cause     " + paint.bold(cause->text) + '\n';
   const bool other_cause = good || report.trouble || report.verdict == Verdict::incomplete ||
                            report.verdict == Verdict::settings_mismatch;
-  if (report.verdict == Verdict::incomplete && !all_came(report)) out += unsent_lines(report);
+  if (report.verdict == Verdict::incomplete && !all_came(report) && !report.incomplete_by_unread)
+    out += unsent_lines(report);
   if (report.mismatch && other_cause)
     out += "  before    " + headline_of(*report.mismatch, roles_of(report.writer)).text + '\n';
   if (report.mismatch)
@@ -310,7 +316,8 @@ std::string to_text(const RunReport& report, bool color) {
   const Paint paint(color);
   std::string out = finding(report, paint);
   const std::vector<std::string> left = left_out(report);
-  const std::size_t said = report.verdict == Verdict::incomplete && all_came(report) ? 1 : 0;  // as the cause
+  const bool by_what_came = report.verdict == Verdict::incomplete && !report.incomplete_by_unread;
+  const std::size_t said = by_what_came && all_came(report) ? 1 : 0;  // as the cause
   for (std::size_t n = said; n < left.size(); ++n) out += "  " + left[n] + '\n';
   out += settings_lines(report);
   if (report.lookup) out += never_asked_lines(*report.lookup);
@@ -329,7 +336,7 @@ std::string to_text(const RunReport& report, bool color) {
   if (!report.command_end.empty()) out += "  the command " + report.command_end + '\n';
   const bool good = exit_status_of(report) == 0;
   const bool told = report.diagnosis.cause && report.diagnosis.cause->kind == Cause::Kind::unread;
-  if (report.left_unread.value_or(0) > 0 && !told && report.timing != Timing::recorded) {
+  if (report.left_unread.value_or(0) > 0 && !told && !report.unread && report.timing != Timing::recorded) {
     out += "  unread    " + counted(*report.left_unread, "byte") + " of what was answered, when " +
            text_of(roles_of(report.writer).one) + " closed\n";
   }

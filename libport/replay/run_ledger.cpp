@@ -52,6 +52,7 @@ RunReport RunLedger::report(const ReplayConfig& config, Instant now, bool unsent
   report.mismatch = first_data_ ? first_data_ : first_timing_;
   report.settings = settings_;
   report.settings_checked = config.check_settings;
+  report.must_read = config.must_read;
   const bool stopped = config.on_mismatch == OnMismatch::fail && first_timing_;
   if (config.strictness > 0 && first_data_) {
     report.verdict = first_data_->kind == MismatchKind::extra ? Verdict::extra : Verdict::data_mismatch;

@@ -9,11 +9,12 @@
 namespace porttape {
 namespace {
 
-// The first of equals is the worst; data outranks settings, which have the same status.
+// The first of equals is the worst; data outranks settings, which have the same status, and a doubt none.
 bool is_worse(const RunReport& run, const RunReport& worst) {
   const int status = exit_status_of(run);
   const int other = exit_status_of(worst);
   if (status != other) return worse_exit_status(status, other) == status;
+  if (run.verdict == worst.verdict && worst.doubts.empty() != run.doubts.empty()) return worst.doubts.empty();
   return worst.verdict == Verdict::settings_mismatch && run.verdict != Verdict::settings_mismatch;
 }
 

@@ -66,6 +66,7 @@ struct Session::DriverSide final : PortListener {
     session.read_device();
   }
   void on_left_unread(std::uint64_t bytes) override { session.device_->peer_left_unread(bytes); }
+  void on_refused(std::uint64_t bytes) override { session.device_->peer_refused(bytes); }
   void on_dropped(std::uint64_t bytes, std::string_view why) override {
     session.dropped_by_driver(bytes, why);
   }

@@ -40,6 +40,7 @@ class PlayedTape final : public RecordSource {
   // As TapeReader has them.
   [[nodiscard]] bool has_events() const { return reader_.has_events(); }
   [[nodiscard]] std::optional<TapeHeader> header() const { return reader_.header(); }
+  [[nodiscard]] std::optional<std::string> torn_tail() const { return reader_.torn_tail(); }
 
  private:
   PlayedTape(TapeReader reader, const PlayedAs& as, Select select);

@@ -205,6 +205,7 @@ void ReplayPort::write(ByteView data) {
   if (aftermath_) aftermath_->write(data);
   if (context_.pulled) pump();
   last_heard_ = context_.loop->now();
+  written_ += data.size();
   engine_->on_write(last_heard_, data);
   congested_ = engine_->backlog() > kMostBacklog;
   pump();
@@ -238,7 +239,9 @@ bool ReplayPort::discard() {
 }
 
 void ReplayPort::peer_flushed(FlushQueue queue) {
-  if (queue == FlushQueue::out || !schedule_->has_events()) return;
+  if (!schedule_->has_events()) return;
+  if (queue != FlushQueue::in && std::exchange(flushed_at_, written_) != written_) ++output_flushes_;
+  if (queue == FlushQueue::out) return;
   engine_->on_flush(context_.loop->now());
   pump();
 }
@@ -550,6 +553,10 @@ void ReplayPort::take_report(RunReport report) {
                              "the tape has no end: its recorder was killed, or still writes; what came "
                              "last may be missing"});
   }
+  if (const auto torn = ended_ ? std::nullopt : schedule_->torn_tail(); torn && !report.nobody_came)
+    report.doubts.push_back({Doubt::Kind::gap, *torn + ": what came last may be missing"});
+  add_refused(report);
+  add_output_flushes(report);
   add_stalls(report, begun);
   if (report.verdict != Verdict::pass) report.outcome = std::exchange(ended_because_, {});
   const bool look = is_look(report);
@@ -561,6 +568,34 @@ void ReplayPort::take_report(RunReport report) {
   } else if (options_.once && !look) {
     listener().on_finished(exit_status::kPass);
   }
+}
+
+// What nobody has judged.
+void ReplayPort::add_refused(RunReport& report) {
+  const std::uint64_t others = std::exchange(refused_, 0);
+  const std::uint64_t bytes = std::exchange(refused_bytes_, 0);
+  if (others == 0) return;
+  report.doubts.push_back(
+      {Doubt::Kind::refused,
+       fmt::format(
+           "{} came while the driver was there and {} turned away: {} bytes that {} had written are on no "
+           "tape (see --connections)",
+           others == 1 ? "another connection" : fmt::format("{} other connections", others),
+           others == 1 ? "was" : "were", bytes, others == 1 ? "it" : "they")});
+}
+
+// What was written just before one of them came or was dropped, as it chanced.
+void ReplayPort::add_output_flushes(RunReport& report) {
+  const std::uint64_t flushes = std::exchange(output_flushes_, 0);
+  written_ = flushed_at_ = 0;
+  if (flushes <= report.output_flushes) return;
+  const std::uint64_t more = flushes - report.output_flushes;
+  report.doubts.push_back(
+      {Doubt::Kind::flushed,
+       fmt::format(
+           "the driver dropped what it had written (tcflush) {} more often than on the tape: whether all of "
+           "it had been read before nobody knows",
+           more == 1 ? "once" : fmt::format("{} times", more))});
 }
 
 void ReplayPort::add_stalls(RunReport& report, Instant begun) const {

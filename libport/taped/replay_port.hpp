@@ -79,6 +79,10 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   // has none, no time.
   void drain(std::function<void()> done) override;
   void peer_left_unread(std::uint64_t bytes) override { left_unread_ = bytes; }
+  void peer_refused(std::uint64_t bytes) override {
+    ++refused_;
+    refused_bytes_ += bytes;
+  }
   [[nodiscard]] WaitingCalls* waiting() override { return this; }
   [[nodiscard]] Playback* playback_control() override { return this; }
   Result<void> request(const PlaybackRequest& what) override;
@@ -138,6 +142,8 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   void take_report(RunReport report);
   void publish(const RunReport& report);
   void continue_finish();
+  void add_refused(RunReport& report);
+  void add_output_flushes(RunReport& report);
   void add_stalls(RunReport& report, Instant begun) const;
   [[nodiscard]] int status() const;
 
@@ -159,6 +165,13 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   std::unique_ptr<ReplayReports> reports_;
   std::optional<RunReport> report_;
   std::unique_ptr<Aftermath> aftermath_;
+  // Since the last report: who was turned away, and what it had written.
+  std::uint64_t refused_ = 0;
+  std::uint64_t refused_bytes_ = 0;
+  // In this run: what the driver wrote, where it last dropped what of that was unread, and how often it did.
+  std::uint64_t written_ = 0;
+  std::uint64_t flushed_at_ = 0;
+  std::uint64_t output_flushes_ = 0;
   std::optional<std::uint64_t> left_unread_;  // by the driver that has just gone
   std::optional<FaultsReport> faults_;        // of the run that goes on
   std::optional<Instant> run_begun_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <fmt/format.h>
+#include <iterator>
 #include <utility>
 
 #include <spdlog/spdlog.h>
@@ -159,8 +160,10 @@ void ReplayReports::add(RunReport report) {
 void ReplayReports::move_on() {
   const Instant now = context_.loop->now();
   while (!waiting_.empty() && complete(waiting_.front(), now)) {
-    const RunReport report = std::move(waiting_.front().report);
+    RunReport report = std::move(waiting_.front().report);
     waiting_.pop_front();
+    if (options_.group)
+      std::ranges::move(std::exchange(options_.group->doubts, {}), std::back_inserter(report.doubts));
     runs_.add(report);
     if (options_.group) options_.group->runs.add(report);
     if (!options_.file.empty() || !options_.junit_file.empty()) write_file();
@@ -220,20 +223,24 @@ bool ReplayReports::has_diagnosis(Waiting& waiting, Instant now) {
 }
 
 bool ReplayReports::has_totals(Waiting& waiting, Instant now) {
+  if (std::exchange(waiting.counted, true)) return true;
   if (options_.totals) {
     add_totals(waiting.report, *options_.totals);
-    return true;
+  } else if (!count_->done && !late(waiting.ended + kCountLimit, now)) {
+    return waiting.counted = false;
+  } else {
+    count_->stop = true;
+    give_up_totals(waiting.report, "it was not counted in time, so that writes may be missing");
   }
-  if (!count_->done && !late(waiting.ended + kCountLimit, now)) return false;
-  count_->stop = true;
-  give_up_totals(waiting.report, "it was not counted in time, so that writes may be missing");
+  judge_reading(waiting.report);
   return true;
 }
 
 // A verdict is about all of the tape.
 bool ReplayReports::has_check(Waiting& waiting, Instant now) {
-  if (!check_) return true;
+  if (!check_ || waiting.checked) return true;
   if (!check_->done && !late(waiting.ended + kCountLimit, now)) return false;
+  waiting.checked = true;
   RunReport& report = waiting.report;
   if (!check_->found) {
     report.doubts.push_back(
@@ -301,7 +308,7 @@ void ReplayReports::set_timer() {
   if (done_) at(waiting_.empty() ? *limit_ : *limit_ - kFileTime);
   if (!waiting_.empty()) {
     const Waiting& first = waiting_.front();
-    if (!options_.totals || (check_ && !check_->done)) at(first.ended + kCountLimit);
+    if (!first.counted || (check_ && !first.checked)) at(first.ended + kCountLimit);
     if (first.search) at(first.ended + kHintLimit);
     if (first.diagnosing) at(*first.settled + kHintLimit);
   }

@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "libport/base/workers.hpp"
 #include "libport/loop/timer.hpp"
@@ -36,6 +37,7 @@ class ReplayReports {
   // Of several tapes that are played together, for one file.
   struct Group {
     RunList runs;
+    std::vector<Doubt> doubts;  // of them all, which the next one has
     Workers::Strand file_strand;
   };
 
@@ -79,6 +81,8 @@ class ReplayReports {
     Instant ended{};
     std::optional<Instant> settled = {};  // since then its verdict is known
     std::shared_ptr<Diagnosing> diagnosing = {};
+    bool counted = false;  // by the totals, or without them
+    bool checked = false;  // its doubts and its trouble are from now on known
   };
 
   [[nodiscard]] bool run(const Workers::Strand& strand, const std::shared_ptr<Job>& job,

@@ -114,6 +114,7 @@ Result<ReplayConfig> replay_config(const PortOptions& options) {
   config.chunk_seed = seed;
   config.burst_gap = Micros(options.integer("burst-gap"));
   config.check_settings = options.flag("check-settings");
+  config.must_read = options.flag("must-read");
   config.patience = from_seconds(options.number("patience"));
   if (options.flag("ignoretimes")) {
     config.timing = Timing::none;
@@ -388,6 +389,8 @@ PortType logreader_type() {
        .unit = "s"},
       {"check-settings", Kind::flag, "",
        "recorded line settings that the driver never makes are a mismatch, not a note"},
+      {"must-read", Kind::flag, "",
+       "what was recorded as read and the driver did not read makes its run incomplete, not doubtful"},
       {.name = "rules",
        .help = "what of a write may vary, and how the answer follows: a rules file (RULES.md)",
        .value_name = "FILE"},
@@ -488,8 +491,8 @@ std::string_view replay_help(ReplayUse use, std::string_view option, std::string
 }
 
 bool is_of_device(std::string_view option, std::string_view choice) {
-  constexpr std::array<std::string_view, 6> of_device = {"at-end", "check-settings", "loops",
-                                                         "match",  "on-reopen",      "once"};
+  constexpr std::array<std::string_view, 7> of_device = {"at-end",    "check-settings", "loops", "match",
+                                                         "must-read", "on-reopen",      "once"};
   // It looks for the request that the driver went on with.
   if (option == "on-mismatch" && choice == "resync") return true;
   return std::ranges::find(of_device, option) != of_device.end();

@@ -170,6 +170,26 @@ try "$PORTTAPE" test --tape each --driver "tcp-listen:127.0.0.1:$driver" --conne
 [[ $status == 0 ]] || die "porttape test: exit $status: $(cat out)"
 say "each, under porttape test"
 
+orders_of_three="CONNECT a
+SEND a 1
+EXPECT a 1
+CONNECT b
+CONNECT c
+OVER c
+SEND b 2
+EXPECT b 2
+CLOSE b
+SEND a 3
+EXPECT a 3
+SEND a 4
+EXPECT a 4"
+try "$PORTTAPE" test --tape each --driver "tcp-listen:127.0.0.1:$driver" --connections each --timeout 60 -- \
+  bash -c "\"$PYTHON\" client.py $driver <<<\"$orders_of_three\"" >out 2>&1
+[[ $status == 0 ]] || die "one too many under porttape test: exit $status: $(cat out)"
+grep -q '^pass, with doubts' out && grep -q 'doubt .*connection 3 came and was turned away, since 2 were recorded' out ||
+  die "one too many is no doubt: $(cat out)"
+say "each, under porttape test: one too many is a doubt of the outcome"
+
 recorder --tape each --connections each --on-existing next
 client "$driver" <<<"$orders"
 done_with 0

@@ -39,6 +39,7 @@ TEST_F(ListeningPort, ASecondPeerIsRefusedWhileTheFirstIsThere) {
   const std::string told = who + " is refused: 127.0.0.1:" + std::to_string(first.port()) + " is connected";
   EXPECT_NE(book.text().find(told), std::string::npos) << book.text();
   EXPECT_NE(book.text().find("the 6 bytes that it wrote reach nobody"), std::string::npos) << book.text();
+  EXPECT_EQ(log.refused, std::vector<std::uint64_t>{6});
 }
 
 TEST_F(ListeningPort, ManyThatAreRefusedAreToldTogether) {
@@ -48,6 +49,7 @@ TEST_F(ListeningPort, ManyThatAreRefusedAreToldTogether) {
     Socket next = Socket::connect_to(number);
     until_got(next, "", "reset");
   }
+  EXPECT_EQ(log.refused, std::vector<std::uint64_t>(40, 0));
   const std::string text = book.text();
   EXPECT_LT(std::count(text.begin(), text.end(), '\n'), 20) << text;
 }

@@ -158,7 +158,7 @@ TEST(ReportJson, HasAllThatTheTextHas) {
   EXPECT_THAT(
       json,
       HasSubstr(R"("latency_us":{"count":2,"median":800,"max":1200,"max_exchange":2,"recorded_median":900,)"
-                R"("recorded_max":1100},"left_unread":3,"idle_us":0,"closed":false)"));
+                R"("recorded_max":1100},"left_unread":3,"unread":null,"idle_us":0,"closed":false)"));
   EXPECT_THAT(
       json,
       HasSubstr(

@@ -65,7 +65,7 @@ TEST(ReportJson, HoldsTheKeysOfTheContractInOrder) {
       R"("settings":{"recorded":0,"made":0,"missing":[],"checked":false},)"
       R"("playback":{"start_s":0,"end_s":null,"preroll":false,"max_gap_s":null,"loops":1,"loops_complete":0,)"
       R"("loops_of":1,"pauses":0,"paused_s":0,"steps":0,"seeks":0,"rates":0},"writer":"driver",)"
-      R"("cause":null,"diff":[],"previous":null,"next":null,"latency_us":null,"left_unread":null,"idle_us":0,)"
+      R"("cause":null,"diff":[],"previous":null,"next":null,"latency_us":null,"left_unread":null,"unread":null,"idle_us":0,)"
       R"("closed":false,)"
       R"("outcome":"","command_end":"","commands":null,"faults":null})"
       "\n");
@@ -128,6 +128,136 @@ TEST(ExitStatus, FollowsTheContract) {
   EXPECT_EQ(exit_status_of(report), 5);
   report.trouble = "disk";
   EXPECT_EQ(exit_status_of(report), 1);
+}
+
+// A run that passed, whose tape speaks 100 bytes, of which so many were delivered and left.
+RunReport spoken_to(std::uint64_t delivered, std::optional<std::uint64_t> left) {
+  RunReport report = passed();
+  report.to_driver_bytes = delivered;
+  report.to_driver_of = 100;
+  report.left_unread = left;
+  return report;
+}
+
+std::string doubts_of(const RunReport& report) {
+  std::string all;
+  for (const Doubt& doubt : report.doubts) all += doubt.text + '\n';
+  return all;
+}
+
+TEST(JudgeReading, WhatWasReadIsNothing) {
+  for (const std::optional<std::uint64_t> left :
+       {std::optional<std::uint64_t>(), std::optional<std::uint64_t>(0)}) {
+    RunReport report = spoken_to(100, left);
+    report.must_read = true;
+    judge_reading(report);
+    EXPECT_EQ(report.verdict, Verdict::pass);
+    EXPECT_EQ(report.unread, std::nullopt);
+    EXPECT_EQ(doubts_of(report), "");
+  }
+}
+
+TEST(JudgeReading, WhatWasNotIsADoubtWithItsShare) {
+  const auto judged = [](std::uint64_t delivered, std::optional<std::uint64_t> left,
+                         std::uint64_t excused = 0) {
+    RunReport report = spoken_to(delivered, left);
+    report.reads_excused = excused;
+    judge_reading(report);
+    EXPECT_EQ(report.verdict, Verdict::pass);
+    return doubts_of(report);
+  };
+  EXPECT_EQ(judged(100, 1),
+            "1 byte of 100 (1.0 %) that was recorded as read was not read; --must-read makes that the "
+            "verdict\n");
+  EXPECT_EQ(judged(90, std::nullopt),
+            "10 bytes of 100 (10.0 %) that were recorded as read were not read; --must-read "
+            "makes that the verdict\n");
+  EXPECT_THAT(judged(90, 30), HasSubstr("40 bytes of 100 (40.0 %)"));
+  EXPECT_THAT(judged(60, 0, 30), HasSubstr("10 bytes of 100"));
+  EXPECT_EQ(judged(60, 0, 40), "");
+  EXPECT_EQ(judged(60, 0, 41), "") << "more was dropped than was to come";
+}
+
+TEST(JudgeReading, ASmallShareIsNotNone) {
+  RunReport report = spoken_to(100'000, 9);
+  report.to_driver_of = 100'000;
+  judge_reading(report);
+  EXPECT_THAT(doubts_of(report), HasSubstr("9 bytes of 100000 (less than 0.1 %)"));
+}
+
+TEST(JudgeReading, MustReadMakesItTheVerdict) {
+  RunReport report = spoken_to(100, 1);
+  report.must_read = true;
+  judge_reading(report);
+  EXPECT_EQ(report.verdict, Verdict::incomplete);
+  EXPECT_EQ(exit_status_of(report), 5);
+  EXPECT_EQ(doubts_of(report), "");
+  EXPECT_THAT(to_json(report), HasSubstr(R"("cause":"unread")"));
+  EXPECT_THAT(to_json(report), HasSubstr(R"("unread":1,)"));
+  EXPECT_THAT(to_text(report),
+              StartsWith("incomplete: the driver did not read 1 of 100 bytes that were recorded as read\n"
+                         "  laser.log: from the driver 42 of 42 bytes"));
+}
+
+TEST(JudgeReading, ATapeThatOnlySpeaksIsToBeListenedTo) {
+  RunReport none = spoken_to(70, 70);
+  none.from_driver_bytes = none.from_driver_matched = 0;
+  none.from_driver_of = 0;
+  RunReport one = none;
+  one.left_unread = 69;
+  RunReport loose = none;
+  loose.strictness = 0;
+  judge_reading(none);
+  EXPECT_EQ(none.verdict, Verdict::incomplete);
+  judge_reading(one);
+  EXPECT_EQ(one.verdict, Verdict::pass);
+  EXPECT_THAT(doubts_of(one), HasSubstr("99 bytes of 100"));
+  judge_reading(loose);
+  EXPECT_EQ(loose.verdict, Verdict::pass);
+  EXPECT_EQ(doubts_of(loose), "100 bytes of 100 (100.0 %) that were recorded as read were not read\n");
+}
+
+TEST(JudgeReading, WhereTheTapesLengthSaysNothingOnlyWhatIsCertainCounts) {
+  const auto judged = [](const auto& change) {
+    RunReport report = spoken_to(50, 7);
+    change(report);
+    judge_reading(report);
+    return report.unread;
+  };
+  EXPECT_EQ(judged([](RunReport&) {}), 57U);
+  EXPECT_EQ(judged([](RunReport& report) { report.ruled = true; }), 7U);
+  EXPECT_EQ(judged([](RunReport& report) { report.lookup.emplace(); }), 7U);
+  EXPECT_EQ(judged([](RunReport& report) { report.playback.seeks = 1; }), 7U);
+  EXPECT_EQ(judged([](RunReport& report) { report.playback.loops_of.reset(); }), 7U);
+  EXPECT_EQ(judged([](RunReport& report) { report.to_driver_of.reset(); }), 7U);
+}
+
+TEST(JudgeReading, OtherVerdictsStay) {
+  const auto judged = [](const auto& change) {
+    RunReport report = spoken_to(50, 7);
+    report.must_read = true;
+    change(report);
+    const Verdict before = report.verdict;
+    judge_reading(report);
+    EXPECT_EQ(report.verdict, before);
+    return report.unread;
+  };
+  EXPECT_EQ(judged([](RunReport& report) { report.verdict = Verdict::data_mismatch; }), std::nullopt);
+  EXPECT_EQ(judged([](RunReport& report) { report.writer = Writer::device; }), std::nullopt);
+  EXPECT_EQ(judged([](RunReport& report) { report.nobody_came = true; }), std::nullopt);
+}
+
+TEST(Damage, NothingPassesByIt) {
+  RunReport report = passed();
+  report.undecided_from = 7;
+  damage(report, "changed");
+  EXPECT_EQ(report.verdict, Verdict::incomplete);
+  EXPECT_EQ(report.undecided_from, std::nullopt);
+  EXPECT_EQ(exit_status_of(report), 1);
+  report = mismatched();
+  damage(report, "changed");
+  EXPECT_EQ(report.verdict, Verdict::data_mismatch);
+  EXPECT_EQ(report.trouble, "changed");
 }
 
 TEST(ReportText, PassIsOneLine) {

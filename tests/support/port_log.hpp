@@ -70,6 +70,7 @@ class PortLog final : public PortListener {
     why = reason;
   }
   void on_left_unread(std::uint64_t bytes) override { left_unread = bytes; }
+  void on_refused(std::uint64_t bytes) override { refused.push_back(bytes); }
   void on_finished(int exit_status) override { events += "finished" + std::to_string(exit_status) + " "; }
 
   void on_complete(int exit_status) override { status = exit_status; }
@@ -89,6 +90,7 @@ class PortLog final : public PortListener {
   std::vector<std::size_t> signals_after;  // bytes, each of on_signal
   std::uint64_t dropped = 0;
   std::optional<std::uint64_t> left_unread;      // by the last peer
+  std::vector<std::uint64_t> refused;            // what each that was turned away had written
   int calls = 0;                                 // that brought bytes,
   std::size_t arrivals = 0;                      // and arrivals in those of on_arrivals
   Answers answers = Answers::until_it_is_quiet;  // what on_ended gives

@@ -717,6 +717,141 @@ TEST_F(FlushOfATape, AFloodOfThemLogsNothing) {
   EXPECT_EQ(book.text(), before);
 }
 
+// Bytes that the driver dropped before they were read may be wrong or right.
+class OutputFlushes : public ReplayPortTest {
+ protected:
+  // Of a driver that writes twice and drops its output behind the writes that the tape has a flush for.
+  void record(bool first, bool second) {
+    test::MemoryTape tape;
+    tape.open(0).event(1, event::Flush{event::Flush::Queue::both}).write(10, "one");
+    if (first) tape.event(20, event::Flush{event::Flush::Queue::out});
+    tape.write(30, "two");
+    if (second) tape.event(40, event::Flush{event::Flush::Queue::both});
+    tape.close(50);
+    test::write_tape(literal_tape(dir / "t.log"), tape, {.device = "d", .driver = "p"});
+  }
+  // Of one that does so behind each.
+  std::vector<std::string> doubts() {
+    log.status.reset();
+    start();
+    port->peer_flushed(FlushQueue::both);
+    write("one");
+    port->peer_flushed(FlushQueue::in);
+    port->peer_flushed(FlushQueue::out);
+    port->peer_flushed(FlushQueue::out);
+    write("two");
+    port->peer_flushed(FlushQueue::both);
+    port->close();
+    (void)finish();
+    EXPECT_EQ(port->report()->verdict, Verdict::pass) << book.text();
+    std::vector<std::string> all;
+    for (const Doubt& doubt : port->report()->doubts) {
+      EXPECT_EQ(doubt.kind, Doubt::Kind::flushed);
+      all.push_back(doubt.text);
+    }
+    return all;
+  }
+};
+
+TEST_F(OutputFlushes, OftenerThanOnTheTapeAreADoubt) {
+  record(true, true);
+  EXPECT_THAT(doubts(), testing::IsEmpty());
+  const std::string told = "the driver dropped what it had written (tcflush) ";
+  const std::string unknown =
+      " more often than on the tape: whether all of it had been read before nobody knows";
+  std::filesystem::remove(dir / "t.loge");
+  for (const char* file : {"t.logr", "t.logw"}) std::filesystem::remove(dir / file);
+  record(true, false);
+  EXPECT_THAT(doubts(), testing::ElementsAre(told + "once" + unknown));
+  for (const char* file : {"t.logr", "t.logw", "t.loge"}) std::filesystem::remove(dir / file);
+  record(false, false);
+  EXPECT_THAT(doubts(), testing::ElementsAre(told + "2 times" + unknown));
+}
+
+TEST_F(ReplayPortTest, WhoWasTurnedAwayIsADoubt) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
+  const auto doubts = [this](std::vector<std::uint64_t> others) {
+    log.status.reset();
+    start();
+    write("one");
+    for (const std::uint64_t bytes : others) port->peer_refused(bytes);
+    port->close();
+    (void)finish();
+    std::string all;
+    for (const Doubt& doubt : port->report()->doubts) all += doubt.text + '\n';
+    return all;
+  };
+  EXPECT_EQ(doubts({}), "");
+  EXPECT_EQ(doubts({5}),
+            "another connection came while the driver was there and was turned away: 5 bytes that it had "
+            "written are on no tape (see --connections)\n");
+  EXPECT_EQ(doubts({5, 2}),
+            "2 other connections came while the driver was there and were turned away: 7 bytes that they "
+            "had written are on no tape (see --connections)\n");
+}
+
+TEST_F(ReplayPortTest, ATornTailOfATapeWithoutEventsIsADoubt) {
+  Bytes torn = test::block_bytes({{0, "one"}, {10, "two"}});
+  torn.resize(torn.size() - 1);
+  test::write_file(dir / "t.logw", torn);
+  start();
+  write("one");
+  port->close();
+  (void)finish();
+  EXPECT_EQ(log.status, 0);
+  ASSERT_EQ(port->report()->doubts.size(), 1U);
+  EXPECT_EQ(port->report()->doubts[0].kind, Doubt::Kind::gap);
+  EXPECT_THAT(port->report()->doubts[0].text, HasSubstr("t.logw: torn tail at offset 15"));
+  EXPECT_THAT(port->report()->doubts[0].text, HasSubstr("what came last may be missing"));
+}
+
+// What is unread at the driver's close.
+class UnreadOfATape : public ReplayPortTest {
+ protected:
+  UnreadOfATape() { test::write_file(dir / "t.logr", test::block_bytes({{0, "hello"}})); }
+  void listen_and_leave(std::uint64_t unread) {
+    start();
+    run_until(loop, [this] { return log.data == "hello"; });
+    port->peer_left_unread(unread);
+    port->close();
+    (void)finish();
+  }
+};
+
+TEST_F(UnreadOfATape, IsTheVerdictWhereItIsAllThatATapeSays) {
+  listen_and_leave(5);
+  EXPECT_EQ(log.status, 5);
+  EXPECT_EQ(port->report()->unread, 5U);
+}
+
+TEST_F(UnreadOfATape, IsADoubtWhereSomethingWasRead) {
+  listen_and_leave(2);
+  EXPECT_EQ(log.status, 0);
+  ASSERT_EQ(port->report()->doubts.size(), 1U);
+  EXPECT_THAT(port->report()->doubts[0].text, HasSubstr("2 bytes of 5 (40.0 %)"));
+}
+
+TEST_F(UnreadOfATape, IsNothingThatTheDriverFlushed) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "ask"}, {5'000, "more"}}));
+  test::write_file(dir / "t.logr", test::block_bytes({{1, "old"}, {5'001, "new"}}));
+  test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{})));
+  start();
+  port->set_reading(false);
+  write("ask");
+  run_until(loop, [begin = loop.now(), this] {
+    loop.post([] {});
+    return loop.now() - begin > std::chrono::milliseconds(5);
+  });
+  port->peer_flushed(FlushQueue::in);
+  port->set_reading(true);
+  write("more");
+  run_until(loop, [this] { return log.data == "new"; });
+  port->close();
+  (void)finish();
+  EXPECT_EQ(port->report()->reads_excused, 3U);
+  EXPECT_EQ(port->report()->unread, std::nullopt);
+}
+
 TEST_F(ReplayPortTest, AFlushOfATapeWithoutEventsDropsNothingThatItsDriverRead) {
   test::write_file(dir / "t.logw", test::block_bytes({{0, "ask"}}));
   test::write_file(dir / "t.logr", test::block_bytes({{1, "old"}}));

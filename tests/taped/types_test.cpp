@@ -110,6 +110,7 @@ TEST(ReplayOptions, EachIsWhatItSays) {
       {"burst-gap=7", [](auto& c) { c.burst_gap = Micros(7); }},
       {"patience=0.5", [](auto& c) { c.patience = Micros(500'000); }},
       {"check-settings", [](auto& c) { c.check_settings = true; }},
+      {"must-read", [](auto& c) { c.must_read = true; }},
   };
   for (const auto& [more, change] : known) {
     ReplayConfig config = options_of("," + more).config;
@@ -217,6 +218,7 @@ TEST(ReplayOptions, AreWrittenSo) {
            "burst-gap integer default 500 0 to 1000000000 us",
            "patience number default 1 0 to 1000000000 s",
            "check-settings flag",
+           "must-read flag",
            "rules text FILE",
            "session text default all N|all",
            "once flag",
@@ -265,7 +267,8 @@ TEST(ReplayOptions, WhereATapeIsPlayedDecidesSomeDefaults) {
 }
 
 TEST(ReplayOptions, ThoseOfTheDeviceAreOfNoUseToADriver) {
-  for (const char* const option : {"at-end", "check-settings", "loops", "match", "on-reopen", "once"})
+  for (const char* const option :
+       {"at-end", "check-settings", "loops", "match", "must-read", "on-reopen", "once"})
     EXPECT_TRUE(is_of_device(option)) << option;
   for (const char* const option : {"timing", "on-mismatch", "start", ""})
     EXPECT_FALSE(is_of_device(option)) << option;
