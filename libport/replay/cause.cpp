@@ -15,7 +15,9 @@ namespace {
 
 using Kind = Cause::Kind;
 
-constexpr Micros kSoon{20'000};       // within which no driver runs out of patience
+// Within which no driver runs out of patience: 20 ms, and where the tape's had waited longer up to 100 ms.
+constexpr Micros kSoon{20'000};
+constexpr Micros kMostSoon{100'000};
 constexpr Micros kLongWait{200'000};  // after which one may have
 
 // What a report and the tape around its fault show.
@@ -117,14 +119,20 @@ class Analysis {
   [[nodiscard]] Cause gave_up(const std::string& came, bool nothing_came, const std::string& never) const {
     const std::string when = (report_.hung ? " was ended " : " gave up ") + millis_text(report_.idle);
     const std::string before = ", before " + answer_name() + " had come (" + came + ')';
-    // Nobody runs out of patience so soon.
-    if (nothing_came && !report_.hung && report_.idle < kSoon) {
+    if (nothing_came && !report_.hung && report_.idle < soon()) {
       return make(Kind::gave_up, false,
                   one() + when + " after " + name(place_ - 1) + before +
                       ": looks like it took unread bytes of an answer before for it, or did not wait; " +
                       never);
     }
     return make(Kind::gave_up, true, one() + when + " after the last byte" + before + ": " + never);
+  }
+
+  [[nodiscard]] Micros soon() const {
+    const TapeAnswer* const answer = answer_before();
+    if (answer == nullptr || place_ == 0) return kSoon;
+    const Micros waited = answer->begun - excerpt_.steps[place_ - 1].frame.at;
+    return std::clamp(std::chrono::duration_cast<Micros>(waited / report_.rate), kSoon, kMostSoon);
   }
 
   [[nodiscard]] Cause without_answer(const std::string& never) const {

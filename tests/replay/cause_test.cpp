@@ -242,6 +242,29 @@ TEST(CauseOfMissing, ADriverThatDoesNotWaitForItsAnswer) {
             "never came");
 }
 
+// A machine that is busy makes it slower, and the tape's driver had waited for longer.
+TEST(CauseOfMissing, SoonIsWhatTheTapesDriverWaitedForUpToALimit) {
+  const auto text = [](std::int64_t answered_us, std::int64_t gave_up_us) {
+    MemoryTape tape;
+    tape.open(0)
+        .write(0, "VV\n")
+        .read(1'000, "ok\n")
+        .write(kPace, "PP\n")
+        .read(kPace + answered_us, "version\n");
+    tape.write(kPace * 10, "II\n").read(kPace * 10 + 1'000, "state\n");
+    Rig rig(tape, config());
+    rig.open().write("VV\n").wait(kPace).write("PP\n").wait(gave_up_us).close();
+    RunReport report = rig.report.value();
+    look(report, tape);
+    return cause(report).text;
+  };
+  const auto soon = HasSubstr("looks like it took unread bytes of an answer before");
+  EXPECT_THAT(text(62'000, 23'000), soon);
+  EXPECT_THAT(text(62'000, 61'000), soon);
+  EXPECT_THAT(text(500'000, 99'999), soon);
+  EXPECT_THAT(text(500'000, 100'000), StartsWith("the driver gave up 100 ms after the last byte"));
+}
+
 TEST(CauseOfMissing, ADriverThatRunsOutOfPatience) {
   RunReport report = after(laser(), {"VV\n", "PP\n"});
   report.idle = Micros{2'000'000};
