@@ -1,6 +1,5 @@
 #include "libport/supervise/program_files.hpp"
 
-#include <algorithm>
 #include <array>
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -8,9 +7,6 @@
 #include <optional>
 #include <sstream>
 #include <string_view>
-#include <sys/stat.h>
-#include <unistd.h>
-#include <vector>
 
 #include "libport/supervise/pending_signals.hpp"
 
@@ -22,40 +18,6 @@ std::optional<std::string_view> below(std::string_view path, std::string_view pr
   if (!path.starts_with(prefix)) return std::nullopt;
   path.remove_prefix(prefix.size());
   return path.empty() || path.front() == '/' ? std::optional(path) : std::nullopt;
-}
-
-bool is_same_file(const std::string& one, const std::string& other) {
-  struct stat first {};
-  struct stat second {};
-  if (::stat(one.c_str(), &first) != 0 || ::stat(other.c_str(), &second) != 0)
-    return true;  // not to be known
-  return first.st_dev == second.st_dev && first.st_ino == second.st_ino;
-}
-
-// Of a line of /proc/PID/status, all numbers.
-std::vector<unsigned long> numbers_of(pid_t thread, std::string_view key) {
-  std::ifstream status(fmt::format("/proc/{}/status", thread));
-  std::vector<unsigned long> numbers;
-  for (std::string line; std::getline(status, line);) {
-    if (!line.starts_with(key)) continue;
-    std::istringstream text(line.substr(key.size()));
-    for (unsigned long number = 0; text >> number;) numbers.push_back(number);
-    break;
-  }
-  return numbers;
-}
-
-// The one that counts for files is the last of four.
-bool has_id(const std::vector<unsigned long>& ids, unsigned long ours) {
-  return ids.size() != 4 || ids.back() == ours;
-}
-
-bool has_groups(std::vector<unsigned long> groups) {
-  std::vector<gid_t> ours(static_cast<std::size_t>(std::max(::getgroups(0, nullptr), 0)));
-  if (::getgroups(static_cast<int>(ours.size()), ours.data()) < 0) return true;
-  std::ranges::sort(groups);
-  std::ranges::sort(ours);
-  return std::ranges::equal(groups, ours);
 }
 
 }  // namespace
@@ -75,18 +37,6 @@ std::string path_here(pid_t thread, const std::string& path, int folder) {
   if (const auto rest = below(path, "/proc/thread-self"))
     return fmt::format("/proc/{}/task/{}{}", process_of(thread), thread, *rest);
   return path;
-}
-
-std::string why_not_ours(pid_t thread) {
-  const bool has_rights = has_id(numbers_of(thread, "Uid:"), ::geteuid()) &&
-                          has_id(numbers_of(thread, "Gid:"), ::getegid()) &&
-                          has_groups(numbers_of(thread, "Groups:"));
-  if (!has_rights) return "it has the rights of another user";
-  const std::string folder = fmt::format("/proc/{}/", thread);
-  if (!is_same_file(folder + "ns/mnt", "/proc/self/ns/mnt") ||
-      !is_same_file(folder + "root", "/proc/self/root"))
-    return "the files that it sees are others";
-  return {};
 }
 
 bool gets_terminal(pid_t thread) {

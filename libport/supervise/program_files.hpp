@@ -9,10 +9,6 @@ namespace porttape {
 // What names the program's own descriptors (/dev/stdin, /dev/fd/N, /proc/self) does so by its number.
 std::string path_here(pid_t thread, const std::string& path, int folder);
 
-// Why a file that the program opens is not for us to open: its user, group or groups are others than ours, or
-// the files that it sees are. Empty: it would open what we do.
-std::string why_not_ours(pid_t thread);
-
 // Whether a tty that the thread opens without O_NOCTTY becomes its controlling terminal.
 bool gets_terminal(pid_t thread);
 

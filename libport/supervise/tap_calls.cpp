@@ -19,6 +19,7 @@
 #include <utility>
 
 #include "libport/base/printable.hpp"
+#include "libport/supervise/caller_rights.hpp"
 #include "libport/supervise/pending_signals.hpp"
 #include "libport/supervise/program_files.hpp"
 

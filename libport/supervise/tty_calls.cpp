@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "libport/loop/loop.hpp"
+#include "libport/supervise/caller_rights.hpp"
 #include "libport/supervise/settings_form.hpp"
 #include "libport/tty/tty.hpp"
 
@@ -371,14 +372,21 @@ Outcome TtyCalls::give_counters(const Call& call) const {
 CallPart::Decision TtyCalls::ask(Supervisor& supervisor, const Call& call, const LineRequest& request,
                                  const Answered& then) {
   (void)line_->catch_up();
-  const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
+  ask_for(supervisor.keep(call), request, [then](KeptCall& waiting, const std::optional<LineAnswer>& answer) {
+    waiting.finish(then(waiting.call(), answer));
+  });
+  return Kept{};
+}
+
+// An error of the device is the call's.
+void TtyCalls::ask_for(const std::shared_ptr<KeptCall>& kept, const LineRequest& request, const Told& then) {
+  if (line_ == nullptr) return then(*kept, std::nullopt);
   line_->ask(request, [weak = std::weak_ptr(kept), then](const std::optional<LineAnswer>& answer) {
     const auto waiting = weak.lock();
     if (!waiting || waiting->over()) return;
-    waiting->finish(answer && answer->error != 0 ? outcome::Refuse{answer->error}
-                                                 : then(waiting->call(), answer));
+    if (answer && answer->error != 0) return waiting->finish(outcome::Refuse{answer->error});
+    then(*waiting, answer);
   });
-  return Kept{};
 }
 
 CallPart::Decision TtyCalls::give_serial(Supervisor& supervisor, const Call& call) {
@@ -393,11 +401,28 @@ CallPart::Decision TtyCalls::give_serial(Supervisor& supervisor, const Call& cal
 CallPart::Decision TtyCalls::make_serial(Supervisor& supervisor, const Call& call) {
   const std::optional<serial_struct> wanted = read_serial(call, call.argument(2));
   if (!wanted) return bad_address();
-  return ask(supervisor, call, {LineRequest::Kind::set_serial, *wanted},
-             [this, wanted](const Call&, const std::optional<LineAnswer>&) {
-               uart_.make(*wanted);
-               return done_well();
-             });
+  (void)line_->catch_up();
+  const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
+  if (is_administrator(call.thread())) {
+    set_serial(kept, *wanted);
+    return Kept{};
+  }
+  // The device would look at our rights.
+  ask_for(
+      kept, {LineRequest::Kind::get_serial},
+      [this, wanted, weak = std::weak_ptr(kept)](KeptCall& waiting, const std::optional<LineAnswer>& now) {
+        const bool allowed = UartModel::may_anybody(now ? now->serial : uart_.serial(), *wanted);
+        allowed ? set_serial(weak.lock(), *wanted) : waiting.finish(outcome::Refuse{EPERM});
+      });
+  return Kept{};
+}
+
+void TtyCalls::set_serial(const std::shared_ptr<KeptCall>& kept, const serial_struct& wanted) {
+  ask_for(kept, {LineRequest::Kind::set_serial, wanted},
+          [this, wanted](KeptCall& waiting, const std::optional<LineAnswer>&) {
+            uart_.make(wanted);
+            waiting.finish(done_well());
+          });
 }
 
 CallPart::Decision TtyCalls::give_rs485(Supervisor& supervisor, const Call& call) {

@@ -76,6 +76,9 @@ class TtyCalls final : public CallPart, private LineSupervisor {
   void look_at_inputs();
   using Answered = std::function<Outcome(const Call& call, const std::optional<LineAnswer>& answer)>;
   Decision ask(Supervisor& supervisor, const Call& call, const LineRequest& request, const Answered& then);
+  using Told = std::function<void(KeptCall& waiting, const std::optional<LineAnswer>& answer)>;
+  void ask_for(const std::shared_ptr<KeptCall>& kept, const LineRequest& request, const Told& then);
+  void set_serial(const std::shared_ptr<KeptCall>& kept, const serial_struct& wanted);
   using Begun = std::function<void(KeptCall& waiting, int error)>;
   Decision begin_break(Supervisor& supervisor, const Call& call, const Begun& then);
   Decision send_break(Supervisor& supervisor, const Call& call, Nanos length);

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <linux/tty_flags.h>
 
 namespace porttape {
 namespace {
@@ -51,6 +52,16 @@ void UartModel::make(const serial_struct& wanted) {
   serial_.custom_divisor = wanted.custom_divisor;
   serial_.close_delay = wanted.close_delay;
   serial_.closing_wait = wanted.closing_wait;
+}
+
+bool UartModel::may_anybody(const serial_struct& now, const serial_struct& wanted) {
+  const auto flags = static_cast<unsigned>(now.flags ^ wanted.flags);
+  return now.type == wanted.type && now.port == wanted.port && now.port_high == wanted.port_high &&
+         now.irq == wanted.irq && now.io_type == wanted.io_type && now.hub6 == wanted.hub6 &&
+         now.iomem_base == wanted.iomem_base && now.iomem_reg_shift == wanted.iomem_reg_shift &&
+         now.baud_base == wanted.baud_base && now.xmit_fifo_size == wanted.xmit_fifo_size &&
+         now.close_delay == wanted.close_delay && now.closing_wait == wanted.closing_wait &&
+         (flags & ~static_cast<unsigned>(ASYNC_USR_MASK)) == 0;
 }
 
 unsigned UartModel::rate_of(unsigned baud) const {

@@ -22,6 +22,10 @@ class UartModel {
   // hardware's.
   void make(const serial_struct& wanted);
 
+  // Whether the kernel's serial drivers let anybody change one into the other: the flags of ASYNC_USR_MASK
+  // and the divisor. All else takes CAP_SYS_ADMIN (serial_core.c, uart_set_info()).
+  [[nodiscard]] static bool may_anybody(const serial_struct& now, const serial_struct& wanted);
+
   // The rate that `baud` stands for: 38400 for another where the driver has said so.
   [[nodiscard]] unsigned rate_of(unsigned baud) const;
 

@@ -3,10 +3,12 @@
 #include "libport/supervise/tty_calls.hpp"
 
 #include <array>
+#include <cerrno>
 #include <cstdlib>
 #include <fcntl.h>
 #include <fstream>
 #include <functional>
+#include <linux/serial.h>
 #include <memory>
 #include <sstream>
 #include <string>
@@ -21,7 +23,9 @@
 #include <gtest/gtest.h>
 
 #include "libport/base/line_settings_text.hpp"
+#include "libport/supervise/caller_rights.hpp"
 #include "libport/supervise/supervised_command.hpp"
+#include "libport/supervise/uart_model.hpp"
 #include "tests/support/temp_dir.hpp"
 
 extern char** environ;
@@ -224,6 +228,51 @@ TEST_F(TtyCallsTest, WhatADeviceSaysOfItsUartIsTheDriversAnswer) {
 TEST_F(TtyCallsTest, WhatADeviceRefusesOfItIsTheDriversError) {
   line.answer = LineAnswer{.error = ENOTTY};
   EXPECT_THAT(run({"serial", "rs485"}), ElementsAre("serial -1 ENOTTY", "rs485 -1 ENOTTY"));
+}
+
+// porttape may have more rights than a driver that has given up its own.
+TEST_F(TtyCallsTest, ADriverWithoutRightsChangesOfItsUartWhatAnybodyMay) {
+  line.answer = LineAnswer{};
+  line.answer->serial.type = PORT_16850;
+  line.answer->serial.close_delay = 50;
+  EXPECT_THAT(run({"give-up-rights", "serial", "delay"}),
+              ElementsAre("rights 0", "serial 0 type 12", "delay -1 EPERM"));
+  EXPECT_THAT(line.told, ElementsAre("made serial"));
+  line.told.clear();
+  line.answer.reset();
+  EXPECT_THAT(run({"give-up-rights", "serial", "delay"}),
+              ElementsAre("rights 0", "serial 0 type 4", "delay -1 EPERM"));
+}
+
+TEST_F(TtyCallsTest, AnAdministratorChangesAllOfIt) {
+  if (!is_administrator(::gettid())) GTEST_SKIP() << "this test needs CAP_SYS_ADMIN";
+  EXPECT_THAT(run({"delay", "delay"}), ElementsAre("delay 0 0", "delay 0 0"));
+  EXPECT_THAT(line.told, ElementsAre("made serial", "made serial"));
+}
+
+TEST(UartModel, AnybodyMayChangeTheFlagsForAllAndTheDivisor) {
+  const serial_struct now = UartModel().serial();
+  const auto may = [now](const auto& change) {
+    serial_struct wanted = now;
+    change(wanted);
+    return UartModel::may_anybody(now, wanted);
+  };
+  EXPECT_TRUE(may([](serial_struct&) {}));
+  EXPECT_TRUE(may([](serial_struct& wanted) { wanted.flags += static_cast<int>(ASYNC_LOW_LATENCY); }));
+  EXPECT_TRUE(may([](serial_struct& wanted) { wanted.flags += static_cast<int>(ASYNC_SPD_CUST); }));
+  EXPECT_TRUE(may([](serial_struct& wanted) { wanted.custom_divisor = 7; }));
+  EXPECT_FALSE(may([](serial_struct& wanted) { wanted.flags += static_cast<int>(ASYNC_SAK); }));
+  EXPECT_FALSE(may([](serial_struct& wanted) { wanted.type = PORT_8250; }));
+  EXPECT_FALSE(may([](serial_struct& wanted) { wanted.port = 1; }));
+  EXPECT_FALSE(may([](serial_struct& wanted) { wanted.port_high = 1; }));
+  EXPECT_FALSE(may([](serial_struct& wanted) { wanted.irq = 1; }));
+  EXPECT_FALSE(may([](serial_struct& wanted) { wanted.io_type = 1; }));
+  EXPECT_FALSE(may([](serial_struct& wanted) { wanted.hub6 = 1; }));
+  EXPECT_FALSE(may([](serial_struct& wanted) { wanted.iomem_reg_shift = 1; }));
+  EXPECT_FALSE(may([](serial_struct& wanted) { wanted.baud_base = 1; }));
+  EXPECT_FALSE(may([](serial_struct& wanted) { wanted.xmit_fifo_size = 1; }));
+  EXPECT_FALSE(may([](serial_struct& wanted) { wanted.close_delay = 1; }));
+  EXPECT_FALSE(may([](serial_struct& wanted) { wanted.closing_wait = 1; }));
 }
 
 TEST_F(TtyCallsTest, WithoutASerialDeviceTheDriverIsGivenBackWhatItMade) {

@@ -51,6 +51,7 @@ static const char* error_name(void) {
          : errno == ENOTTY     ? "ENOTTY"
          : errno == EINTR      ? "EINTR"
          : errno == EOPNOTSUPP ? "EOPNOTSUPP"
+         : errno == EPERM      ? "EPERM"
                                : "other";
 }
 
@@ -62,6 +63,20 @@ static void change_uart(int fd, FILE* out) {
   }
   serial.flags |= ASYNC_LOW_LATENCY;
   fprintf(out, "serial %d type %d\n", ioctl(fd, TIOCSSERIAL, &serial), serial.type);
+}
+
+// What takes the rights of an administrator.
+static void change_delay(int fd, FILE* out) {
+  struct serial_struct serial;
+  ioctl(fd, TIOCGSERIAL, &serial);
+  serial.close_delay = (unsigned short)(serial.close_delay + 7);
+  const int made = ioctl(fd, TIOCSSERIAL, &serial);
+  fprintf(out, "delay %d %s\n", made, error_name());
+}
+
+static void give_up_rights(FILE* out) {
+  const int given_up = geteuid() != 0 || (setgid(65534) == 0 && setuid(65534) == 0);
+  fprintf(out, "rights %d\n", !given_up);
 }
 
 static void change_rs485(int fd, FILE* out) {
@@ -164,6 +179,10 @@ int main(int count, char** words) {
     } else if (strcmp(step, "break+") == 0) {
       const int result = ioctl(fd, TIOCSBRK);
       fprintf(out, "break+ %d %s\n", result, error_name());
+    } else if (strcmp(step, "delay") == 0) {
+      change_delay(fd, out);
+    } else if (strcmp(step, "give-up-rights") == 0) {
+      give_up_rights(out);
     } else if (strcmp(step, "serial") == 0) {
       change_uart(fd, out);
     } else if (strcmp(step, "rs485") == 0) {

@@ -1,0 +1,87 @@
+#include "libport/supervise/caller_rights.hpp"
+
+#include <algorithm>
+#include <fmt/format.h>
+#include <fstream>
+#include <linux/capability.h>
+#include <optional>
+#include <sstream>
+#include <string_view>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <vector>
+
+namespace porttape {
+namespace {
+
+bool is_same_file(const std::string& one, const std::string& other) {
+  struct stat first {};
+  struct stat second {};
+  return ::stat(one.c_str(), &first) == 0 && ::stat(other.c_str(), &second) == 0 &&
+         first.st_dev == second.st_dev && first.st_ino == second.st_ino;
+}
+
+// What the kernel says of a thread.
+class ThreadRights {
+ public:
+  explicit ThreadRights(const std::string& thread) {
+    std::ifstream file(fmt::format("/proc/{}/status", thread));
+    for (std::string line; std::getline(file, line);) {
+      if (line.starts_with("Uid:")) user_ = id_for_files(line);
+      if (line.starts_with("Gid:")) group_ = id_for_files(line);
+      if (line.starts_with("Groups:")) groups_ = numbers_of(line, 10);
+      if (line.starts_with("CapEff:")) capabilities_ = numbers_of(line, 16);
+    }
+    std::ranges::sort(groups_);
+  }
+
+  [[nodiscard]] bool known() const { return user_ && group_ && capabilities_.size() == 1; }
+  [[nodiscard]] bool has(unsigned capability) const {
+    return known() && ((capabilities_.front() >> capability) & 1U) != 0;
+  }
+  // Whether it may all that the other may, as the same user.
+  [[nodiscard]] bool equals(const ThreadRights& other) const {
+    return known() && other.known() && user_ == other.user_ && group_ == other.group_ &&
+           groups_ == other.groups_ && (other.capabilities_.front() & ~capabilities_.front()) == 0;
+  }
+
+ private:
+  using Numbers = std::vector<unsigned long>;
+  static Numbers numbers_of(const std::string& line, int base) {
+    std::istringstream text(line.substr(line.find(':') + 1));
+    Numbers numbers;
+    for (std::string word; text >> word;) numbers.push_back(std::strtoul(word.c_str(), nullptr, base));
+    return numbers;
+  }
+  // The one that counts for files is the last of four.
+  static std::optional<unsigned long> id_for_files(const std::string& line) {
+    const Numbers ids = numbers_of(line, 10);
+    return ids.size() == 4 ? std::optional(ids.back()) : std::nullopt;
+  }
+
+  std::optional<unsigned long> user_;
+  std::optional<unsigned long> group_;
+  Numbers groups_;
+  Numbers capabilities_;
+};
+
+std::string folder_of(pid_t thread) { return fmt::format("/proc/{}/", thread); }
+
+}  // namespace
+
+std::string why_not_ours(pid_t thread) {
+  if (!ThreadRights(std::to_string(thread)).equals(ThreadRights("thread-self")))
+    return "it has not the rights that porttape has";
+  const std::string folder = folder_of(thread);
+  if (!is_same_file(folder + "ns/mnt", "/proc/self/ns/mnt") ||
+      !is_same_file(folder + "root", "/proc/self/root"))
+    return "the files that it sees are others";
+  return {};
+}
+
+bool is_administrator(pid_t thread) {
+  return ThreadRights(std::to_string(thread)).has(CAP_SYS_ADMIN) &&
+         is_same_file(folder_of(thread) + "ns/user", "/proc/self/ns/user");
+}
+
+}  // namespace porttape
