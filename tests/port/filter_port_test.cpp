@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/manual_clock.hpp"
 #include "tests/support/memory_port.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
@@ -39,13 +40,6 @@ class Delays final : public FilterPort {
   }
 };
 
-void wait(Loop& loop, Nanos time) {
-  bool over = false;
-  Timer after(loop, [&over] { over = true; });
-  after.set_after(time);
-  run_until(loop, [&over] { return over; });
-}
-
 class FilterPortTest : public testing::Test {
  protected:
   FilterPortTest() : port({&loop, book.log()}, std::make_unique<MemoryPort>(device)) {
@@ -53,7 +47,8 @@ class FilterPortTest : public testing::Test {
     port.open();
     log.events.clear();
   }
-  Loop loop;
+  ManualClock clock;
+  Loop loop{clock};
   LogBook book;
   MemoryPort::Peer device;
   PortLog log;
@@ -68,7 +63,7 @@ TEST_F(FilterPortTest, AReplaysEndWaitsForItsLastBytesAndAFailedEndForNothing) {
   device.finish(exit_status::kRuntime);
   EXPECT_EQ(log.events, "finished1 ");
   EXPECT_EQ(log.data, "");
-  run_until(loop, [this] { return log.events == "finished1 finished0 "; });
+  EXPECT_TRUE(let_pass(loop, clock, hours(1), [this] { return log.events == "finished1 finished0 "; }));
   EXPECT_EQ(log.data, "answer");
 }
 
@@ -95,7 +90,8 @@ TEST_F(FilterPortTest, PassesOnWhenItIsTime) {
   port.in = port.out = milliseconds(1);
   device.send("a");
   port.write(as_bytes("b"));
-  run_until(loop, [this] { return log.data == "a" && log.events == "drained "; });
+  EXPECT_TRUE(
+      let_pass(loop, clock, hours(1), [this] { return log.data == "a" && log.events == "drained "; }));
   EXPECT_EQ(device.written, "b");
 }
 
@@ -150,7 +146,7 @@ TEST_F(FilterPortTest, WritesNothingToACongestedPort) {
   device.congested = true;
   port.out = milliseconds(1);
   port.write(as_bytes("a"));
-  wait(loop, milliseconds(5));
+  (void)let_pass(loop, clock, milliseconds(5));
   EXPECT_EQ(device.written, "");
   device.drain();
   EXPECT_EQ(device.written, "a");
@@ -162,13 +158,13 @@ TEST_F(FilterPortTest, DeliversNothingWhileNotRead) {
   EXPECT_FALSE(device.reading);
   port.in = milliseconds(1);
   device.send("a");
-  wait(loop, milliseconds(5));
+  (void)let_pass(loop, clock, milliseconds(5));
   EXPECT_EQ(log.data, "");
   port.read_pending();
   EXPECT_EQ(log.data, "");
   port.set_reading(true);
   EXPECT_TRUE(device.reading);
-  run_until(loop, [this] { return log.data == "a"; });
+  EXPECT_TRUE(let_pass(loop, clock, hours(1), [this] { return log.data == "a"; }));
 }
 
 TEST_F(FilterPortTest, HoldsBackNoMoreThanItsShare) {
@@ -388,7 +384,7 @@ TEST_F(FilterPortTest, ALineThatIsInterruptedUnreadIsTold) {
   device.send("abc");
   device.interrupt();
   port.set_reading(false);
-  run_until(loop, [this] { return log.events == "interrupted "; });
+  EXPECT_TRUE(let_pass(loop, clock, hours(1), [this] { return log.events == "interrupted "; }));
   EXPECT_EQ(log.dropped, 3U);
 }
 
@@ -501,7 +497,8 @@ class FilterOfEager : public testing::Test {
     port.listen(log);
     port.open();
   }
-  Loop loop;
+  ManualClock clock;
+  Loop loop{clock};
   LogBook book;
   PortLog log;
   Eager* device;
