@@ -61,7 +61,9 @@ made 0 merge part.3 part.1 part.2 -o again
 made 0 verify again
 grep -q ': sound: ' out || die "$(cat out)"
 same whole again || die "the merged parts are not the tape"
-diff <(tail -n +2 whole.loge) <(tail -n +2 again.loge) || die "the events of the merged parts are not the tape's"
+# The header is another, and with it the digest of all lines.
+events() { tail -n +2 "$1" | sed 's/,"events_xxh3":.*/}/'; }
+diff <(events whole.loge) <(events again.loge) || die "the events of the merged parts are not the tape's"
 made 0 merge second between -o two
 replays between three
 say "split and merge: the parts replay, and are the tape again"

@@ -459,7 +459,7 @@ TAPE_ROWS = [
     ("foreign_r", (1, "foreign_r.logr is shortened, or another tape's"), AS_VERIFIED, NOT_AS_TOLD),
     ("mixed", (1, "mixed.logw is shortened, or another tape's"), AS_VERIFIED, NOT_AS_TOLD),
     ("shortened", (1, "shortened.logr is shortened"), AS_VERIFIED, NOT_AS_TOLD),
-    ("changed", (1, "changed.logr is another tape's, or changed"), AS_VERIFIED, None),
+    ("changed", (1, "changed.logr is another tape's, or changed"), AS_VERIFIED, (1, "changed.logr is another")),
     ("torn", (1, "torn tail at offset 147"), (1, "torn.logr is shortened"), NOT_AS_TOLD),
     ("length", (1, "length.logr is damaged at offset 84"), (1, "damaged at offset 84"), None),
     ("time", (1, "time goes back from"), (1, "time goes back from"), NOT_AS_TOLD),
