@@ -62,10 +62,11 @@ TEST_F(DrivePortTest, AsksOnceTheDevicesLineIsUpAndClosesAsRecorded) {
   make_tape();
   start();
   EXPECT_EQ(log.events, "up ");
-  Timer later(loop, [this] { device_comes_up(); });
+  Timer later(loop, [this] {
+    EXPECT_EQ(log.data, "") << "nothing is sent to a line that is not there";
+    device_comes_up();
+  });
   later.set_after(milliseconds(20));
-  loop.run_one();
-  EXPECT_EQ(log.data, "") << "nothing is sent to a line that is not there";
   wait_for_question();
   device_sends("42");
   wait_for_report();
