@@ -79,9 +79,10 @@ std::vector<std::string> unchecked_of(const TapeSummary& tape) {
   return {};
 }
 
-// What an older recorder did not vouch for, on a tape that is sound otherwise.
+// What another or an older recorder did not vouch for.
 std::vector<std::string> uncovered_of(const TapeSummary& tape) {
   const EventsSummary& events = tape.events;
+  if (!events.exists) return {"times and events are not covered: a changed one would not be seen"};
   const bool covered =
       events.covers_lines && events.end_read && events.end_read->xxh3_all && events.end_write->xxh3_all;
   if (!events.ended || covered) return {};
@@ -106,7 +107,8 @@ Judgement judge(const TapeSummary& tape) {
   judgement.notes.insert(judgement.notes.end(), flaws.begin(), flaws.end());
   const std::vector<std::string> unchecked = unchecked_of(tape);
   if (judgement.damages.empty()) {
-    const std::vector<std::string> uncovered = unchecked.empty() ? uncovered_of(tape) : unchecked;
+    judgement.notes.insert(judgement.notes.end(), unchecked.begin(), unchecked.end());
+    const std::vector<std::string> uncovered = uncovered_of(tape);
     judgement.notes.insert(judgement.notes.end(), uncovered.begin(), uncovered.end());
   }
   using Verdict = Judgement::Verdict;

@@ -201,7 +201,9 @@ TEST(Judgement, WithoutDigestsItSaysWhatCouldNotBeChecked) {
   Files files = recorded();
   files.events.reset();
   EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
-  EXPECT_THAT(judged(files).notes, ElementsAre(HasSubstr("no events file, so no digests: ")));
+  const std::string uncovered = "times and events are not covered: ";
+  EXPECT_THAT(judged(files).notes,
+              ElementsAre(HasSubstr("no events file, so no digests: "), HasSubstr(uncovered)));
   for (const std::string& end : {encode(tape_time_us(9), event::End{}),
                                  encode(tape_time_us(9), event::End{PayloadTotals{2, 9, std::nullopt},
                                                                     PayloadTotals{2, 6, std::nullopt}})}) {
@@ -210,11 +212,13 @@ TEST(Judgement, WithoutDigestsItSaysWhatCouldNotBeChecked) {
   }
   EXPECT_THAT(judged(files).notes,
               ElementsAre("no digests in t.loge: changed bytes, or another tape's of the same "
-                          "length, would not be seen"));
+                          "length, would not be seen",
+                          HasSubstr(uncovered)));
   files.events = encode(TapeHeader{.device = "device", .driver = "driver"}) +
                  encode(tape_time_us(9), event::End{totals(kAnswers), totals(kQuestions)});
   EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
-  EXPECT_THAT(judged(files).notes, ElementsAre(HasSubstr("no id in t.loge, so no digests are compared")));
+  EXPECT_THAT(judged(files).notes,
+              ElementsAre(HasSubstr("no id in t.loge, so no digests are compared"), HasSubstr(uncovered)));
   EXPECT_EQ(words_of(Verdict::unchecked).find("sound"), std::string_view::npos);
 }
 
@@ -245,7 +249,8 @@ TEST(Judgement, ADigestThatOneFileLacksIsTold) {
     (of_read ? read : write).xxh3.reset();
     files.events = kTapeHeader + encode(tape_time_us(9), event::End{read, write});
     EXPECT_EQ(judged(files).verdict, Verdict::unchecked);
-    EXPECT_THAT(judged(files).notes, ElementsAre(HasSubstr("no digests in t.loge: changed bytes")));
+    EXPECT_THAT(judged(files).notes, ElementsAre(HasSubstr("no digests in t.loge: changed bytes"),
+                                                 HasSubstr("times and events are not covered")));
   }
 }
 
