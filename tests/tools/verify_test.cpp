@@ -43,7 +43,9 @@ TEST(Verify, WithoutDigestsItSaysWhatItCannotSee) {
             tape + ": no damage found, as far as it can be checked: 1 read and 1 write blocks, 0.000003 s\n" +
                 tape + ": note: no digests in " + tape +
                 "e, nor how much it was: a missing, swapped, shortened or foreign file would not be "
-                "seen\n");
+                "seen\n" +
+                tape + ": note: times and events are not covered: " + tape +
+                "e has no digests of them, so a changed one would not be seen\n");
 }
 
 TEST(Verify, AFileOfAnotherTapeIs1AndNamed) {
