@@ -6,17 +6,6 @@
 namespace porttape::simulation {
 namespace {
 
-// Whether `part` is `whole` less some of its bytes.
-bool is_subsequence(ByteView part, ByteView whole) {
-  auto at = whole.begin();
-  for (const Byte byte : part) {
-    at = std::find(at, whole.end(), byte);
-    if (at == whole.end()) return false;
-    ++at;
-  }
-  return true;
-}
-
 // Whether each datagram that was written is one that came.
 bool are_whole(std::span<const Passed> came, std::span<const Passed> written) {
   auto at = came.begin();
@@ -32,6 +21,16 @@ bool are_whole(std::span<const Passed> came, std::span<const Passed> written) {
 }
 
 }  // namespace
+
+bool is_subsequence(ByteView part, ByteView whole) {
+  auto at = whole.begin();
+  for (const Byte byte : part) {
+    at = std::find(at, whole.end(), byte);
+    if (at == whole.end()) return false;
+    ++at;
+  }
+  return true;
+}
 
 Bytes joined(std::span<const Passed> passed, bool to_listener) {
   Bytes all;

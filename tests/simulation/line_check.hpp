@@ -11,6 +11,9 @@
 
 namespace porttape::simulation {
 
+// Whether `part` is `whole` less some of its bytes.
+bool is_subsequence(ByteView part, ByteView whole);
+
 // All bytes of one direction.
 Bytes joined(std::span<const Passed> passed, bool to_listener);
 

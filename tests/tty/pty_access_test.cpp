@@ -26,9 +26,9 @@ class PtyAccessTest : public testing::Test {
   // What creating one says where these calls fail.
   static void expect_error(const std::vector<test::RefusedCall>& calls, const std::string& pattern) {
     EXPECT_TRUE(test::holds_without(calls, [&pattern] {
-      Loop loop;
-      FileEvents events(loop);
-      const Result<Pty> pty = Pty::create(events, {});
+      Loop own_loop;
+      FileEvents own_events(own_loop);
+      const Result<Pty> pty = Pty::create(own_events, {});
       ASSERT_FALSE(pty.has_value()) << pattern;
       EXPECT_EQ(pty.error().code, Errc::io);
       EXPECT_THAT(pty.error().message, testing::MatchesRegex(pattern));
