@@ -70,8 +70,7 @@ void judge_reading(RunReport& report) {
   const std::uint64_t all = report.to_driver_of.value_or(0);
   const bool speaks_alone = report.from_driver_of == 0U;
   const bool took_none = report.to_driver_bytes <= report.left_unread.value_or(0);
-  report.incomplete_by_unread = report.strictness > 0 && (report.must_read || (speaks_alone && took_none));
-  if (report.incomplete_by_unread) {
+  if (report.strictness > 0 && (report.must_read || (speaks_alone && took_none))) {
     report.verdict = Verdict::incomplete;
     return;
   }
@@ -81,6 +80,10 @@ void judge_reading(RunReport& report) {
   report.doubts.push_back(
       {Doubt::Kind::unread, fmt::format("{} byte{}{} that {} recorded as read {} not read{}", unread,
                                         unread == 1 ? "" : "s", of_all, one, one, remedy)});
+}
+
+bool is_incomplete_by_unread(const RunReport& report) {
+  return report.verdict == Verdict::incomplete && report.unread && !report.trouble;
 }
 
 void damage(RunReport& report, std::string_view why) {

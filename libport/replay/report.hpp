@@ -212,7 +212,6 @@ struct RunReport {
   std::uint64_t output_flushes = 0;          // of the tape's driver, each behind other writes
   bool must_read = false;                    // what was not read is part of the verdict
   std::optional<std::uint64_t> unread = {};  // of what was recorded as read, where judge_reading() found any
-  bool incomplete_by_unread = false;         // that alone makes it incomplete
   Micros idle{};                             // from the last byte of either direction to the run's end
   bool hung = false;                         // `porttape test`: it slept, or ran too long, and was ended
 
@@ -236,6 +235,8 @@ void give_up_totals(RunReport& report, std::string_view why);
 // Judges what the driver did not read of what was recorded as read, once the totals are known or given up: a
 // doubt, or the verdict where the driver took nothing of a tape that only speaks, or must read all.
 void judge_reading(RunReport& report);
+// Whether it found the verdict, which then has no other cause.
+bool is_incomplete_by_unread(const RunReport& report);
 // The tape is not what was recorded, as `why` tells: nothing passes by it.
 void damage(RunReport& report, std::string_view why);
 int exit_status_of(const RunReport& report);

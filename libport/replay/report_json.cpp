@@ -195,7 +195,7 @@ std::string latency_json(const std::optional<ThinkTimes>& times) {
 // Why, and what surrounds it.
 void add_diagnosis(JsonObject& json, const RunReport& report) {
   const std::optional<Cause>& cause = report.diagnosis.cause;
-  if (report.incomplete_by_unread) {
+  if (is_incomplete_by_unread(report)) {
     json.add("cause", "unread");  // a verdict's own
   } else {
     json.add_raw("cause", cause ? cause_json(*cause).str() : "null");

@@ -200,7 +200,7 @@ bool all_came(const RunReport& report) {
 }
 
 Headline unsent_headline(const RunReport& report) {
-  if (report.incomplete_by_unread) {
+  if (is_incomplete_by_unread(report)) {
     const std::string all = report.to_driver_of ? " of " + std::to_string(*report.to_driver_of) : "";
     return {"incomplete", text_of(roles_of(report.writer).one) + " did not read " +
                               std::to_string(*report.unread) + all + " bytes that were recorded as read"};
@@ -300,8 +300,8 @@ std::string finding(const RunReport& report, const Paint& paint) {
   if (const auto& cause = report.diagnosis.cause) out += "  cause     " + paint.bold(cause->text) + '\n';
   const bool other_cause = good || report.trouble || report.verdict == Verdict::incomplete ||
                            report.verdict == Verdict::settings_mismatch;
-  if (report.verdict == Verdict::incomplete && !all_came(report) && !report.incomplete_by_unread)
-    out += unsent_lines(report);
+  const bool by_what_came = report.verdict == Verdict::incomplete && !is_incomplete_by_unread(report);
+  if (by_what_came && !all_came(report)) out += unsent_lines(report);
   if (report.mismatch && other_cause)
     out += "  before    " + headline_of(*report.mismatch, roles_of(report.writer)).text + '\n';
   if (report.mismatch)
@@ -316,7 +316,7 @@ std::string to_text(const RunReport& report, bool color) {
   const Paint paint(color);
   std::string out = finding(report, paint);
   const std::vector<std::string> left = left_out(report);
-  const bool by_what_came = report.verdict == Verdict::incomplete && !report.incomplete_by_unread;
+  const bool by_what_came = report.verdict == Verdict::incomplete && !is_incomplete_by_unread(report);
   const std::size_t said = by_what_came && all_came(report) ? 1 : 0;  // as the cause
   for (std::size_t n = said; n < left.size(); ++n) out += "  " + left[n] + '\n';
   out += settings_lines(report);

@@ -1,14 +1,14 @@
 #include "libport/replay/schedule.hpp"
 
 #include <algorithm>
-#include <utility>
 #include <variant>
 
 namespace porttape {
 
 void Schedule::rewind() {
   restart();
-  records_told_ = output_flushes_ = 0;
+  records_told_ = 0;
+  output_flushes_ = {};
 }
 
 void Schedule::restart() {
@@ -22,7 +22,7 @@ void Schedule::restart() {
   opens_passed_ = 0;
   hang_ups_passed_ = 0;
   gaps_passed_ = 0;
-  flushed_at_ = 0;
+  output_flushes_.restart();
   exchange_ = 0;
   answered_ = true;
   line_closed_ = false;
@@ -103,7 +103,7 @@ void Schedule::pass(bool expected) {
 void Schedule::pass_event(const Event* event) {
   const auto* flush = event == nullptr ? nullptr : std::get_if<event::Flush>(event);
   if (flush == nullptr || flush->queue == event::Flush::Queue::in) return;
-  if (std::exchange(flushed_at_, passed_.writes) != passed_.writes) ++output_flushes_;
+  output_flushes_.add(passed_.writes);
 }
 
 ByteView Schedule::rest() {

@@ -8,6 +8,7 @@
 #include "libport/base/error.hpp"
 #include "libport/base/time.hpp"
 #include "libport/replay/budget.hpp"
+#include "libport/replay/output_flushes.hpp"
 #include "libport/replay/settings_check.hpp"
 #include "libport/tape/record.hpp"
 
@@ -69,9 +70,8 @@ class Schedule {
   [[nodiscard]] std::uint64_t opens_passed() const { return opens_passed_; }
   [[nodiscard]] std::size_t hang_ups_passed() const { return hang_ups_passed_; }
   [[nodiscard]] std::size_t gaps_passed() const { return gaps_passed_; }
-  // How often the driver dropped what it had written and was not sent, with writes before it since the last
-  // time.
-  [[nodiscard]] std::uint64_t output_flushes() const { return output_flushes_; }
+  // Of the tape's driver.
+  [[nodiscard]] std::uint64_t output_flushes() const { return output_flushes_.count(); }
   // Whether the walk is between a recorded close and open: nobody had the line then.
   [[nodiscard]] bool line_closed() const { return line_closed_; }
   // 1-based number of the exchange that the byte at `offset` of the write stream belongs to. Exact for what
@@ -97,8 +97,7 @@ class Schedule {
   std::uint64_t opens_passed_ = 0;
   std::size_t hang_ups_passed_ = 0;
   std::size_t gaps_passed_ = 0;
-  std::uint64_t output_flushes_ = 0;  // in this run
-  std::uint64_t flushed_at_ = 0;      // in the stream of writes
+  OutputFlushes output_flushes_;  // in this run
   std::uint64_t exchange_ = 0;
   bool answered_ = true;  // a read came after the last write
   bool line_closed_ = false;

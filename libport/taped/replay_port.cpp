@@ -50,9 +50,7 @@ bool is_small(const TapePaths& paths) {
   return size <= kSmallTape;
 }
 
-// What a small tape holds; nothing for a larger one.
-std::optional<TapeTotals> count_small(const TapePaths& paths, RecordSource& tape, TapeTime start) {
-  if (!is_small(paths)) return std::nullopt;
+std::optional<TapeTotals> count_at_once(RecordSource& tape, TapeTime start) {
   const std::optional<TapeTotals> totals = count_tape(tape, {}, start);
   return tape.rewind() ? totals : std::nullopt;
 }
@@ -84,7 +82,8 @@ Result<void> ReplayPort::prepare() {
       PlayedTape::open(options_.tape, as, PlayedTape::Select::compared);
   if (!writes) return writes.error();
   if (known->flaw) return *known->flaw;
-  const bool check_now = known->checkable && is_small(options_.tape);
+  const bool small = is_small(options_.tape);
+  const bool check_now = known->checkable && small;
   const std::optional<TapeCheck> checked = check_now ? check_tape(options_.tape) : std::nullopt;
   if (checked && checked->whole && !checked->found) return checked->found;
   Engine::TapeFacts& facts = known->facts;
@@ -114,7 +113,8 @@ Result<void> ReplayPort::prepare() {
   if (drives()) facts.totals.reset();  // what is compared is counted, and that may be less
   if (Result<void> there = check_start(*schedule_, known->last); !there) return there;
   if (options_.brief && facts.opens <= 1) context_.loop->file_events().begin_after(kBrief);
-  if (const auto counted = count_small(options_.tape, *schedule_, config.start)) facts.totals = counted;
+  if (const auto counted = small ? count_at_once(*schedule_, config.start) : std::nullopt)
+    facts.totals = counted;
   reports_ =
       std::make_unique<ReplayReports>(context_,
                                       ReplayReports::Options{.tape = options_.tape,
@@ -240,7 +240,7 @@ bool ReplayPort::discard() {
 
 void ReplayPort::peer_flushed(FlushQueue queue) {
   if (!schedule_->has_events()) return;
-  if (queue != FlushQueue::in && std::exchange(flushed_at_, written_) != written_) ++output_flushes_;
+  if (queue != FlushQueue::in) output_flushes_.add(written_);
   if (queue == FlushQueue::out) return;
   engine_->on_flush(context_.loop->now());
   pump();
@@ -586,8 +586,8 @@ void ReplayPort::add_refused(RunReport& report) {
 
 // What was written just before one of them came or was dropped, as it chanced.
 void ReplayPort::add_output_flushes(RunReport& report) {
-  const std::uint64_t flushes = std::exchange(output_flushes_, 0);
-  written_ = flushed_at_ = 0;
+  const std::uint64_t flushes = std::exchange(output_flushes_, {}).count();
+  written_ = 0;
   if (flushes <= report.output_flushes) return;
   const std::uint64_t more = flushes - report.output_flushes;
   report.doubts.push_back(

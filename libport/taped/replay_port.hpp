@@ -10,6 +10,7 @@
 #include "libport/port/port.hpp"
 #include "libport/replay/device_line.hpp"
 #include "libport/replay/engine.hpp"
+#include "libport/replay/output_flushes.hpp"
 #include "libport/tape/tape_name.hpp"
 #include "libport/taped/aftermath.hpp"
 #include "libport/taped/played_tape.hpp"
@@ -168,10 +169,9 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   // Since the last report: who was turned away, and what it had written.
   std::uint64_t refused_ = 0;
   std::uint64_t refused_bytes_ = 0;
-  // In this run: what the driver wrote, where it last dropped what of that was unread, and how often it did.
-  std::uint64_t written_ = 0;
-  std::uint64_t flushed_at_ = 0;
-  std::uint64_t output_flushes_ = 0;
+  // In this run.
+  std::uint64_t written_ = 0;  // bytes of the driver's
+  OutputFlushes output_flushes_;
   std::optional<std::uint64_t> left_unread_;  // by the driver that has just gone
   std::optional<FaultsReport> faults_;        // of the run that goes on
   std::optional<Instant> run_begun_;

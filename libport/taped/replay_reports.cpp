@@ -182,10 +182,39 @@ void ReplayReports::move_on() {
 
 bool ReplayReports::complete(Waiting& waiting, Instant now) {
   const bool hint = has_hint(waiting, now);
-  return has_totals(waiting, now) && has_check(waiting, now) && has_diagnosis(waiting, now) && hint;
+  if (!waiting.settled && !settle(waiting, now)) return false;
+  return has_diagnosis(waiting, now) && hint;
 }
 
-// By its totals the report has its verdict.
+// By the count and the check, or without what of them does not come in time, the report has its verdict.
+bool ReplayReports::settle(Waiting& waiting, Instant now) {
+  const bool counted = options_.totals || count_->done;
+  const bool checked = !check_ || check_->done;
+  if (!(counted && checked) && !late(waiting.ended + kCountLimit, now)) return false;
+  if (options_.totals) {
+    add_totals(waiting.report, *options_.totals);
+  } else {
+    count_->stop = true;
+    give_up_totals(waiting.report, "it was not counted in time, so that writes may be missing");
+  }
+  judge_reading(waiting.report);
+  if (check_) add_check(waiting.report);
+  begin_diagnosis(waiting, now);
+  return true;
+}
+
+// A verdict is about all of the tape.
+void ReplayReports::add_check(RunReport& report) const {
+  if (!check_->found) {
+    report.doubts.push_back(
+        {Doubt::Kind::unchecked,
+         "the tape was not read to its end in time: whether it is as it was recorded is not "
+         "known; `porttape verify` tells"});
+  } else if (const Result<void>& sound = check_->found->found; !sound && !report.trouble) {
+    damage(report, sound.error().message);
+  }
+}
+
 void ReplayReports::begin_diagnosis(Waiting& waiting, Instant now) {
   waiting.settled = now;
   const std::optional<std::uint64_t> place = place_of_fault(waiting.report);
@@ -209,7 +238,6 @@ void ReplayReports::begin_diagnosis(Waiting& waiting, Instant now) {
 }
 
 bool ReplayReports::has_diagnosis(Waiting& waiting, Instant now) {
-  if (!waiting.settled) begin_diagnosis(waiting, now);
   if (!waiting.diagnosing) return true;
   if (waiting.diagnosing->done) {
     waiting.report.excerpt = waiting.diagnosing->report.excerpt;
@@ -219,37 +247,6 @@ bool ReplayReports::has_diagnosis(Waiting& waiting, Instant now) {
   }
   waiting.diagnosing->stop = true;
   waiting.diagnosing.reset();
-  return true;
-}
-
-bool ReplayReports::has_totals(Waiting& waiting, Instant now) {
-  if (std::exchange(waiting.counted, true)) return true;
-  if (options_.totals) {
-    add_totals(waiting.report, *options_.totals);
-  } else if (!count_->done && !late(waiting.ended + kCountLimit, now)) {
-    return waiting.counted = false;
-  } else {
-    count_->stop = true;
-    give_up_totals(waiting.report, "it was not counted in time, so that writes may be missing");
-  }
-  judge_reading(waiting.report);
-  return true;
-}
-
-// A verdict is about all of the tape.
-bool ReplayReports::has_check(Waiting& waiting, Instant now) {
-  if (!check_ || waiting.checked) return true;
-  if (!check_->done && !late(waiting.ended + kCountLimit, now)) return false;
-  waiting.checked = true;
-  RunReport& report = waiting.report;
-  if (!check_->found) {
-    report.doubts.push_back(
-        {Doubt::Kind::unchecked,
-         "the tape was not read to its end in time: whether it is as it was recorded is not "
-         "known; `porttape verify` tells"});
-  } else if (const Result<void>& sound = check_->found->found; !sound && !report.trouble) {
-    damage(report, sound.error().message);
-  }
   return true;
 }
 
@@ -308,7 +305,7 @@ void ReplayReports::set_timer() {
   if (done_) at(waiting_.empty() ? *limit_ : *limit_ - kFileTime);
   if (!waiting_.empty()) {
     const Waiting& first = waiting_.front();
-    if (!first.counted || (check_ && !first.checked)) at(first.ended + kCountLimit);
+    if (!first.settled) at(first.ended + kCountLimit);
     if (first.search) at(first.ended + kHintLimit);
     if (first.diagnosing) at(*first.settled + kHintLimit);
   }

@@ -81,8 +81,6 @@ class ReplayReports {
     Instant ended{};
     std::optional<Instant> settled = {};  // since then its verdict is known
     std::shared_ptr<Diagnosing> diagnosing = {};
-    bool counted = false;  // by the totals, or without them
-    bool checked = false;  // its doubts and its trouble are from now on known
   };
 
   [[nodiscard]] bool run(const Workers::Strand& strand, const std::shared_ptr<Job>& job,
@@ -91,8 +89,8 @@ class ReplayReports {
   void move_on();
   bool complete(Waiting& waiting, Instant now);
   void begin_check();
-  bool has_totals(Waiting& waiting, Instant now);
-  bool has_check(Waiting& waiting, Instant now);
+  bool settle(Waiting& waiting, Instant now);
+  void add_check(RunReport& report) const;
   bool has_hint(Waiting& waiting, Instant now);
   void begin_diagnosis(Waiting& waiting, Instant now);
   bool has_diagnosis(Waiting& waiting, Instant now);

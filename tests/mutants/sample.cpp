@@ -34,8 +34,10 @@ void break_left_out() {
 bool negated(int n) { return n == 3; }
 
 void branch(int n) {
-  if (n % 7 == 3 && n != 17) std::puts("taken");
-  else std::puts("not taken");
+  if (n % 7 == 3 && n != 17)
+    std::puts("taken");
+  else
+    std::puts("not taken");
 }
 
 struct Found {
@@ -44,8 +46,10 @@ struct Found {
 };
 
 void declared(int n) {
-  if (const Found found = {n}) std::printf("found %d\n", found.value);
-  else std::puts("none");
+  if (const Found found = {n})
+    std::printf("found %d\n", found.value);
+  else
+    std::puts("none");
 }
 
 void bound(int n) {
@@ -62,9 +66,12 @@ void constants(bool yes) {
 
 const char* name(Colour colour) {
   switch (colour) {
-    case Colour::red: return "red";
-    case Colour::green: return "green";
-    default: break;
+    case Colour::red:
+      return "red";
+    case Colour::green:
+      return "green";
+    default:
+      break;
   }
   return "other";
 }

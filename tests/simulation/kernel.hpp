@@ -9,8 +9,8 @@
 
 namespace porttape::simulation {
 
-// Chance from a seed, the same with every library (SplitMix64). The seed is mixed first: neighbouring multiples of
-// the step below would give one sequence, each a number further on.
+// Chance from a seed, the same with every library (SplitMix64). The seed is mixed first: neighbouring
+// multiples of the step below would give one sequence, each a number further on.
 class Random {
  public:
   using result_type = std::uint64_t;

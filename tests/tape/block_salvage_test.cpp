@@ -8,6 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/failing_source.hpp"
 #include "tests/support/tape_bytes.hpp"
 
 namespace porttape {
@@ -259,22 +260,6 @@ TEST(BlockSalvage, HoldsBlocksWhereTheyFollowOneAnother) {
   EXPECT_FALSE(holds(test::block_bytes(numbered(3), true)));
 }
 
-// Fails at one of its reads.
-class FailingBlocks final : public ByteSource {
- public:
-  FailingBlocks(Bytes bytes, int reads_left) : bytes_("b", std::move(bytes)), reads_left_(reads_left) {}
-  Result<std::size_t> read_at(std::uint64_t offset, std::span<Byte> into) override {
-    if (reads_left_-- == 0) return make_error(Errc::io, "out of order");
-    return bytes_.read_at(offset, into);
-  }
-  Result<std::uint64_t> size() override { return bytes_.size(); }
-  [[nodiscard]] const std::string& name() const override { return bytes_.name(); }
-
- private:
-  MemorySource bytes_;
-  int reads_left_;
-};
-
 TEST(BlockSalvage, AFailedReadIsItsErrorWhereverItComes) {
   std::vector<Block> blocks = numbered(20);
   blocks[5].us = 5;
@@ -282,7 +267,8 @@ TEST(BlockSalvage, AFailedReadIsItsErrorWhereverItComes) {
   overwrite(bytes, 12 * 16, kGarbage.substr(0, 12));
   int failed = 0;
   for (int reads = 0; reads < 10; ++reads) {
-    BlockSalvage salvage(std::make_unique<FailingBlocks>(bytes, reads), Layout::big_endian, bytes.size());
+    BlockSalvage salvage(std::make_unique<test::FailingSource>(bytes, reads), Layout::big_endian,
+                         bytes.size());
     for (;;) {
       const auto step = salvage.next();
       if (!step) {
@@ -294,7 +280,7 @@ TEST(BlockSalvage, AFailedReadIsItsErrorWhereverItComes) {
     }
   }
   EXPECT_EQ(failed, 4) << "each time that it reads the file anew";
-  FailingBlocks source(bytes, 0);
+  test::FailingSource source(bytes, 0);
   EXPECT_EQ(BlockSalvage::holds_blocks(source, Layout::big_endian, bytes.size()).error().message,
             "out of order");
 }

@@ -27,7 +27,7 @@
 #include "libport/tape/tape_writer.hpp"
 #include "tests/support/manual_clock.hpp"
 #include "tests/support/tape_bytes.hpp"
-#include "tests/support/temp_dir.hpp"
+#include "tests/support/tape_folder.hpp"
 
 namespace porttape {
 namespace {
@@ -52,27 +52,8 @@ std::vector<RefusedCall> no_look_at_descriptors(int error) {
           {SYS_newfstatat, error, RefusedCall::Argument{3, AT_EMPTY_PATH, AT_EMPTY_PATH}}};
 }
 
-class RefusedCalls : public testing::Test {
+class RefusedCalls : public test::TapeFolder {
  protected:
-  [[nodiscard]] std::vector<std::string> names() const {
-    std::vector<std::string> all;
-    for (const auto& each : fs::directory_iterator(dir.path()))
-      all.push_back(each.path().filename().string());
-    std::ranges::sort(all);
-    return all;
-  }
-  static std::string text_of_file(const fs::path& path) {
-    const Bytes bytes = test::read_file(path);
-    return std::string(as_text(bytes));
-  }
-  static void write_all(const TapePaths& tape, const std::string& text) {
-    for (const fs::path& path : {tape.read, tape.write, tape.events})
-      test::write_file(path, test::bytes_of(text));
-  }
-  static void expect_all(const TapePaths& tape, const std::string& text) {
-    for (const fs::path& path : {tape.read, tape.write, tape.events})
-      EXPECT_EQ(text_of_file(path), text) << path;
-  }
   static Result<NewTapeFiles> make_files(const TapePaths& paths, OnExisting on_existing) {
     auto files = NewTapeFiles::make(paths, {.on_existing = on_existing, .sync = false},
                                     NewTapeFiles::Appear::when_published);
@@ -84,7 +65,6 @@ class RefusedCalls : public testing::Test {
     return files;
   }
 
-  test::TempDir dir;
   const TapePaths paths = literal_tape(dir / "t.log");
   const std::string file = dir / "file";
 };
@@ -131,7 +111,7 @@ TEST_F(RefusedCalls, WithoutUnnamedFilesANameThatIsTakenMeanwhileStays) {
     EXPECT_EQ(files->publish().error().code, Errc::usage);
   }));
   EXPECT_THAT(names(), ElementsAre("t.logr"));
-  EXPECT_EQ(text_of_file(paths.read), "theirs");
+  EXPECT_EQ(content_of(paths.read), "theirs");
 }
 
 TEST_F(RefusedCalls, WhereUnnamedFilesFailForAnotherReasonItIsTold) {
@@ -163,7 +143,7 @@ TEST_F(RefusedCalls, WithoutUnnamedFilesAFileHasAHiddenNameUntilItAppears) {
         EXPECT_TRUE(made->finish());
       })) << error;
       EXPECT_THAT(names(), ElementsAre("file"));
-      EXPECT_EQ(text_of_file(file), "new");
+      EXPECT_EQ(content_of(file), "new");
       fs::remove(file);
     }
   }
@@ -180,7 +160,7 @@ TEST_F(RefusedCalls, WithoutUnnamedFilesSomebodyElsesFileStaysToo) {
       EXPECT_THAT(made->finish().error().message, HasSubstr("made by somebody else meanwhile"));
     }));
     EXPECT_THAT(names(), ElementsAre("file"));
-    EXPECT_EQ(text_of_file(file), "theirs");
+    EXPECT_EQ(content_of(file), "theirs");
     fs::remove(file);
   }
 }
@@ -192,7 +172,7 @@ TEST_F(RefusedCalls, WithoutARenameThatReplacesNothingAFileIsLinked) {
     EXPECT_TRUE(made->finish());
     EXPECT_THAT(names(), ElementsAre("file"));
   }));
-  EXPECT_EQ(text_of_file(file), "new");
+  EXPECT_EQ(content_of(file), "new");
 }
 
 TEST_F(RefusedCalls, WhereTheRenameFailsNothingIsLeft) {
@@ -203,7 +183,7 @@ TEST_F(RefusedCalls, WhereTheRenameFailsNothingIsLeft) {
     EXPECT_EQ(made->finish().error(),
               make_error(Errc::io, "'" + file + "' cannot be written: Input/output error"));
   }));
-  EXPECT_EQ(text_of_file(file), "old");
+  EXPECT_EQ(content_of(file), "old");
   EXPECT_TRUE(holds_without({no_unnamed_files(EOPNOTSUPP), no_rename_flags(EIO)}, [&] {
     auto made = NewFile::create(dir / "other", false);
     ASSERT_TRUE(made);

@@ -9,6 +9,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/failing_source.hpp"
 #include "tests/support/tape_bytes.hpp"
 
 namespace porttape {
@@ -110,26 +111,10 @@ TEST(BlockChain, EndsWithinTheFile) {
   }
 }
 
-// Bytes that can fail, and of which there may be fewer than the file had.
-class LaggingSource final : public ByteSource {
- public:
-  LaggingSource(Bytes bytes, int reads_left) : bytes_("s", std::move(bytes)), reads_left_(reads_left) {}
-  Result<std::size_t> read_at(std::uint64_t offset, std::span<Byte> into) override {
-    if (reads_left_-- == 0) return make_error(Errc::io, "out of order");
-    return bytes_.read_at(offset, into);
-  }
-  Result<std::uint64_t> size() override { return bytes_.size(); }
-  [[nodiscard]] const std::string& name() const override { return bytes_.name(); }
-
- private:
-  MemorySource bytes_;
-  int reads_left_;
-};
-
 TEST(BlockChain, AFailedReadIsItsError) {
   const Bytes bytes = test::block_bytes(blocks_of(3));
   for (const int reads : {0, 1, 2}) {
-    LaggingSource source(bytes, reads);
+    test::FailingSource source(bytes, reads);
     EXPECT_EQ(find_block_chain(source, Layout::big_endian, 0, bytes.size(), 0).error().message,
               "out of order");
   }
@@ -138,7 +123,7 @@ TEST(BlockChain, AFailedReadIsItsError) {
 TEST(BlockChain, WhereTheFileHasBecomeShorterThereIsNone) {
   const Bytes bytes = test::block_bytes(blocks_of(3));
   for (const std::ptrdiff_t size : {0, 11, 16, 27}) {
-    LaggingSource source(Bytes(bytes.begin(), bytes.begin() + size), -1);
+    test::FailingSource source(Bytes(bytes.begin(), bytes.begin() + size), -1);
     EXPECT_EQ(find_block_chain(source, Layout::big_endian, 0, bytes.size(), 0).value(), std::nullopt) << size;
   }
 }

@@ -13,7 +13,7 @@
 
 #include "libport/tape/tape_lock.hpp"
 #include "tests/support/tape_bytes.hpp"
-#include "tests/support/temp_dir.hpp"
+#include "tests/support/tape_folder.hpp"
 
 namespace porttape {
 namespace {
@@ -23,40 +23,20 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::MatchesRegex;
 
-class TapeSetTest : public testing::Test {
+class TapeSetTest : public test::TapeFolder {
  protected:
-  [[nodiscard]] std::vector<std::string> names() const {
-    std::vector<std::string> all;
-    for (const auto& each : fs::directory_iterator(dir.path()))
-      all.push_back(each.path().filename().string());
-    std::ranges::sort(all);
-    return all;
-  }
-  static std::string content_of(const fs::path& path) {
-    const Bytes bytes = test::read_file(path);
-    return std::string(as_text(bytes));
-  }
-  static void write(const TapePaths& tape, const std::string& text) {
-    for (const fs::path& path : {tape.read, tape.write, tape.events})
-      test::write_file(path, test::bytes_of(text));
-  }
   // Of both tapes, each file with its text.
   static void make(TapeSet& set, const TapePaths& tape, const std::string& text) {
     const auto place = set.place(tape);
     ASSERT_TRUE(place);
-    write(*place, text);
+    write_all(*place, text);
   }
   TapeSet begin(OnExisting on_existing) {
     auto set = TapeSet::begin(one, on_existing);
     if (!set) throw std::runtime_error(set.error().message);
     return std::move(*set);
   }
-  static void expect_holds(const TapePaths& tape, const std::string& text) {
-    for (const fs::path& path : {tape.read, tape.write, tape.events})
-      EXPECT_EQ(content_of(path), text) << path;
-  }
 
-  test::TempDir dir;
   TapePaths one = literal_tape(dir / "one.log");
   TapePaths two = literal_tape(dir / "two.log");
 };
@@ -71,8 +51,8 @@ TEST_F(TapeSetTest, AppearsTogetherOutOfAHiddenFolder) {
     EXPECT_EQ(names().size(), 7U);
   }
   EXPECT_EQ(names().size(), 6U);
-  expect_holds(one, "1");
-  expect_holds(two, "2");
+  expect_all(one, "1");
+  expect_all(two, "2");
 }
 
 TEST_F(TapeSetTest, GoesAwayUnlessItIsPublished) {
@@ -119,40 +99,40 @@ TEST_F(TapeSetTest, ANameThatIsTakenMeanwhileIsLeftToWhoHasIt) {
 }
 
 TEST_F(TapeSetTest, WhatIsToBeReplacedIsSoByAll) {
-  write(one, "old");
+  write_all(one, "old");
   TapeSet set = begin(OnExisting::overwrite);
   make(set, one, "1");
   make(set, two, "2");
-  expect_holds(one, "old");
+  expect_all(one, "old");
   ASSERT_TRUE(set.publish());
-  expect_holds(one, "1");
-  expect_holds(two, "2");
+  expect_all(one, "1");
+  expect_all(two, "2");
 }
 
 // A tape whose last file was never made.
 TEST_F(TapeSetTest, WhereOneCannotBeMovedAllIsAsItWas) {
   for (const bool replaced : {false, true}) {
-    write(one, "old");
-    if (replaced) write(two, "old");
+    write_all(one, "old");
+    if (replaced) write_all(two, "old");
     {
       TapeSet set = begin(OnExisting::overwrite);
       make(set, one, "1");
       const auto place = set.place(two);
       ASSERT_TRUE(place);
-      write(*place, "2");
+      write_all(*place, "2");
       fs::remove(place->read);
       const auto published = set.publish();
       EXPECT_EQ(published.error(),
                 make_error(Errc::io, "cannot make '" + two.read.string() + "': No such file or directory"));
     }
-    expect_holds(one, "old");
-    if (replaced) expect_holds(two, "old");
+    expect_all(one, "old");
+    if (replaced) expect_all(two, "old");
     EXPECT_EQ(names().size(), replaced ? 6U : 3U);
   }
 }
 
 TEST_F(TapeSetTest, AFileThatSomebodyHoldsIsNotReplaced) {
-  write(one, "old");
+  write_all(one, "old");
   TapeSet set = begin(OnExisting::overwrite);
   make(set, one, "1");
   const UniqueFd reader(::open(one.write.c_str(), O_RDONLY | O_CLOEXEC));
@@ -162,7 +142,7 @@ TEST_F(TapeSetTest, AFileThatSomebodyHoldsIsNotReplaced) {
   ASSERT_EQ(::fcntl(reader.get(), F_OFD_SETLK, &lock), 0);
   EXPECT_EQ(set.publish().error(),
             make_error(Errc::usage, "'" + one.write.string() + "' is being written by a recording"));
-  expect_holds(one, "old");
+  expect_all(one, "old");
 }
 
 TEST_F(TapeSetTest, TheSignalsThatWereBlockedAreSoAfterwards) {

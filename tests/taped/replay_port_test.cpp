@@ -1,7 +1,5 @@
 // The replaying port: what it does off the loop, and when its end is told.
 
-#include "libport/taped/replay_port.hpp"
-
 #include <filesystem>
 #include <memory>
 #include <sys/stat.h>
@@ -11,57 +9,15 @@
 
 #include "libport/replay/budget.hpp"
 #include "libport/replay/replay_clock.hpp"
-#include "libport/tape/block.hpp"
 #include "libport/tape/event.hpp"
-#include "tests/support/port_log.hpp"
-#include "tests/support/quiet_log.hpp"
 #include "tests/support/tape_bytes.hpp"
-#include "tests/support/tape_on_disk.hpp"
-#include "tests/support/temp_dir.hpp"
 #include "tests/support/time_bound.hpp"
+#include "tests/taped/replay_port_fixture.hpp"
 
 namespace porttape {
 namespace {
 
 using testing::HasSubstr;
-
-class ReplayPortTest : public testing::Test {
- protected:
-  void start(const std::string& report = {}, OnMismatch on_mismatch = OnMismatch::fail, bool open = true) {
-    ReplayPort::Options options;
-    options.tape = literal_tape(dir / "t.log");
-    options.config.on_mismatch = on_mismatch;
-    options.config.match = match;
-    options.config.chunks = chunks;
-    options.report_file = report;
-    options.once = once;
-    options.looks_on = looks_on;
-    options.session = session;
-    port = std::make_unique<ReplayPort>(PortContext{&loop, book.log()}, std::move(options));
-    port->listen(log);
-    ASSERT_TRUE(port->prepare().has_value());
-    if (open) port->open();
-  }
-  void write(std::string_view text) { port->write(as_bytes(text)); }
-  // How long it took until finish() was done.
-  Nanos finish() {
-    const Instant begin = loop.now();
-    port->finish();
-    run_until(loop, [this] { return log.status.has_value(); });
-    return loop.now() - begin;
-  }
-
-  test::TempDir dir;
-  Loop loop;
-  LogBook book;
-  PortLog log;
-  bool once = false;
-  bool looks_on = false;
-  std::uint64_t session = 0;
-  Match match = Match::sequence;
-  Chunks chunks = Chunks::automatic;
-  std::unique_ptr<ReplayPort> port;
-};
 
 TEST_F(ReplayPortTest, TheHintIsInTheReportThoughTheLineHungUpBefore) {
   test::write_file(dir / "t.logw", test::block_bytes({{0, "one\n"}, {10, "two\n"}, {20, "three\n"}}));
@@ -198,23 +154,6 @@ TEST_F(ReplayPortTest, FilesThatAreNotWhatTheEndTellsAreNotPlayed) {
   events({});
   test::write_file(dir / "t.logw", {});
   EXPECT_EQ(said(), "plays") << "an end that tells nothing of the files";
-}
-
-TEST_F(ReplayPortTest, AnEndThatIsMissingIsADoubt) {
-  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
-  for (const bool ended : {false, true}) {
-    std::string events = encode(TapeHeader{}) + encode(tape_time_us(0), event::Open{});
-    if (ended) events += encode(tape_time_us(50), event::End{});
-    test::write_file(dir / "t.loge", as_bytes(events));
-    start();
-    write("one");
-    port->close();
-    run_until(loop, [this] { return port->report().has_value(); });
-    EXPECT_EQ(port->report()->verdict, Verdict::pass);
-    ASSERT_EQ(port->report()->doubts.size(), ended ? 0U : 1U);
-    for (const Doubt& doubt : port->report()->doubts)
-      EXPECT_THAT(doubt.text, HasSubstr("the tape has no end"));
-  }
 }
 
 TEST_F(ReplayPortTest, TheReportFileIsThereWhenTheEndIsTold) {
@@ -490,111 +429,6 @@ TEST_F(ReplayPortTest, ATapeOfEmptyBlocksHoldsNothingUp) {
   EXPECT_THAT(port->report()->trouble.value_or(""), HasSubstr("not counted in time"));
 }
 
-// A recorded tape; one that is small is checked before it is played, and any other meanwhile.
-class CheckedReplay : public ReplayPortTest {
- protected:
-  static constexpr std::size_t kSmall = 65536;  // bytes of both files
-
-  // The answer makes the files as large as that.
-  void record(std::size_t bytes) {
-    const std::size_t headers = 3 * kHeaderSize;
-    answer_ = std::string(bytes - headers - 3 - 3, 'x');
-    test::MemoryTape tape;
-    tape.open(0).write(10, "one").read(20, answer_).write(30, "two").close(40);
-    test::write_tape(literal_tape(dir / "t.log"), tape, {.device = "d", .driver = "p"});
-  }
-  void flip(const char* file, std::size_t at) {
-    Bytes all = test::read_file(dir / file);
-    all.at(at) ^= 1;
-    test::write_file(dir / file, all);
-  }
-  Result<void> prepared() {
-    ReplayPort::Options options;
-    options.tape = literal_tape(dir / "t.log");
-    ReplayPort made(PortContext{&loop, book.log()}, std::move(options));
-    made.listen(log);
-    return made.prepare();
-  }
-  void play() {
-    start();
-    write("one");
-    run_until(loop, [this] { return log.data.size() == answer_.size(); });
-    write("two");
-    port->close();
-    (void)finish();
-  }
-
-  std::string answer_;
-};
-
-TEST_F(CheckedReplay, ASmallTapeThatIsChangedIsNotPlayed) {
-  record(kSmall);
-  ASSERT_TRUE(prepared());
-  flip("t.logr", 7);
-  ASSERT_FALSE(prepared());
-  EXPECT_EQ(prepared().error().code, Errc::damaged_tape);
-  EXPECT_THAT(prepared().error().message, HasSubstr("t.logr has other times or lengths of blocks"));
-  flip("t.logr", 7);
-  flip("t.logr", kHeaderSize);
-  EXPECT_THAT(prepared().error().message, HasSubstr("t.logr is another tape's, or changed"));
-  flip("t.logr", kHeaderSize);
-  flip("t.loge", 2);
-  EXPECT_FALSE(prepared());
-}
-
-TEST_F(CheckedReplay, ALargerOneThatIsChangedFailsItsRun) {
-  record(kSmall + 1);
-  flip("t.logw", 2 * kHeaderSize + 3 - 5);  // the second block's time
-  ASSERT_TRUE(prepared());
-  play();
-  EXPECT_EQ(log.status, 1);
-  EXPECT_EQ(port->report()->verdict, Verdict::incomplete) << "nothing passes by it";
-  EXPECT_THAT(port->report()->trouble.value_or(""), HasSubstr("t.logw has other times or lengths of blocks"));
-}
-
-TEST_F(CheckedReplay, ALargerOneThatIsSoundPassesWithoutADoubt) {
-  record(kSmall + 1);
-  play();
-  EXPECT_EQ(log.status, 0) << book.text();
-  EXPECT_EQ(port->report()->verdict, Verdict::pass);
-  EXPECT_THAT(port->report()->doubts, testing::IsEmpty());
-}
-
-TEST_F(CheckedReplay, AMismatchStaysTheVerdictOfAChangedTape) {
-  record(kSmall + 1);
-  flip("t.logr", 7);
-  start();
-  write("other");
-  (void)finish();
-  EXPECT_EQ(log.status, 1);
-  EXPECT_EQ(port->report()->verdict, Verdict::data_mismatch);
-  EXPECT_TRUE(port->report()->trouble.has_value());
-}
-
-// Its end tells of as many empty blocks as its r file has, which nobody waits for.
-TEST_F(CheckedReplay, OneThatIsNotReadInTimeIsADoubt) {
-  constexpr std::uintmax_t size = std::uintmax_t{3} << 30;
-  test::write_file(dir / "t.logw", test::block_bytes({{10, "one"}}));
-  test::write_file(dir / "t.logr", ByteView{});
-  std::filesystem::resize_file(dir / "t.logr", size);
-  PayloadCounter writes;
-  writes.begin_block(tape_time_us(10), 3);
-  writes.add(as_bytes("one"));
-  const PayloadTotals read{size / kHeaderSize, 0, 0, 0};
-  const std::string lines = encode(TapeHeader{.device = "d", .driver = "p", .id = "0123"}) +
-                            encode(tape_time_us(0), event::Open{}) + encode(tape_time_us(20), event::Close{});
-  const event::End end{read, writes.totals(), digest_of(as_bytes(lines))};
-  test::write_file(dir / "t.loge", as_bytes(lines + encode(tape_time_us(21), end)));
-  start();
-  write("one");
-  port->close();
-  (void)finish();
-  ASSERT_TRUE(port->report().has_value());
-  EXPECT_THAT(port->report()->doubts,
-              testing::Contains(testing::Field(&Doubt::kind, Doubt::Kind::unchecked)));
-}
-
-// Tapes whose zeros were 40 s apart, each with a read an hour after its zero.
 // More at once than is looked at in a turn: whoever writes waits, and is told when he may go on, however the
 // rest comes to nothing.
 TEST_F(ReplayPortTest, TheEndOfItsCongestionIsTold) {
@@ -630,6 +464,7 @@ TEST_F(ReplayPortTest, TheEndOfItsCongestionIsToldWhereAllTheRestGoesAtOnce) {
   (void)finish();
 }
 
+// Tapes whose zeros were 40 s apart, each with a read an hour after its zero.
 TEST_F(ReplayPortTest, TapesOfOneProgramPlayByItsClock) {
   const auto clock = std::make_shared<ReplayClock>(1);
   const auto play = [&](const char* tape, std::int64_t zero_us) {
@@ -658,24 +493,6 @@ TEST_F(ReplayPortTest, TapesOfOneProgramPlayByItsClock) {
   EXPECT_TRUE(clock->runs());
   second->close();
   EXPECT_FALSE(clock->runs());
-}
-
-TEST_F(ReplayPortTest, AStallDuringTheRunIsADoubt) {
-  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
-  start();
-  write("one");
-  loop.post([this, begin = loop.now()] {
-    while (loop.now() - begin < std::chrono::milliseconds(60)) {
-    }
-  });
-  loop.post([this] { port->close(); });
-  loop.post([this] { port->finish(); });
-  loop.run();
-  EXPECT_EQ(log.status, 0);
-  ASSERT_TRUE(port->report().has_value());
-  ASSERT_FALSE(port->report()->doubts.empty());
-  EXPECT_EQ(port->report()->doubts.at(0).kind, Doubt::Kind::stall);
-  EXPECT_THAT(port->report()->doubts.at(0).text, HasSubstr("stood still for"));
 }
 
 // What is due waits for a driver that does not read; what comes next waits for its question.
@@ -717,141 +534,6 @@ TEST_F(FlushOfATape, AFloodOfThemLogsNothing) {
   EXPECT_EQ(book.text(), before);
 }
 
-// Bytes that the driver dropped before they were read may be wrong or right.
-class OutputFlushes : public ReplayPortTest {
- protected:
-  // Of a driver that writes twice and drops its output behind the writes that the tape has a flush for.
-  void record(bool first, bool second) {
-    test::MemoryTape tape;
-    tape.open(0).event(1, event::Flush{event::Flush::Queue::both}).write(10, "one");
-    if (first) tape.event(20, event::Flush{event::Flush::Queue::out});
-    tape.write(30, "two");
-    if (second) tape.event(40, event::Flush{event::Flush::Queue::both});
-    tape.close(50);
-    test::write_tape(literal_tape(dir / "t.log"), tape, {.device = "d", .driver = "p"});
-  }
-  // Of one that does so behind each.
-  std::vector<std::string> doubts() {
-    log.status.reset();
-    start();
-    port->peer_flushed(FlushQueue::both);
-    write("one");
-    port->peer_flushed(FlushQueue::in);
-    port->peer_flushed(FlushQueue::out);
-    port->peer_flushed(FlushQueue::out);
-    write("two");
-    port->peer_flushed(FlushQueue::both);
-    port->close();
-    (void)finish();
-    EXPECT_EQ(port->report()->verdict, Verdict::pass) << book.text();
-    std::vector<std::string> all;
-    for (const Doubt& doubt : port->report()->doubts) {
-      EXPECT_EQ(doubt.kind, Doubt::Kind::flushed);
-      all.push_back(doubt.text);
-    }
-    return all;
-  }
-};
-
-TEST_F(OutputFlushes, OftenerThanOnTheTapeAreADoubt) {
-  record(true, true);
-  EXPECT_THAT(doubts(), testing::IsEmpty());
-  const std::string told = "the driver dropped what it had written (tcflush) ";
-  const std::string unknown =
-      " more often than on the tape: whether all of it had been read before nobody knows";
-  std::filesystem::remove(dir / "t.loge");
-  for (const char* file : {"t.logr", "t.logw"}) std::filesystem::remove(dir / file);
-  record(true, false);
-  EXPECT_THAT(doubts(), testing::ElementsAre(told + "once" + unknown));
-  for (const char* file : {"t.logr", "t.logw", "t.loge"}) std::filesystem::remove(dir / file);
-  record(false, false);
-  EXPECT_THAT(doubts(), testing::ElementsAre(told + "2 times" + unknown));
-}
-
-TEST_F(ReplayPortTest, WhoWasTurnedAwayIsADoubt) {
-  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
-  const auto doubts = [this](std::vector<std::uint64_t> others) {
-    log.status.reset();
-    start();
-    write("one");
-    for (const std::uint64_t bytes : others) port->peer_refused(bytes);
-    port->close();
-    (void)finish();
-    std::string all;
-    for (const Doubt& doubt : port->report()->doubts) all += doubt.text + '\n';
-    return all;
-  };
-  EXPECT_EQ(doubts({}), "");
-  EXPECT_EQ(doubts({5}),
-            "another connection came while the driver was there and was turned away: 5 bytes that it had "
-            "written are on no tape (see --connections)\n");
-  EXPECT_EQ(doubts({5, 2}),
-            "2 other connections came while the driver was there and were turned away: 7 bytes that they "
-            "had written are on no tape (see --connections)\n");
-}
-
-TEST_F(ReplayPortTest, ATornTailOfATapeWithoutEventsIsADoubt) {
-  Bytes torn = test::block_bytes({{0, "one"}, {10, "two"}});
-  torn.resize(torn.size() - 1);
-  test::write_file(dir / "t.logw", torn);
-  start();
-  write("one");
-  port->close();
-  (void)finish();
-  EXPECT_EQ(log.status, 0);
-  ASSERT_EQ(port->report()->doubts.size(), 1U);
-  EXPECT_EQ(port->report()->doubts[0].kind, Doubt::Kind::gap);
-  EXPECT_THAT(port->report()->doubts[0].text, HasSubstr("t.logw: torn tail at offset 15"));
-  EXPECT_THAT(port->report()->doubts[0].text, HasSubstr("what came last may be missing"));
-}
-
-// What is unread at the driver's close.
-class UnreadOfATape : public ReplayPortTest {
- protected:
-  UnreadOfATape() { test::write_file(dir / "t.logr", test::block_bytes({{0, "hello"}})); }
-  void listen_and_leave(std::uint64_t unread) {
-    start();
-    run_until(loop, [this] { return log.data == "hello"; });
-    port->peer_left_unread(unread);
-    port->close();
-    (void)finish();
-  }
-};
-
-TEST_F(UnreadOfATape, IsTheVerdictWhereItIsAllThatATapeSays) {
-  listen_and_leave(5);
-  EXPECT_EQ(log.status, 5);
-  EXPECT_EQ(port->report()->unread, 5U);
-}
-
-TEST_F(UnreadOfATape, IsADoubtWhereSomethingWasRead) {
-  listen_and_leave(2);
-  EXPECT_EQ(log.status, 0);
-  ASSERT_EQ(port->report()->doubts.size(), 1U);
-  EXPECT_THAT(port->report()->doubts[0].text, HasSubstr("2 bytes of 5 (40.0 %)"));
-}
-
-TEST_F(UnreadOfATape, IsNothingThatTheDriverFlushed) {
-  test::write_file(dir / "t.logw", test::block_bytes({{0, "ask"}, {5'000, "more"}}));
-  test::write_file(dir / "t.logr", test::block_bytes({{1, "old"}, {5'001, "new"}}));
-  test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{})));
-  start();
-  port->set_reading(false);
-  write("ask");
-  run_until(loop, [begin = loop.now(), this] {
-    loop.post([] {});
-    return loop.now() - begin > std::chrono::milliseconds(5);
-  });
-  port->peer_flushed(FlushQueue::in);
-  port->set_reading(true);
-  write("more");
-  run_until(loop, [this] { return log.data == "new"; });
-  port->close();
-  (void)finish();
-  EXPECT_EQ(port->report()->reads_excused, 3U);
-  EXPECT_EQ(port->report()->unread, std::nullopt);
-}
-
 TEST_F(ReplayPortTest, AFlushOfATapeWithoutEventsDropsNothingThatItsDriverRead) {
   test::write_file(dir / "t.logw", test::block_bytes({{0, "ask"}}));
   test::write_file(dir / "t.logr", test::block_bytes({{1, "old"}}));
@@ -861,151 +543,6 @@ TEST_F(ReplayPortTest, AFlushOfATapeWithoutEventsDropsNothingThatItsDriverRead) 
   port->peer_flushed(FlushQueue::both);
   port->set_reading(true);
   run_until(loop, [this] { return log.data == "old"; });
-}
-
-// A tape whose device has 1200 baud; its driver asks for 300, which it takes, 7, which it refuses, and 150,
-// for which it takes 134.
-class SettingsOfATape : public ReplayPortTest {
- protected:
-  SettingsOfATape() {
-    const auto by = [](Side side, unsigned baud) {
-      return event::Settings{side, {.baud = baud, .stop_bits = 1}, SettingsOrder::exact};
-    };
-    write_events(
-        encode(tape_time_us(0), event::Open{}) +
-        encode(tape_time_us(1), event::Settings{Side::device, SeenSettings::of({.baud = 1200}), {}}) +
-        encode(tape_time_us(100'000), by(Side::driver, 300)) +
-        encode(tape_time_us(200'000), by(Side::driver, 7)) +
-        encode(tape_time_us(200'001), by(Side::device, 300)) +
-        encode(tape_time_us(300'000), by(Side::driver, 150)) +
-        encode(tape_time_us(300'001), by(Side::device, 134)) + encode(tape_time_us(400'000), event::Close{}) +
-        encode(tape_time_us(500'000), event::Open{}) + encode(tape_time_us(600'000), by(Side::driver, 300)) +
-        encode(tape_time_us(700'000), event::Close{}));
-  }
-  void write_events(const std::string& events, const std::string& device = "serial:/dev/ttyUSB0") {
-    test::write_file(dir / "t.logr", test::block_bytes({{0, "a"}, {650'000, "b"}}));
-    test::write_file(dir / "t.loge",
-                     as_bytes(encode(TapeHeader{.device = device, .driver = "pty:"}) + events));
-  }
-  // As a session does it.
-  Result<void> set(unsigned baud) {
-    const SeenSettings seen{.baud = baud};
-    port->peer_set(seen, SettingsOrder::sampled);
-    return port->apply(seen.over(*port->settings()));
-  }
-  unsigned baud() { return port->settings().value().baud; }
-};
-
-TEST_F(SettingsOfATape, AreThoseOfItsDevice) {
-  start();
-  EXPECT_EQ(port->settings(), LineSettings{.baud = 1200});
-  EXPECT_TRUE(set(300).has_value());
-  EXPECT_EQ(baud(), 300U);
-  EXPECT_EQ(log.events, "up ");
-  const Result<void> refused = set(7);
-  ASSERT_FALSE(refused.has_value());
-  EXPECT_THAT(refused.error().message, HasSubstr("on the tape the device did not take 7 baud, 8N1"));
-  EXPECT_EQ(baud(), 300U);
-  EXPECT_TRUE(set(150).has_value());
-  EXPECT_EQ(baud(), 134U);
-  EXPECT_EQ(log.events, "up settings ");
-  EXPECT_EQ(log.settings.baud, 134U);
-  port->close();
-  EXPECT_EQ(baud(), 1200U) << "its own again";
-}
-
-TEST_F(SettingsOfATape, AreThoseThatHoldWhereASessionBegins) {
-  session = 2;
-  start();
-  EXPECT_EQ(baud(), 1200U);
-}
-
-TEST_F(SettingsOfATape, AnOlderRecordersAreTheOptionsItOpenedTheDeviceWith) {
-  write_events({}, "serial:/dev/ttyUSB0,alwaysopen,baud=57600,parity=even");
-  start();
-  EXPECT_EQ(port->settings(), (LineSettings{.baud = 57600, .parity = Parity::even}));
-}
-
-TEST_F(SettingsOfATape, WhereNothingTellsOfThemThereAreNone) {
-  for (const char* device : {"tcp:localhost:1,baud=3", "serial:/dev/ttyUSB0,baud=much", ""}) {
-    write_events({}, device);
-    start();
-    EXPECT_EQ(port->settings(), std::nullopt) << device;
-    EXPECT_FALSE(port->apply({}).has_value());
-  }
-}
-
-TEST_F(SettingsOfATape, TheDriversAreHeldAgainstIt) {
-  once = true;
-  start(dir / "report.json");
-  (void)set(300);
-  (void)set(150);
-  port->close();
-  port->open();
-  (void)set(300);
-  port->close();
-  (void)finish();
-  EXPECT_EQ(log.status, 0);
-  const std::string file(as_text(test::read_file(dir / "report.json")));
-  EXPECT_THAT(file, HasSubstr(R"("settings":{"recorded":4,"made":3,)"
-                              R"("missing":[{"tape_us":200000,"baud":7,"stopbits":1}],"checked":false})"));
-  EXPECT_THAT(book.text(), HasSubstr("the driver never made its line 7 baud, 1 stop bit"));
-}
-
-// An answer between two changes of the device's, and a drain of the driver's.
-class SignalsOfATape : public ReplayPortTest {
- protected:
-  SignalsOfATape() {
-    const auto by_device = [](std::int64_t us, LineSignal::Name name, bool on) {
-      return encode(tape_time_us(us), signal_event({Side::device, {name, on}}));
-    };
-    const std::string events =
-        encode(TapeHeader{.device = "serial:/dev/x", .driver = "pty"}) +
-        encode(tape_time_us(0), event::Open{}) + by_device(10, LineSignal::Name::cts, true) +
-        encode(tape_time_us(1'100), event::Drain{Micros{5'000}}) +
-        by_device(3'000, LineSignal::Name::cts, false) + encode(tape_time_us(9'000), event::Close{});
-    test::write_file(dir / "t.loge", as_bytes(events));
-    test::write_file(dir / "t.logw", test::block_bytes({{1'000, "ask"}}));
-    test::write_file(dir / "t.logr", test::block_bytes({{2'000, "one"}, {4'000, "two"}}));
-  }
-};
-
-TEST_F(SignalsOfATape, AreToldInTheirPlaceWhereTheyAreWanted) {
-  start({}, OnMismatch::fail, false);
-  port->watch_signals(true);
-  port->open();
-  EXPECT_EQ(log.events, "up cts+ ");
-  write("ask");
-  run_until(loop, [this] { return log.data == "onetwo"; });
-  EXPECT_EQ(log.events, "up cts+ cts- ");
-  EXPECT_EQ(log.signals_after, (std::vector<std::size_t>{0, 3}));
-}
-
-TEST_F(SignalsOfATape, AreNotToldWhereNobodyLooks) {
-  start();
-  write("ask");
-  run_until(loop, [this] { return log.data == "onetwo"; });
-  EXPECT_EQ(log.events, "up ");
-}
-
-TEST_F(SignalsOfATape, ADrainLastsAsLongAsItsRecordedOne) {
-  start();
-  const Instant begin = loop.now();
-  int sent = 0;
-  port->drain([&sent] { ++sent; });
-  EXPECT_EQ(sent, 0);
-  run_until(loop, [&sent] { return sent > 0; });
-  EXPECT_GE(loop.now() - begin, std::chrono::milliseconds(5));
-  port->drain([&sent] { ++sent; });
-  EXPECT_EQ(sent, 2) << "the tape has no other";
-}
-
-TEST_F(SignalsOfATape, ADrainEndsWithTheLine) {
-  start();
-  int sent = 0;
-  port->drain([&sent] { ++sent; });
-  port->close();
-  EXPECT_EQ(sent, 1);
 }
 
 }  // namespace

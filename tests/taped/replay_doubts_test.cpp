@@ -1,0 +1,296 @@
+// What keeps the verdict of a replay from being a bare pass.
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "libport/tape/block.hpp"
+#include "libport/tape/event.hpp"
+#include "tests/support/tape_bytes.hpp"
+#include "tests/support/tape_on_disk.hpp"
+#include "tests/taped/replay_port_fixture.hpp"
+
+namespace porttape {
+namespace {
+
+using testing::HasSubstr;
+
+TEST_F(ReplayPortTest, AnEndThatIsMissingIsADoubt) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
+  for (const bool ended : {false, true}) {
+    std::string events = encode(TapeHeader{}) + encode(tape_time_us(0), event::Open{});
+    if (ended) events += encode(tape_time_us(50), event::End{});
+    test::write_file(dir / "t.loge", as_bytes(events));
+    start();
+    write("one");
+    port->close();
+    run_until(loop, [this] { return port->report().has_value(); });
+    EXPECT_EQ(port->report()->verdict, Verdict::pass);
+    ASSERT_EQ(port->report()->doubts.size(), ended ? 0U : 1U);
+    for (const Doubt& doubt : port->report()->doubts)
+      EXPECT_THAT(doubt.text, HasSubstr("the tape has no end"));
+  }
+}
+
+TEST_F(ReplayPortTest, AStallDuringTheRunIsADoubt) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
+  start();
+  write("one");
+  loop.post([this, begin = loop.now()] {
+    while (loop.now() - begin < std::chrono::milliseconds(60)) {
+    }
+  });
+  loop.post([this] { port->close(); });
+  loop.post([this] { port->finish(); });
+  loop.run();
+  EXPECT_EQ(log.status, 0);
+  ASSERT_TRUE(port->report().has_value());
+  ASSERT_FALSE(port->report()->doubts.empty());
+  EXPECT_EQ(port->report()->doubts.at(0).kind, Doubt::Kind::stall);
+  EXPECT_THAT(port->report()->doubts.at(0).text, HasSubstr("stood still for"));
+}
+
+// A recorded tape; one that is small is checked before it is played, and any other meanwhile.
+class CheckedReplay : public ReplayPortTest {
+ protected:
+  static constexpr std::size_t kSmall = 65536;  // bytes of both files
+
+  // The answer makes the files as large as that.
+  void record(std::size_t bytes) {
+    const std::size_t headers = 3 * kHeaderSize;
+    answer_ = std::string(bytes - headers - 3 - 3, 'x');
+    test::MemoryTape tape;
+    tape.open(0).write(10, "one").read(20, answer_).write(30, "two").close(40);
+    test::write_tape(literal_tape(dir / "t.log"), tape, {.device = "d", .driver = "p"});
+  }
+  void flip(const char* file, std::size_t at) {
+    Bytes all = test::read_file(dir / file);
+    all.at(at) ^= 1;
+    test::write_file(dir / file, all);
+  }
+  Result<void> prepared() {
+    ReplayPort::Options options;
+    options.tape = literal_tape(dir / "t.log");
+    ReplayPort made(PortContext{&loop, book.log()}, std::move(options));
+    made.listen(log);
+    return made.prepare();
+  }
+  void play() {
+    start();
+    write("one");
+    run_until(loop, [this] { return log.data.size() == answer_.size(); });
+    write("two");
+    port->close();
+    (void)finish();
+  }
+
+  std::string answer_;
+};
+
+TEST_F(CheckedReplay, ASmallTapeThatIsChangedIsNotPlayed) {
+  record(kSmall);
+  ASSERT_TRUE(prepared());
+  flip("t.logr", 7);
+  ASSERT_FALSE(prepared());
+  EXPECT_EQ(prepared().error().code, Errc::damaged_tape);
+  EXPECT_THAT(prepared().error().message, HasSubstr("t.logr has other times or lengths of blocks"));
+  flip("t.logr", 7);
+  flip("t.logr", kHeaderSize);
+  EXPECT_THAT(prepared().error().message, HasSubstr("t.logr is another tape's, or changed"));
+  flip("t.logr", kHeaderSize);
+  flip("t.loge", 2);
+  EXPECT_FALSE(prepared());
+}
+
+TEST_F(CheckedReplay, ALargerOneThatIsChangedFailsItsRun) {
+  record(kSmall + 1);
+  flip("t.logw", 2 * kHeaderSize + 3 - 5);  // the second block's time
+  ASSERT_TRUE(prepared());
+  play();
+  EXPECT_EQ(log.status, 1);
+  EXPECT_EQ(port->report()->verdict, Verdict::incomplete) << "nothing passes by it";
+  EXPECT_THAT(port->report()->trouble.value_or(""), HasSubstr("t.logw has other times or lengths of blocks"));
+}
+
+TEST_F(CheckedReplay, ALargerOneThatIsSoundPassesWithoutADoubt) {
+  record(kSmall + 1);
+  play();
+  EXPECT_EQ(log.status, 0) << book.text();
+  EXPECT_EQ(port->report()->verdict, Verdict::pass);
+  EXPECT_THAT(port->report()->doubts, testing::IsEmpty());
+}
+
+TEST_F(CheckedReplay, AMismatchStaysTheVerdictOfAChangedTape) {
+  record(kSmall + 1);
+  flip("t.logr", 7);
+  start();
+  write("other");
+  (void)finish();
+  EXPECT_EQ(log.status, 1);
+  EXPECT_EQ(port->report()->verdict, Verdict::data_mismatch);
+  EXPECT_TRUE(port->report()->trouble.has_value());
+}
+
+// Its end tells of as many empty blocks as its r file has, which nobody waits for.
+TEST_F(CheckedReplay, OneThatIsNotReadInTimeIsADoubt) {
+  constexpr std::uintmax_t size = std::uintmax_t{3} << 30;
+  test::write_file(dir / "t.logw", test::block_bytes({{10, "one"}}));
+  test::write_file(dir / "t.logr", ByteView{});
+  std::filesystem::resize_file(dir / "t.logr", size);
+  PayloadCounter writes;
+  writes.begin_block(tape_time_us(10), 3);
+  writes.add(as_bytes("one"));
+  const PayloadTotals read{size / kHeaderSize, 0, 0, 0};
+  const std::string lines = encode(TapeHeader{.device = "d", .driver = "p", .id = "0123"}) +
+                            encode(tape_time_us(0), event::Open{}) + encode(tape_time_us(20), event::Close{});
+  const event::End end{read, writes.totals(), digest_of(as_bytes(lines))};
+  test::write_file(dir / "t.loge", as_bytes(lines + encode(tape_time_us(21), end)));
+  start();
+  write("one");
+  port->close();
+  (void)finish();
+  ASSERT_TRUE(port->report().has_value());
+  EXPECT_THAT(port->report()->doubts,
+              testing::Contains(testing::Field(&Doubt::kind, Doubt::Kind::unchecked)));
+}
+
+// Bytes that the driver dropped before they were read may be wrong or right.
+class OutputFlushesOfARun : public ReplayPortTest {
+ protected:
+  // Of a driver that writes twice and drops its output behind the writes that the tape has a flush for.
+  void record(bool first, bool second) {
+    test::MemoryTape tape;
+    tape.open(0).event(1, event::Flush{event::Flush::Queue::both}).write(10, "one");
+    if (first) tape.event(20, event::Flush{event::Flush::Queue::out});
+    tape.write(30, "two");
+    if (second) tape.event(40, event::Flush{event::Flush::Queue::both});
+    tape.close(50);
+    test::write_tape(literal_tape(dir / "t.log"), tape, {.device = "d", .driver = "p"});
+  }
+  // Of one that does so behind each.
+  std::vector<std::string> doubts() {
+    log.status.reset();
+    start();
+    port->peer_flushed(FlushQueue::both);
+    write("one");
+    port->peer_flushed(FlushQueue::in);
+    port->peer_flushed(FlushQueue::out);
+    port->peer_flushed(FlushQueue::out);
+    write("two");
+    port->peer_flushed(FlushQueue::both);
+    port->close();
+    (void)finish();
+    EXPECT_EQ(port->report()->verdict, Verdict::pass) << book.text();
+    std::vector<std::string> all;
+    for (const Doubt& doubt : port->report()->doubts) {
+      EXPECT_EQ(doubt.kind, Doubt::Kind::flushed);
+      all.push_back(doubt.text);
+    }
+    return all;
+  }
+};
+
+TEST_F(OutputFlushesOfARun, OftenerThanOnTheTapeAreADoubt) {
+  record(true, true);
+  EXPECT_THAT(doubts(), testing::IsEmpty());
+  const std::string told = "the driver dropped what it had written (tcflush) ";
+  const std::string unknown =
+      " more often than on the tape: whether all of it had been read before nobody knows";
+  std::filesystem::remove(dir / "t.loge");
+  for (const char* file : {"t.logr", "t.logw"}) std::filesystem::remove(dir / file);
+  record(true, false);
+  EXPECT_THAT(doubts(), testing::ElementsAre(told + "once" + unknown));
+  for (const char* file : {"t.logr", "t.logw", "t.loge"}) std::filesystem::remove(dir / file);
+  record(false, false);
+  EXPECT_THAT(doubts(), testing::ElementsAre(told + "2 times" + unknown));
+}
+
+TEST_F(ReplayPortTest, WhoWasTurnedAwayIsADoubt) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
+  const auto doubts = [this](std::vector<std::uint64_t> others) {
+    log.status.reset();
+    start();
+    write("one");
+    for (const std::uint64_t bytes : others) port->peer_refused(bytes);
+    port->close();
+    (void)finish();
+    std::string all;
+    for (const Doubt& doubt : port->report()->doubts) all += doubt.text + '\n';
+    return all;
+  };
+  EXPECT_EQ(doubts({}), "");
+  EXPECT_EQ(doubts({5}),
+            "another connection came while the driver was there and was turned away: 5 bytes that it had "
+            "written are on no tape (see --connections)\n");
+  EXPECT_EQ(doubts({5, 2}),
+            "2 other connections came while the driver was there and were turned away: 7 bytes that they "
+            "had written are on no tape (see --connections)\n");
+}
+
+TEST_F(ReplayPortTest, ATornTailOfATapeWithoutEventsIsADoubt) {
+  Bytes torn = test::block_bytes({{0, "one"}, {10, "two"}});
+  torn.resize(torn.size() - 1);
+  test::write_file(dir / "t.logw", torn);
+  start();
+  write("one");
+  port->close();
+  (void)finish();
+  EXPECT_EQ(log.status, 0);
+  ASSERT_EQ(port->report()->doubts.size(), 1U);
+  EXPECT_EQ(port->report()->doubts[0].kind, Doubt::Kind::gap);
+  EXPECT_THAT(port->report()->doubts[0].text, HasSubstr("t.logw: torn tail at offset 15"));
+  EXPECT_THAT(port->report()->doubts[0].text, HasSubstr("what came last may be missing"));
+}
+
+// What is unread at the driver's close.
+class UnreadOfATape : public ReplayPortTest {
+ protected:
+  UnreadOfATape() { test::write_file(dir / "t.logr", test::block_bytes({{0, "hello"}})); }
+  void listen_and_leave(std::uint64_t unread) {
+    start();
+    run_until(loop, [this] { return log.data == "hello"; });
+    port->peer_left_unread(unread);
+    port->close();
+    (void)finish();
+  }
+};
+
+TEST_F(UnreadOfATape, IsTheVerdictWhereItIsAllThatATapeSays) {
+  listen_and_leave(5);
+  EXPECT_EQ(log.status, 5);
+  EXPECT_EQ(port->report()->unread, 5U);
+}
+
+TEST_F(UnreadOfATape, IsADoubtWhereSomethingWasRead) {
+  listen_and_leave(2);
+  EXPECT_EQ(log.status, 0);
+  ASSERT_EQ(port->report()->doubts.size(), 1U);
+  EXPECT_THAT(port->report()->doubts[0].text, HasSubstr("2 bytes of 5 (40.0 %)"));
+}
+
+TEST_F(UnreadOfATape, IsNothingThatTheDriverFlushed) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "ask"}, {5'000, "more"}}));
+  test::write_file(dir / "t.logr", test::block_bytes({{1, "old"}, {5'001, "new"}}));
+  test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{})));
+  start();
+  port->set_reading(false);
+  write("ask");
+  run_until(loop, [begin = loop.now(), this] {
+    loop.post([] {});
+    return loop.now() - begin > std::chrono::milliseconds(5);
+  });
+  port->peer_flushed(FlushQueue::in);
+  port->set_reading(true);
+  write("more");
+  run_until(loop, [this] { return log.data == "new"; });
+  port->close();
+  (void)finish();
+  EXPECT_EQ(port->report()->reads_excused, 3U);
+  EXPECT_EQ(port->report()->unread, std::nullopt);
+}
+
+}  // namespace
+}  // namespace porttape
