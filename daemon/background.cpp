@@ -4,12 +4,14 @@
 #include <cerrno>
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <optional>
 #include <string_view>
 #include <sys/file.h>
 #include <sys/wait.h>
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
 
 namespace porttape {
@@ -49,6 +51,10 @@ int write_number(int fd) {
   return 0;
 }
 
+Error refuse_pid_file(const std::string& path, const std::string& why) {
+  return make_error(Errc::usage, fmt::format("pidfile {} {}; name another file", in_quotes(path), why));
+}
+
 }  // namespace
 
 Result<std::optional<int>> Background::start() {
@@ -77,9 +83,16 @@ void Background::ready() {
 }
 
 Result<void> PidFile::write(const std::string& path) {
-  const auto refuse = [&path](const std::string& why) {
-    return make_error(Errc::usage, fmt::format("pidfile {} {}; name another file", in_quotes(path), why));
-  };
+  constexpr int kTries = 100;  // one that ends takes its file away as we open it
+  Result<bool> taken = false;
+  for (int n = 0; n < kTries && taken && !*taken; ++n) taken = try_to_take(path);
+  if (!taken) return taken.error();
+  if (!*taken) return refuse_pid_file(path, "is made and removed all the time");
+  return {};
+}
+
+// Whether it is ours; not, where the name means another file by now.
+Result<bool> PidFile::try_to_take(const std::string& path) {
   const auto open_it = [&path](int how) {
     return UniqueFd(::open(path.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC | how, 0644));
   };
@@ -87,30 +100,34 @@ Result<void> PidFile::write(const std::string& path) {
   UniqueFd fd = open_it(O_CREAT | O_EXCL);
   const bool made = static_cast<bool>(fd);
   if (!fd && errno == EEXIST) fd = open_it(O_CREAT);
-  if (!fd) return refuse("cannot be written: " + errno_text(errno));
+  const std::optional<FileIdentity> file = fd ? FileIdentity::of(fd.get()) : std::nullopt;
+  if (!file) return refuse_pid_file(path, "cannot be written: " + errno_text(errno));
   const auto give_up = [&](const std::string& why, int error) {
-    if (made) (void)::unlink(path.c_str());
-    return refuse(why + errno_text(error));
+    if (made) (void)remove_if_same(AT_FDCWD, path, *file);
+    return refuse_pid_file(path, why + errno_text(error));
   };
   std::array<char, 64> old{};
   const ssize_t size = ::read(fd.get(), old.data(), old.size());
   const std::string_view text(old.data(), size > 0 ? static_cast<std::size_t>(size) : 0);
   if (size < 0) return give_up("cannot be read: ", errno);
-  if (!is_pid_text(text)) return refuse("is not a pidfile and is left alone");
+  if (!is_pid_text(text)) return refuse_pid_file(path, "is not a pidfile and is left alone");
   // The lock goes with the process, however it ends, and numbers are used again: the number alone says
   // nothing. Whoever made the file, it is theirs who hold the lock.
   if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0) {
     if (errno != EWOULDBLOCK) return give_up("cannot be locked: ", errno);
-    return refuse(fmt::format("is that of process {}, which is running", text.substr(0, text.find('\n'))));
+    return refuse_pid_file(
+        path, fmt::format("is that of process {}, which is running", text.substr(0, text.find('\n'))));
   }
+  if (FileIdentity::at(AT_FDCWD, path) != file) return false;
   if (const int error = write_number(fd.get()); error != 0) return give_up("cannot be written: ", error);
   fd_ = std::move(fd);
   path_ = std::move(name);
-  return {};
+  return true;
 }
 
 PidFile::~PidFile() {
-  if (!path_.empty()) (void)::unlink(path_.c_str());
+  const std::optional<FileIdentity> file = fd_ ? FileIdentity::of(fd_.get()) : std::nullopt;
+  if (file) (void)remove_if_same(AT_FDCWD, path_, *file);
 }
 
 }  // namespace porttape

@@ -24,8 +24,9 @@ class Background {
   UniqueFd to_parent_;
 };
 
-// A file with the process's number, locked while the process lives and removed at the end. Errc::usage when
-// another process holds it, or when it is something else than a pidfile.
+// A file with the process's number, locked while the process lives. At the end it is removed, unless its name
+// means another file by then. Errc::usage when another process holds it, or when it is something else than a
+// pidfile.
 class PidFile {
  public:
   PidFile() = default;
@@ -36,6 +37,8 @@ class PidFile {
   Result<void> write(const std::string& path);
 
  private:
+  Result<bool> try_to_take(const std::string& path);
+
   UniqueFd fd_;
   std::string path_;
 };

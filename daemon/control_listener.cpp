@@ -3,6 +3,7 @@
 #include <cerrno>
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <optional>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -45,7 +46,8 @@ Result<ControlListener> ControlListener::create(const ControlFolder& folder) {
   const std::string path = control_socket(folder.path, ::getpid());
   const auto address = socket_address(path);
   if (!address) return cannot(path, "the path is too long for a socket");
-  if (is_stale_socket(path)) (void)::unlink(path.c_str());
+  const std::optional<FileIdentity> old = FileIdentity::at(AT_FDCWD, path);
+  if (old && is_stale_socket(path)) (void)remove_if_same(AT_FDCWD, path, *old);
   UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   // The file's permissions are the socket's less the umask: never wider than these, from the start.
   if (!fd || ::fchmod(fd.get(), 0600) != 0 ||
@@ -56,11 +58,9 @@ Result<ControlListener> ControlListener::create(const ControlFolder& folder) {
   return listener;
 }
 
-// Once it is closed nobody has it, unless another one has taken its name.
+// While it is open nothing else can be the same file.
 ControlListener::~ControlListener() {
-  if (!fd_) return;
-  fd_.reset();
-  if (is_stale_socket(path_)) (void)::unlink(path_.c_str());
+  if (fd_ && socket_) (void)remove_if_same(AT_FDCWD, path_, *socket_);
 }
 
 }  // namespace porttape

@@ -1,15 +1,19 @@
 #pragma once
 
+#include <fcntl.h>
+#include <optional>
 #include <string>
 #include <utility>
 
+#include "libport/base/own_name.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "tools/control_place.hpp"
 
 namespace porttape {
 
-// The socket of this process in a control folder. Removes it at the end, if nobody else has taken its name.
+// The socket of this process in a control folder. Removes it at the end, unless its name means another one by
+// then.
 class ControlListener {
  public:
   // Makes the folder if need be, and the socket, which only its owner can use (0600); a stale one of that
@@ -23,10 +27,12 @@ class ControlListener {
   [[nodiscard]] const std::string& path() const { return path_; }
 
  private:
-  ControlListener(UniqueFd fd, std::string path) : fd_(std::move(fd)), path_(std::move(path)) {}
+  ControlListener(UniqueFd fd, std::string path)
+      : fd_(std::move(fd)), path_(std::move(path)), socket_(FileIdentity::at(AT_FDCWD, path_)) {}
 
   UniqueFd fd_;
   std::string path_;
+  std::optional<FileIdentity> socket_;  // nothing: it cannot be looked at
 };
 
 }  // namespace porttape

@@ -18,6 +18,7 @@
 #include <boost/json/parse.hpp>
 #include <boost/json/serialize.hpp>
 
+#include "libport/base/own_name.hpp"
 #include "libport/base/whole_number.hpp"
 #include "tools/verb_clock.hpp"
 
@@ -54,13 +55,15 @@ bool is_of_its_daemon(int fd, const ControlSocket& socket) {
          (peer.uid == socket.owner || peer.uid == 0);
 }
 
-// In a folder of our user's alone, and in the one that was looked at.
+// In a folder of our user's alone, and in the one that was looked at. Another daemon may have taken the name
+// since.
 void remove_stale(const std::string& path) {
   const std::filesystem::path socket(path);
   const UniqueFd folder(::open(socket.parent_path().c_str(), O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
   struct stat status {};
   if (!folder || ::fstat(folder.get(), &status) != 0 || status.st_uid != ::geteuid()) return;
-  (void)::unlinkat(folder.get(), socket.filename().c_str(), 0);
+  const std::optional<FileIdentity> old = FileIdentity::at(folder.get(), socket.filename());
+  if (old && is_stale_socket(path)) (void)remove_if_same(folder.get(), socket.filename(), *old);
 }
 
 }  // namespace

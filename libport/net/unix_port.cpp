@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
+#include <optional>
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -12,6 +13,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
 
 namespace porttape {
@@ -47,14 +49,13 @@ std::unique_ptr<StreamPort> UnixPort::port_of(UniqueFd connection) {
 }
 
 UnixPort::~UnixPort() {
-  struct stat status {};
-  if (node_ && ::lstat(path_.c_str(), &status) == 0 && *node_ == std::pair(status.st_dev, status.st_ino))
-    (void)::unlink(path_.c_str());
+  if (node_) (void)remove_if_same(AT_FDCWD, path_, *node_);
 }
 
 Result<void> UnixPort::free_place(const SocketAddress& address) const {
+  const std::optional<FileIdentity> old = FileIdentity::at(AT_FDCWD, path_);
   struct stat status {};
-  if (::lstat(path_.c_str(), &status) != 0) return {};
+  if (!old || ::lstat(path_.c_str(), &status) != 0) return {};
   if (!S_ISSOCK(status.st_mode)) {
     return make_error(
         Errc::usage,
@@ -67,7 +68,7 @@ Result<void> UnixPort::free_place(const SocketAddress& address) const {
     return make_error(Errc::usage, fmt::format("socket {} is in use; end that program or choose another path",
                                                in_quotes(path_)));
   }
-  (void)::unlink(path_.c_str());
+  (void)remove_if_same(AT_FDCWD, path_, *old);
   return {};
 }
 
@@ -100,7 +101,7 @@ Result<void> UnixPort::own_node() {
                                                "that nobody else writes to",
                                                in_quotes(path_)));
   }
-  node_.emplace(status.st_dev, status.st_ino);
+  node_ = FileIdentity::of(node.get());
   const std::string self = fmt::format("/proc/self/fd/{}", node.get());
   if ((status.st_mode & 0777) != mode_ && ::chmod(self.c_str(), mode_) != 0) {
     context_.log->warn("socket {} has the permissions {:04o}, not {:04o}: {}", in_quotes(path_),

@@ -5,6 +5,7 @@
 #include <sys/types.h>
 #include <utility>
 
+#include "libport/base/own_name.hpp"
 #include "libport/net/stream_port.hpp"
 
 namespace porttape {
@@ -41,7 +42,7 @@ class UnixPort final : public StreamPort {
 
   const std::string path_;
   const mode_t mode_;
-  std::optional<std::pair<dev_t, ino_t>> node_;  // the socket file we made
+  std::optional<FileIdentity> node_;  // the socket file we made
 };
 
 }  // namespace porttape

@@ -10,6 +10,7 @@
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/tape/tape_lock.hpp"
 
@@ -156,15 +157,14 @@ int NewFile::publish() {
     beside_ = Leftover(first);
   }
   const std::string& hidden = beside_.path();
-  const unsigned flags = overwrite_ ? 0 : RENAME_NOREPLACE;
-  if (::renameat2(AT_FDCWD, hidden.c_str(), AT_FDCWD, path_.c_str(), flags) == 0) {
-    beside_.keep();
-    return 0;
+  int error = 0;
+  if (!overwrite_) {
+    error = move_to_free_name(AT_FDCWD, hidden, path_);
+  } else if (::renameat(AT_FDCWD, hidden.c_str(), AT_FDCWD, path_.c_str()) != 0) {
+    error = errno;
   }
-  // Not all file systems have the flag.
-  if (errno != EINVAL || ::link(hidden.c_str(), path_.c_str()) != 0) return errno;
-  beside_.remove();
-  return 0;
+  if (error == 0) beside_.keep();
+  return error;
 }
 
 }  // namespace porttape

@@ -3,12 +3,14 @@
 #include <atomic>
 #include <cerrno>
 #include <fcntl.h>
+#include <optional>
 #include <string>
 #include <sys/stat.h>
 #include <system_error>
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/tape/tape_lock.hpp"
 
@@ -158,7 +160,7 @@ Result<void> check_tape_files(const TapePaths& paths, OnExisting on_existing) {
 struct NewTapeFiles::Entry {
   Place place;
   fs::path name;  // in the folder; the final one unless a file is to be replaced; none yet: empty
-  bool made = false;
+  std::optional<FileIdentity> made = {};  // under that name, and to be removed unless all is well
   const FileSink* unnamed = nullptr;
 
   std::unique_ptr<TapeSink> make(Appear appear, int& error);
@@ -175,7 +177,7 @@ std::unique_ptr<TapeSink> NewTapeFiles::Entry::make(Appear appear, int& error) {
   const bool final = appear == Appear::at_once && !place.exists;
   name = final ? place.file() : replacement_name(place.file());
   auto file = FileSink::create(folder, name, error);
-  made = file != nullptr;
+  if (file) made = FileIdentity::at(folder, name);
   return file;
 }
 
@@ -187,15 +189,14 @@ int NewTapeFiles::Entry::publish() {
     const fs::path first = place.exists ? replacement_name(final) : final;
     if (const int error = unnamed->link(folder, first); error != 0) return error;
     name = first;
-    made = true;
+    made = FileIdentity::at(folder, name);
   }
   if (name == final) return 0;
-  if (!place.exists && ::linkat(folder, name.c_str(), folder, final.c_str(), 0) != 0) return errno;
-  const int moved = place.exists ? ::renameat(folder, name.c_str(), folder, final.c_str())
-                                 : ::unlinkat(folder, name.c_str(), 0);
-  if (moved != 0) return errno;
-  name = final;
-  return 0;
+  const std::optional<FileIdentity> old =
+      place.exists ? FileIdentity::of(place.existing.get()) : std::nullopt;
+  const int error = move_over(folder, name, final, old);
+  if (error == 0) name = final;
+  return error;
 }
 
 NewTapeFiles::NewTapeFiles() : entries_(std::make_unique<Entries>()) {}
@@ -206,7 +207,8 @@ NewTapeFiles::~NewTapeFiles() { discard(); }
 void NewTapeFiles::discard() {
   if (!entries_) return;
   for (Entry& entry : *entries_) {
-    if (std::exchange(entry.made, false)) ::unlinkat(entry.place.folder.get(), entry.name.c_str(), 0);
+    if (const auto made = std::exchange(entry.made, std::nullopt))
+      (void)remove_if_same(entry.place.folder.get(), entry.name, *made);
   }
 }
 
@@ -248,14 +250,15 @@ Result<void> NewTapeFiles::publish() {
     const int error = entry.publish();
     if (error == 0) continue;
     // What stood there before is replaced for good.
-    for (Entry& other : *entries_)
-      other.made = other.made && !(other.place.exists && other.name == other.place.file());
+    for (Entry& other : *entries_) {
+      if (other.place.exists && other.name == other.place.file()) other.made.reset();
+    }
     discard();
     if (error == EEXIST) return cannot_make(entry.place, error);
     const std::string what = entry.place.exists ? "cannot replace " : "cannot make ";
     return make_error(Errc::io, what + in_quotes(entry.place.path.string()) + ": " + errno_text(error));
   }
-  for (Entry& entry : *entries_) entry.made = false;  // they stay
+  for (Entry& entry : *entries_) entry.made.reset();  // they stay
   return {};
 }
 

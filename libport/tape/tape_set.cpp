@@ -5,12 +5,14 @@
 #include <cstdlib>
 #include <fcntl.h>
 #include <filesystem>
+#include <optional>
 #include <signal.h>
 #include <string>
 #include <system_error>
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/tape/tape_files.hpp"
@@ -37,19 +39,6 @@ class SignalsHeld {
  private:
   sigset_t before_{};
 };
-
-int exchange_files(const fs::path& one, const fs::path& other) {
-  return ::renameat2(AT_FDCWD, one.c_str(), AT_FDCWD, other.c_str(), RENAME_EXCHANGE) == 0 ? 0 : errno;
-}
-
-// 0 or the errno.
-int move_to_free_name(const fs::path& from, const fs::path& to) {
-  if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
-  // Not all file systems have the flag.
-  if (errno != EINVAL || ::link(from.c_str(), to.c_str()) != 0) return errno;
-  (void)::unlink(from.c_str());
-  return 0;
-}
 
 }  // namespace
 
@@ -110,17 +99,19 @@ Result<void> TapeSet::move(const fs::path& from, const fs::path& to) {
   };
   const UniqueFd existing(::open(to.c_str(), O_WRONLY | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC));
   if (!existing && errno != ENOENT) return failed(errno);
+  const std::optional<FileIdentity> file = FileIdentity::at(AT_FDCWD, from);
+  if (!file) return failed(errno);
   if (!existing) {
-    if (const int error = move_to_free_name(from, to); error != 0) return failed(error);
-    moved_.push_back({from, to});
+    if (const int error = move_to_free_name(AT_FDCWD, from, to); error != 0) return failed(error);
+    moved_.push_back({from, to, *file});
     return {};
   }
   if (on_existing_ != OnExisting::overwrite) return failed(EEXIST);
   if (lock_tape_file(existing.get(), AT_FDCWD, to) == TapeLock::taken)
     return make_error(Errc::usage, in_quotes(to.string()) + " is being written by a recording");
-  const int error = exchange_files(from, to);
+  const int error = exchange_names(AT_FDCWD, from, to);
   if (error == 0) {
-    moved_.push_back({from, to, true});
+    moved_.push_back({from, to, *file, true});
     return {};
   }
   return ::rename(from.c_str(), to.c_str()) == 0 ? Result<void>() : Result<void>(failed(errno));
@@ -129,10 +120,10 @@ Result<void> TapeSet::move(const fs::path& from, const fs::path& to) {
 void TapeSet::undo() {
   for (; !moved_.empty(); moved_.pop_back()) {
     const Moved& last = moved_.back();
-    if (last.exchanged) {
-      (void)exchange_files(last.from, last.to);
-    } else {
-      (void)::unlink(last.to.c_str());
+    if (!last.exchanged) {
+      (void)remove_if_same(AT_FDCWD, last.to, last.file);
+    } else if (FileIdentity::at(AT_FDCWD, last.to) == last.file) {
+      (void)exchange_names(AT_FDCWD, last.from, last.to);
     }
   }
 }

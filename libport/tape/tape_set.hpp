@@ -3,6 +3,7 @@
 #include <memory>
 #include <vector>
 
+#include "libport/base/own_name.hpp"
 #include "libport/base/result.hpp"
 #include "libport/tape/leftover.hpp"
 #include "libport/tape/tape_name.hpp"
@@ -30,6 +31,7 @@ class TapeSet {
   struct Moved {
     std::filesystem::path from;
     std::filesystem::path to;
+    FileIdentity file;
     bool exchanged = false;
   };
   TapeSet(Leftover folder, OnExisting on_existing) : folder_(std::move(folder)), on_existing_(on_existing) {}

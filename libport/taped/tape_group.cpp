@@ -1,13 +1,11 @@
 #include "libport/taped/tape_group.hpp"
 
-#include <algorithm>
-#include <filesystem>
-#include <system_error>
-#include <utility>
+#include <fcntl.h>
+#include <fmt/format.h>
 
+#include "libport/base/printable.hpp"
 #include "libport/loop/loop.hpp"
 #include "libport/tape/event_file.hpp"
-#include "libport/tape/tape_lock.hpp"
 
 namespace porttape {
 namespace {
@@ -15,6 +13,12 @@ namespace {
 std::optional<TapeZero> zero_of(const TapePaths& tape) {
   const std::optional<TapeHeader> header = header_of(tape);
   return header ? header->zero : std::nullopt;
+}
+
+// Tapes of one recording have one zero; which others go together is not known.
+bool is_one_recording(const TapePaths& first, const TapePaths& tape) {
+  const std::optional<TapeZero> zero = zero_of(first);
+  return zero && zero == zero_of(tape);
 }
 
 }  // namespace
@@ -30,6 +34,13 @@ Result<void> TapeGroup::check_free(const TapePaths& first) const {
   for (const unsigned connection : recorded_connections(first)) {
     const TapePaths tape = connection_tape(first, connection);
     if (Result<void> free = TapeWriter::check(tape, {.on_existing = on_existing_}); !free) return free;
+    if (on_existing_ == OnExisting::overwrite && connection > 1 && !is_one_recording(first, tape))
+      return make_error(
+          Errc::usage,
+          fmt::format(
+              "cannot make the tape: {} is not of the recording {}, which is to be replaced; move it, "
+              "or take another name",
+              in_quotes(tape.name()), in_quotes(first.name())));
   }
   return {};
 }
@@ -52,18 +63,15 @@ TapePaths TapeGroup::free_name(unsigned part) const {
   }
 }
 
-// The tapes of the recording that `first` is of, without that of the connection `made`. One with a zero of
-// its own is another recording, whatever its name.
-std::vector<TapePaths> TapeGroup::older_group(const TapePaths& first, unsigned made) const {
-  const std::vector<unsigned> connections = recorded_connections(first);
-  if (std::ranges::find(connections, 1U) == connections.end()) return {};
-  const std::optional<TapeZero> zero = zero_of(first);
-  std::vector<TapePaths> older;
-  for (const unsigned connection : connections) {
+// The files of the recording that `first` is of, without those of the connection `made`.
+std::vector<TapeGroup::OldFile> TapeGroup::older_group(const TapePaths& first, unsigned made) const {
+  std::vector<OldFile> older;
+  for (const unsigned connection : recorded_connections(first)) {
     const TapePaths tape = connection_tape(first, connection);
-    const std::optional<TapeZero> own = zero_of(tape);
-    const bool is_other = zero && own && *own != *zero;
-    if (connection != made && !is_other && !is_being_written(tape)) older.push_back(tape);
+    if (connection == made) continue;
+    for (const auto& path : {tape.read, tape.write, tape.events}) {
+      if (const auto file = FileIdentity::at(AT_FDCWD, path)) older.push_back({path, *file});
+    }
   }
   return older;
 }
@@ -81,17 +89,13 @@ Result<TapeWriter> TapeGroup::make(unsigned part, unsigned connection, const Tap
   }
   const OnExisting existing = by_number ? OnExisting::refuse : on_existing_;
   const bool replaces = existing == OnExisting::overwrite;
-  const std::vector<TapePaths> older = replaces ? older_group(name, connection) : std::vector<TapePaths>();
+  const std::vector<OldFile> older = replaces ? older_group(name, connection) : std::vector<OldFile>();
   Result<TapeWriter> writer =
       TapeWriter::create(connection_tape(name, connection), header, {.on_existing = existing});
   if (!writer) return writer;
   names_.emplace(part, name);
-  for (const TapePaths& tape : older) {
-    for (const auto& file : {tape.read, tape.write, tape.events}) {
-      std::error_code told_when_it_is_in_the_way;
-      std::filesystem::remove(file, told_when_it_is_in_the_way);
-    }
-  }
+  // Where that fails it is told when the name is in the way.
+  for (const OldFile& old : older) (void)remove_if_same(AT_FDCWD, old.path, old.file);
   return writer;
 }
 

@@ -1,12 +1,14 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <vector>
 
+#include "libport/base/own_name.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
 #include "libport/tape/tape_header.hpp"
@@ -21,7 +23,8 @@ namespace porttape {
 //
 // A group never mixes with the files of an older one: with OnExisting::refuse none of the names may be taken,
 // with `next` a part takes the first number of which none is, with `overwrite` the older group's tapes are
-// removed, all of them (but for one with another zero), once the first new one has been made.
+// removed, all of them, once the first new one has been made. A tape with a zero that is not the first one's,
+// or with none, is not of that group: while it has one of the names nothing is made or removed.
 //
 // begin() and next() are the loop thread's; make() may be called from any thread and waits for the disk.
 class TapeGroup {
@@ -54,9 +57,13 @@ class TapeGroup {
   Result<TapeWriter> make(unsigned part, unsigned connection, const TapeHeader& header);
 
  private:
+  struct OldFile {
+    std::filesystem::path path;
+    FileIdentity file;
+  };
   [[nodiscard]] TapePaths free_name(unsigned part) const;
   [[nodiscard]] Result<void> check_free(const TapePaths& first) const;
-  [[nodiscard]] std::vector<TapePaths> older_group(const TapePaths& first, unsigned made) const;
+  [[nodiscard]] std::vector<OldFile> older_group(const TapePaths& first, unsigned made) const;
 
   const TapePaths first_;
   const OnExisting on_existing_;

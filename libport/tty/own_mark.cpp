@@ -14,12 +14,12 @@ constexpr long kSecond = 1'000'000'000;
 
 }  // namespace
 
-void mark_as_own(const std::string& path, timespec time) {
+void mark_as_own(int folder, const std::string& name, timespec time) {
   time.tv_nsec += (kMark - time.tv_nsec % kEvery + kEvery) % kEvery;
   time.tv_sec += time.tv_nsec / kSecond;
   time.tv_nsec %= kSecond;
   const std::array<timespec, 2> times{time, time};
-  (void)::utimensat(AT_FDCWD, path.c_str(), times.data(), AT_SYMLINK_NOFOLLOW);
+  (void)::utimensat(folder, name.c_str(), times.data(), AT_SYMLINK_NOFOLLOW);
 }
 
 bool is_marked_as_own(const struct stat& status) { return status.st_mtim.tv_nsec % kEvery == kMark; }

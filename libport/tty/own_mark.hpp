@@ -9,8 +9,9 @@ namespace porttape {
 // A mark on links and files that we make under a name of the user's, so that one that a killed program left
 // is known again: the nanoseconds of the modification time, which other programs hardly ever have just so.
 
-// Marks it (the link itself, not what it points to), with a time up to a millisecond behind that one.
-void mark_as_own(const std::string& path, timespec time);
+// Marks a name in a folder (AT_FDCWD: a path; a link itself, not what it points to) with a time up to a
+// millisecond behind that one.
+void mark_as_own(int folder, const std::string& name, timespec time);
 [[nodiscard]] bool is_marked_as_own(const struct stat& status);
 
 }  // namespace porttape

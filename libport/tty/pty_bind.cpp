@@ -1,10 +1,12 @@
 #include "libport/tty/pty_bind.hpp"
 
 #include <cerrno>
+#include <cstdint>
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
+#include <functional>
 #include <optional>
 #include <sstream>
 #include <string_view>
@@ -13,9 +15,10 @@
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
-#include "libport/base/unique_fd.hpp"
 #include "libport/tty/own_mark.hpp"
+#include "libport/tty/trusted_folder.hpp"
 
 namespace porttape {
 namespace {
@@ -41,63 +44,80 @@ Error mount_error(const std::string& path, int error_number) {
                            : ""));
 }
 
-// As /proc/self/mountinfo writes a path: blanks and backslashes as \ooo.
-std::string unescaped(std::string_view text) {
-  std::string plain;
-  for (std::size_t at = 0; at < text.size(); ++at) {
-    if (text[at] != '\\' || at + 3 >= text.size()) {
-      plain += text[at];
-      continue;
-    }
-    const auto digit = [&](std::size_t n) { return text[at + n] - '0'; };
-    plain += static_cast<char>(digit(1) * 64 + digit(2) * 8 + digit(3));
-    at += 3;
-  }
-  return plain;
+// 0: not known, as before Linux 5.8.
+std::uint64_t mount_id(int folder, const std::string& name) {
+  struct statx status {};
+  const int flags = AT_SYMLINK_NOFOLLOW | AT_NO_AUTOMOUNT | (name.empty() ? AT_EMPTY_PATH : 0);
+  if (::statx(folder, name.c_str(), flags, STATX_MNT_ID, &status) != 0) return 0;
+  return (status.stx_mask & STATX_MNT_ID) != 0 ? status.stx_mnt_id : 0;
 }
 
-// What is mounted on a path, within its file system: `/3` of a pty; none: nothing. The last one counts.
-std::optional<std::string> mounted_on(const std::string& path) {
+// A line of /proc/self/mountinfo: what of its file system is mounted (`/3` of a pty), and on which mount.
+struct Mounted {
+  std::uint64_t id = 0;
+  std::uint64_t parent = 0;
+  std::string root;
+};
+
+std::optional<Mounted> find_mount(const std::function<bool(const Mounted&)>& is_it) {
   std::ifstream mounts("/proc/self/mountinfo");
-  std::optional<std::string> found;
   for (std::string line; std::getline(mounts, line);) {
     std::istringstream words(line);
-    std::string id, parent, device, root, place;
-    if (words >> id >> parent >> device >> root >> place && unescaped(place) == path) found = unescaped(root);
+    Mounted each;
+    std::string device;
+    if (words >> each.id >> each.parent >> device >> each.root && is_it(each)) return each;
   }
-  return found;
+  return std::nullopt;
 }
 
-bool is_dead(const std::string& mounted) { return mounted.ends_with("//deleted"); }
+// The last one that is mounted on a name; none: nothing is.
+std::optional<Mounted> mounted_on(int folder, const std::string& name) {
+  const std::uint64_t id = mount_id(folder, name);
+  if (id == mount_id(folder, {})) return std::nullopt;
+  return find_mount([id](const Mounted& each) { return each.id == id; });
+}
+
+bool is_covered(int mount) {
+  const std::uint64_t id = mount_id(mount, {});
+  return id != 0 && find_mount([id](const Mounted& each) { return each.parent == id; }).has_value();
+}
+
+bool is_dead(const Mounted& mount) { return mount.root.ends_with("//deleted"); }
+
+// The file that is open itself, whatever its name means by now.
+std::string path_of(int fd) { return fmt::format("/proc/self/fd/{}", fd); }
+
+bool detach(int mount) { return ::umount2(path_of(mount).c_str(), MNT_DETACH) == 0; }
+
+UniqueFd open_name(int folder, const std::string& name) {
+  return UniqueFd(::openat(folder, name.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
+}
 
 // Mounts that killed programs left there.
-void unmount_dead(const std::string& path) {
+void unmount_dead(int folder, const std::string& name) {
   for (int n = 0; n < kMostLayers; ++n) {
-    const auto mounted = mounted_on(path);
-    if (!mounted || !is_dead(*mounted) || ::umount2(path.c_str(), MNT_DETACH | UMOUNT_NOFOLLOW) != 0) return;
+    const auto mounted = mounted_on(folder, name);
+    if (!mounted || !is_dead(*mounted)) return;
+    const UniqueFd last = open_name(folder, name);
+    if (!last || mount_id(last.get(), {}) != mounted->id || !detach(last.get())) return;
   }
 }
 
-// The new pty slips under the old one, which then goes: the path is never anything else.
-bool exchange_mounts(const std::string& path, const std::string& pty) {
-  const UniqueFd tree(::open_tree(AT_FDCWD, pty.c_str(), OPEN_TREE_CLONE | OPEN_TREE_CLOEXEC));
-  return tree &&
-         ::move_mount(tree.get(), "", AT_FDCWD, path.c_str(), MOVE_MOUNT_F_EMPTY_PATH | kMoveMountBeneath) ==
-             0 &&
-         ::umount2(path.c_str(), MNT_DETACH | UMOUNT_NOFOLLOW) == 0;
+UniqueFd clone_of(const std::string& pty) {
+  return UniqueFd(::open_tree(AT_FDCWD, pty.c_str(), OPEN_TREE_CLONE | OPEN_TREE_CLOEXEC));
+}
+
+bool move_mount_to(int mount, int place, unsigned how) {
+  return ::move_mount(mount, "", place, "", MOVE_MOUNT_F_EMPTY_PATH | MOVE_MOUNT_T_EMPTY_PATH | how) == 0;
 }
 
 }  // namespace
 
 Result<PtyBind> PtyBind::publish(const std::string& path, const std::string& pty) {
-  std::error_code error;
   const fs::path given = fs::absolute(path);
-  const fs::path folder = fs::canonical(given.parent_path(), error);
-  if (error || !fs::is_directory(folder, error)) {
-    return bind_error(path,
-                      "its folder does not exist; type mkdir -p " + shell_word(given.parent_path().string()));
-  }
-  PtyBind bind((folder / given.filename()).string());
+  Result<UniqueFd> folder = open_trusted_folder(given.parent_path().string());
+  if (!folder) return bind_error(path, folder.error().message);
+  PtyBind bind(given.string(), std::move(*folder), given.filename().string());
   if (Result<void> taken = bind.take_place(); !taken) return taken.error();
   if (Result<void> mounted = bind.mount(pty); !mounted) return mounted.error();
   return bind;
@@ -105,76 +125,83 @@ Result<PtyBind> PtyBind::publish(const std::string& path, const std::string& pty
 
 // Makes the file, or sees to it that an empty one is there.
 Result<void> PtyBind::take_place() {
-  unmount_dead(path_);
-  const UniqueFd made(::open(path_.c_str(), O_RDONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
-  if (made) {
-    struct stat created {};
-    if (::fstat(made.get(), &created) == 0) mark_as_own(path_, created.st_ctim);
-    made_ = true;
+  unmount_dead(folder_.get(), name_);
+  const int how = O_RDONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC;
+  UniqueFd made(::openat(folder_.get(), name_.c_str(), how, 0600));
+  if (!made && errno != EEXIST) return bind_error(path_, "cannot be made: " + errno_text(errno));
+  made_ = static_cast<bool>(made);
+  file_ = made ? std::move(made) : open_name(folder_.get(), name_);
+  struct stat status {};
+  if (!file_ || ::fstat(file_.get(), &status) != 0) return bind_error(path_, errno_text(errno));
+  if (made_) {
+    mark_as_own(folder_.get(), name_, status.st_ctim);
     return {};
   }
-  if (errno != EEXIST) return bind_error(path_, "cannot be made: " + errno_text(errno));
-  struct stat status {};
-  if (::lstat(path_.c_str(), &status) != 0) return bind_error(path_, errno_text(errno));
-  if (const auto mounted = mounted_on(path_))
+  if (const auto mounted = mounted_on(folder_.get(), name_))
     return bind_error(
-        path_, fmt::format("{} is mounted there, and in use; choose another path", in_quotes(*mounted)));
+        path_, fmt::format("{} is mounted there, and in use; choose another path", in_quotes(mounted->root)));
   if (!S_ISREG(status.st_mode) || status.st_size > 0)
     return bind_error(path_, "exists and is not an empty file; it is left alone, choose another path");
   made_ = is_marked_as_own(status);
   return {};
 }
 
+// On the file of ours, and on nothing else.
 Result<void> PtyBind::mount(const std::string& pty) {
-  if (::mount(pty.c_str(), path_.c_str(), nullptr, MS_BIND, nullptr) != 0) {
-    const int error = errno;
-    return mount_error(path_, error);
+  const UniqueFd file = open_name(folder_.get(), name_);
+  if (!file) return bind_error(path_, errno_text(errno));
+  if (FileIdentity::of(file.get()) != FileIdentity::of(file_.get()))
+    return bind_error(path_, "something else is there by now; it is left alone");
+  UniqueFd tree = clone_of(pty);
+  if (tree && move_mount_to(tree.get(), file.get(), 0)) {
+    mount_ = std::move(tree);
+    return {};
   }
-  struct stat status {};
-  if (::stat(path_.c_str(), &status) != 0) return mount_error(path_, errno);
-  device_ = status.st_dev;
-  inode_ = status.st_ino;
-  return {};
+  if (errno != ENOSYS) return mount_error(path_, errno);
+  return mount_by_names(pty, file.get());
 }
 
-PtyBind::PtyBind(PtyBind&& other) noexcept
-    : path_(std::exchange(other.path_, {})),
-      made_(other.made_),
-      device_(other.device_),
-      inode_(std::exchange(other.inode_, 0)) {}
+// Before Linux 5.2.
+Result<void> PtyBind::mount_by_names(const std::string& pty, int file) {
+  if (::mount(pty.c_str(), path_of(file).c_str(), nullptr, MS_BIND, nullptr) != 0)
+    return mount_error(path_, errno);
+  mount_ = open_name(folder_.get(), name_);
+  return mount_ ? Result<void>() : Result<void>(mount_error(path_, errno));
+}
+
+PtyBind::PtyBind(PtyBind&& other) noexcept = default;
 
 PtyBind::~PtyBind() { remove(); }
 
-// Whether what is mounted there is ours.
-bool PtyBind::is_there() const {
-  struct stat status {};
-  return inode_ != 0 && ::lstat(path_.c_str(), &status) == 0 && status.st_dev == device_ &&
-         status.st_ino == inode_;
-}
-
+// From Linux 6.5 on the new pty slips under the old one, which then goes: the path is never anything else.
 Result<void> PtyBind::retarget(const std::string& pty) {
-  struct stat status {};
-  if (is_there() && exchange_mounts(path_, pty) && ::stat(path_.c_str(), &status) == 0) {
-    device_ = status.st_dev;
-    inode_ = status.st_ino;
-    return {};
+  if (mount_ && !is_covered(mount_.get())) {
+    UniqueFd tree = clone_of(pty);
+    if (tree && move_mount_to(tree.get(), mount_.get(), kMoveMountBeneath)) {
+      (void)detach(mount_.get());
+      mount_ = std::move(tree);
+      return {};
+    }
   }
-  unmount();
-  if (mounted_on(path_)) return bind_error(path_, "something else is mounted there by now; it is left alone");
+  if (Result<void> gone = unmount(); !gone) return gone;
   return mount(pty);
 }
 
-void PtyBind::unmount() {
-  if (is_there()) (void)::umount2(path_.c_str(), MNT_DETACH | UMOUNT_NOFOLLOW);
-  inode_ = 0;
+Result<void> PtyBind::unmount() {
+  if (!mount_) return {};
+  if (is_covered(mount_.get()))
+    return bind_error(path_, "something else is mounted there by now; it is left alone");
+  (void)detach(mount_.get());  // unless somebody else did
+  mount_.reset();
+  return {};
 }
 
 void PtyBind::remove() {
-  if (path_.empty()) return;
-  unmount();
+  if (!folder_ || !unmount() || !made_) return;
   struct stat status {};
-  if (made_ && ::lstat(path_.c_str(), &status) == 0 && S_ISREG(status.st_mode) && status.st_size == 0)
-    (void)::unlink(path_.c_str());
+  const std::optional<FileIdentity> file = FileIdentity::of(file_.get());
+  if (file && ::fstat(file_.get(), &status) == 0 && status.st_size == 0)
+    (void)remove_if_same(folder_.get(), name_, *file);
 }
 
 }  // namespace porttape

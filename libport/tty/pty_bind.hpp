@@ -1,19 +1,23 @@
 #pragma once
 
 #include <string>
-#include <sys/types.h>
+#include <utility>
 
 #include "libport/base/result.hpp"
+#include "libport/base/unique_fd.hpp"
 
 namespace porttape {
 
 // A stable name for a pty where a symbolic link leads nowhere, as in a container that has another /dev/pts: a
-// bind mount of the pty on a file. It is taken away again, and the file too where this object made it, unless
-// somebody replaced it meanwhile. Takes no place but that of nothing, of an empty file, and of a mount that a
-// killed program left (its pty is dead). Needs CAP_SYS_ADMIN.
+// bind mount of the pty on a file. It is taken away again, wherever its folder has moved to, and the file too
+// where this object made it, unless somebody replaced it meanwhile. A mount that somebody else put on it
+// keeps it where it is. Takes no place but that of nothing, of an empty file, and of a mount that a killed
+// program left (its pty is dead). All is done by descriptors, so that a name that changes meanwhile leads
+// nowhere else. Needs CAP_SYS_ADMIN.
 class PtyBind {
  public:
-  // Errc::usage when the path is taken, its folder is missing, or nothing may be mounted.
+  // Errc::usage when the path is taken, its folder is missing or reached by another user's link, or nothing
+  // may be mounted.
   static Result<PtyBind> publish(const std::string& path, const std::string& pty);
 
   PtyBind(PtyBind&& other) noexcept;
@@ -28,17 +32,20 @@ class PtyBind {
   [[nodiscard]] const std::string& path() const { return path_; }
 
  private:
-  explicit PtyBind(std::string path) : path_(std::move(path)) {}
+  PtyBind(std::string path, UniqueFd folder, std::string name)
+      : path_(std::move(path)), folder_(std::move(folder)), name_(std::move(name)) {}
   Result<void> take_place();
   Result<void> mount(const std::string& pty);
-  [[nodiscard]] bool is_there() const;
-  void unmount();
+  Result<void> mount_by_names(const std::string& pty, int file);
+  Result<void> unmount();
   void remove();
 
-  std::string path_;   // empty: moved from
-  bool made_ = false;  // the file under the mount
-  dev_t device_ = 0;   // of the mounted pty, by which it is known again
-  ino_t inode_ = 0;
+  std::string path_;   // as it was given: for texts
+  UniqueFd folder_;    // none: moved from
+  std::string name_;   // in it
+  UniqueFd file_;      // under the mount, itself
+  bool made_ = false;  // that file
+  UniqueFd mount_;     // of the pty, while it is mounted
 };
 
 }  // namespace porttape

@@ -1,17 +1,17 @@
 #include "libport/tty/pty_link.hpp"
 
-#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
+#include <optional>
 #include <random>
-#include <string_view>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/tty/own_mark.hpp"
 
@@ -37,19 +37,24 @@ std::string temporary_name(const std::string& path) {
   return fmt::format("{}.{:08x}{:08x}.new", path, random(), random());
 }
 
+Error not_made(const std::string& path, int error) {
+  const char* const advice = error == EEXIST ? "; it is left alone, choose another path" : "";
+  const std::string why = error == EEXIST ? "something else is there by now" : errno_text(error);
+  return make_error(Errc::usage, fmt::format("link {} cannot be made: {}{}", in_quotes(path), why, advice));
+}
+
 // The link under `path`, made under another name first so that it replaces an old one in one step.
-Result<void> make_link(const std::string& path, const std::string& target) {
+Result<UniqueFd> make_link(const std::string& path, const std::string& target,
+                           const std::optional<FileIdentity>& old) {
   const std::string temporary = temporary_name(path);
-  const bool linked = ::symlink(target.c_str(), temporary.c_str()) == 0;
+  if (::symlink(target.c_str(), temporary.c_str()) != 0) return not_made(path, errno);
   struct stat pty {};
-  if (linked && ::stat(target.c_str(), &pty) == 0) mark_as_own(temporary, pty.st_ctim);
-  if (!linked || std::rename(temporary.c_str(), path.c_str()) != 0) {
-    const int error = errno;
-    if (linked) (void)::unlink(temporary.c_str());
-    return make_error(Errc::usage,
-                      fmt::format("link {} cannot be made: {}", in_quotes(path), errno_text(error)));
-  }
-  return {};
+  if (::stat(target.c_str(), &pty) == 0) mark_as_own(AT_FDCWD, temporary, pty.st_ctim);
+  UniqueFd link(::open(temporary.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
+  const int error = link ? move_over(AT_FDCWD, temporary, path, old) : errno;
+  if (error == 0) return link;
+  (void)::unlink(temporary.c_str());
+  return not_made(path, error);
 }
 
 // Whether the path is free, or a link that may go.
@@ -78,21 +83,18 @@ Result<void> check_place(const std::string& path, const std::string& target) {
 }  // namespace
 
 Result<PtyLink> PtyLink::publish(const std::string& path, const std::string& target) {
+  const std::optional<FileIdentity> old = FileIdentity::at(AT_FDCWD, path);  // before it is looked at
   if (Result<void> place = check_place(path, target); !place) return place.error();
-  if (Result<void> made = make_link(path, target); !made) return made.error();
-  return PtyLink(path, target);
+  Result<UniqueFd> link = make_link(path, target, old);
+  if (!link) return link.error();
+  return PtyLink(path, std::move(*link));
 }
-
-PtyLink::PtyLink(std::string path, std::string target) : path_(std::move(path)), target_(std::move(target)) {}
-
-PtyLink::PtyLink(PtyLink&& other) noexcept
-    : path_(std::exchange(other.path_, {})), target_(std::exchange(other.target_, {})) {}
 
 PtyLink& PtyLink::operator=(PtyLink&& other) noexcept {
   if (this != &other) {
     remove();
-    path_ = std::exchange(other.path_, {});
-    target_ = std::exchange(other.target_, {});
+    path_ = std::move(other.path_);
+    link_ = std::move(other.link_);
   }
   return *this;
 }
@@ -100,17 +102,15 @@ PtyLink& PtyLink::operator=(PtyLink&& other) noexcept {
 PtyLink::~PtyLink() { remove(); }
 
 Result<void> PtyLink::retarget(const std::string& target) {
-  Result<void> made = make_link(path_, target);
-  if (made) target_ = target;
-  return made;
+  Result<UniqueFd> made = make_link(path_, target, FileIdentity::of(link_.get()));
+  if (!made) return made.error();
+  link_ = std::move(*made);
+  return {};
 }
 
 void PtyLink::remove() {
-  if (path_.empty()) return;
-  std::array<char, 4096> now{};
-  const ssize_t size = ::readlink(path_.c_str(), now.data(), now.size());
-  if (size >= 0 && std::string_view(now.data(), static_cast<std::size_t>(size)) == target_)
-    (void)::unlink(path_.c_str());
+  const std::optional<FileIdentity> link = link_ ? FileIdentity::of(link_.get()) : std::nullopt;
+  if (link) (void)remove_if_same(AT_FDCWD, path_, *link);
 }
 
 }  // namespace porttape

@@ -14,6 +14,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/base/whole_number.hpp"
@@ -87,15 +88,14 @@ std::string temporary_lock(const std::string& folder) {
 }
 
 // A file of its own with our number, which becomes a lock by a link(): that fails where there is one.
-Result<struct stat> write_number(const std::string& path) {
-  const UniqueFd fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644));
+Result<UniqueFd> write_number(const std::string& path) {
+  UniqueFd fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644));
   if (!fd) return not_made(folder_of(path), errno);
   const std::string number = fmt::format("{:>10}\n", ::getpid());
   errno = 0;
   const bool written = ::write(fd.get(), number.data(), number.size()) == static_cast<ssize_t>(number.size());
-  struct stat status {};
   // Whatever our umask is, others are to read it.
-  if (written && ::fchmod(fd.get(), 0644) == 0 && ::fstat(fd.get(), &status) == 0) return status;
+  if (written && ::fchmod(fd.get(), 0644) == 0) return fd;
   const int error = errno != 0 ? errno : ENOSPC;
   (void)::unlink(path.c_str());
   return not_made(folder_of(path), error);
@@ -143,11 +143,10 @@ std::string to_text(const UucpHolder& holder) {
 Result<UucpLock> UucpLock::take(const std::string& folder, const std::string& device,
                                 const std::string& devices) {
   const std::string number = temporary_lock(folder);
-  const Result<struct stat> written = write_number(number);
+  Result<UniqueFd> written = write_number(number);
   if (!written) return written.error();
   UucpLock lock;
-  lock.device_ = written->st_dev;
-  lock.inode_ = written->st_ino;
+  lock.lock_ = std::move(*written);
   Result<void> made;
   for (const std::string& file : lock_files(folder, device, devices)) {
     made = make_lock(file, number, number + ".old");
@@ -160,11 +159,9 @@ Result<UucpLock> UucpLock::take(const std::string& folder, const std::string& de
 }
 
 UucpLock::~UucpLock() {
-  for (const std::string& file : files_) {
-    struct stat status {};
-    if (::lstat(file.c_str(), &status) == 0 && status.st_dev == device_ && status.st_ino == inode_)
-      (void)::unlink(file.c_str());
-  }
+  const std::optional<FileIdentity> lock = lock_ ? FileIdentity::of(lock_.get()) : std::nullopt;
+  if (!lock) return;
+  for (const std::string& file : files_) (void)remove_if_same(AT_FDCWD, file, *lock);
 }
 
 }  // namespace porttape

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "libport/base/result.hpp"
+#include "libport/base/unique_fd.hpp"
 
 namespace porttape {
 
@@ -50,8 +51,7 @@ class UucpLock {
   UucpLock() = default;
 
   std::vector<std::string> files_;  // one file under these names
-  dev_t device_ = 0;
-  ino_t inode_ = 0;
+  UniqueFd lock_;                   // that file
 };
 
 }  // namespace porttape

@@ -40,6 +40,21 @@ TEST(PidFile, OfALivingProcessIsLeftAlone) {
   EXPECT_TRUE(std::filesystem::exists(path));
 }
 
+TEST(PidFile, OfAnotherProcessIsNotRemovedAtTheEnd) {
+  const test::TempDir dir;
+  const std::string path = dir / "pid";
+  {
+    PidFile file;
+    ASSERT_TRUE(file.write(path).has_value());
+    std::filesystem::remove(path);
+    std::ofstream(path) << "4711\n";
+  }
+  ASSERT_TRUE(std::filesystem::exists(path));
+  long number = 0;
+  std::ifstream(path) >> number;
+  EXPECT_EQ(number, 4711);
+}
+
 TEST(PidFile, AnythingElseIsLeftAlone) {
   const test::TempDir dir;
   const std::string path = dir / "notes";

@@ -261,6 +261,14 @@ TEST_F(ControlListenerTest, ASocketInUseIsLeftAlone) {
   EXPECT_EQ(ask(connect(), kStatus), kReply);
 }
 
+TEST_F(ControlListenerTest, WhatHasItsNameByThenIsNotRemoved) {
+  serve();
+  ASSERT_EQ(::unlink(path_.c_str()), 0);
+  test::write_file(path_, {});
+  server_.reset();
+  EXPECT_EQ(::unlink(path_.c_str()), 0);
+}
+
 TEST_F(ControlListenerTest, AFolderThatOthersCouldUseIsRefused) {
   const auto why = [](const std::string& path) {
     const Result<ControlListener> made = ControlListener::create({path, false, 0700});

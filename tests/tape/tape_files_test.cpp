@@ -13,7 +13,7 @@
 
 #include "libport/tape/tape_lock.hpp"
 #include "tests/support/tape_bytes.hpp"
-#include "tests/support/temp_dir.hpp"
+#include "tests/support/tape_folder.hpp"
 
 namespace porttape {
 namespace {
@@ -25,23 +25,9 @@ using testing::IsEmpty;
 using testing::StartsWith;
 using Appear = NewTapeFiles::Appear;
 
-class NewTapeFilesTest : public testing::Test {
+class NewTapeFilesTest : public test::TapeFolder {
  protected:
-  [[nodiscard]] std::vector<std::string> names() const {
-    std::vector<std::string> all;
-    for (const auto& each : fs::directory_iterator(dir.path()))
-      all.push_back(each.path().filename().string());
-    std::ranges::sort(all);
-    return all;
-  }
-  static std::string content_of(const fs::path& path) {
-    const Bytes bytes = test::read_file(path);
-    return std::string(as_text(bytes));
-  }
-  void write_old() const {
-    for (const fs::path& path : {paths.read, paths.write, paths.events})
-      test::write_file(path, test::bytes_of("old"));
-  }
+  void write_old() const { write_all(paths, "old"); }
   static Result<NewTapeFiles> make(const TapePaths& paths, OnExisting on_existing,
                                    Appear appear = Appear::at_once) {
     return NewTapeFiles::make(paths, {.on_existing = on_existing, .sync = false}, appear);
@@ -58,7 +44,6 @@ class NewTapeFilesTest : public testing::Test {
     EXPECT_EQ(names().size(), 3U);
   }
 
-  test::TempDir dir;
   TapePaths paths = literal_tape(dir / "t.log");
 };
 
@@ -164,7 +149,8 @@ TEST_F(NewTapeFilesTest, WhatWasReplacedBeforeTheErrorIsTheNewTapes) {
     fs::create_directory(paths.read);
     const auto published = files->publish();
     EXPECT_EQ(published.error(),
-              make_error(Errc::io, "cannot replace '" + paths.read.string() + "': Is a directory"));
+              make_error(Errc::usage, "cannot make the tape: '" + paths.read.string() +
+                                          "' has come into being meanwhile; take another name"));
     EXPECT_THAT(names(), ElementsAre("t.loge", "t.logr", "t.logw"));
     EXPECT_EQ(content_of(paths.events), "e");
     EXPECT_EQ(content_of(paths.write), "w");

@@ -26,9 +26,13 @@ class TapeGroupTest : public testing::Test {
   }
   // A tape that is complete.
   Result<void> tape(unsigned part, unsigned connection) {
-    Result<TapeWriter> writer = group->make(part, connection, {.device = "memory", .driver = "test"});
+    Result<TapeWriter> writer = group->make(part, connection, header());
     if (!writer) return writer.error();
     return writer->finish(TapeTime{});
+  }
+  // Of this group: its zero tells.
+  TapeHeader header() {
+    return {.device = "memory", .driver = "test", .zero = group->begin(machine_clock().now()).header_zero};
   }
   void file(const std::string& name) { test::write_file(dir / name, {}); }
   // The r files, without the letter.
@@ -114,10 +118,36 @@ TEST_F(TapeGroupTest, OverwriteLeavesNothingOfTheOlderGroup) {
   EXPECT_EQ(tapes(), (Names{"laser.log", "laser.c2.log", "laser.2.log"}));
 }
 
+TEST_F(TapeGroupTest, OverwriteTouchesNothingWhereATapeIsNotOfTheGroup) {
+  make(OnExisting::refuse);
+  ASSERT_TRUE(tape(1, 7).has_value());  // with a zero of its own
+  for (const std::string name : {"laser.c7.log", "laser.c2.log"}) {
+    make(OnExisting::next);
+    const TapeHeader other = header();
+    ASSERT_TRUE(TapeWriter::create(new_tape(dir / "laser"), other, {.on_existing = OnExisting::overwrite})
+                    ->finish(TapeTime{})
+                    .has_value());
+    const Names before = tapes();
+    make(OnExisting::overwrite);
+    const Result<void> checked = group->check();
+    ASSERT_FALSE(checked.has_value());
+    EXPECT_EQ(checked.error().code, Errc::usage);
+    EXPECT_EQ(checked.error().message, "cannot make the tape: '" + (dir / name) +
+                                           "' is not of the recording '" + (dir / "laser.log") +
+                                           "', which is to be replaced; move it, or take another name");
+    EXPECT_FALSE(tape(1, 1).has_value());
+    EXPECT_EQ(tapes(), before);
+    for (const char* const letter : {"r", "w", "e"}) {
+      std::filesystem::remove(dir / ("laser.c7.log" + std::string(letter)));
+      file("laser.c2.log" + std::string(letter));  // of which nothing tells what it is of
+    }
+  }
+}
+
 TEST_F(TapeGroupTest, AGroupThatIsBeingWrittenIsNotReplaced) {
   make(OnExisting::refuse);
   ASSERT_TRUE(tape(1, 1).has_value());
-  const Result<TapeWriter> live = group->make(1, 2, {.device = "memory", .driver = "test"});
+  const Result<TapeWriter> live = group->make(1, 2, header());
   ASSERT_TRUE(live.has_value());
   make(OnExisting::overwrite);
   EXPECT_FALSE(group->check().has_value());

@@ -12,7 +12,7 @@ namespace porttape {
 namespace {
 
 struct stat marked(const std::string& path, timespec time) {
-  mark_as_own(path, time);
+  mark_as_own(AT_FDCWD, path, time);
   struct stat status {};
   EXPECT_EQ(::lstat(path.c_str(), &status), 0);
   return status;

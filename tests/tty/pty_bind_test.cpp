@@ -207,6 +207,61 @@ TEST_F(PtyBindTest, WhatSomebodyElseMountedMeanwhileIsLeftAlone) {
   expect_leads_to(other);
 }
 
+TEST_F(PtyBindTest, ItsMountGoesWithItWhereverItsFolderHasMovedTo) {
+  const Pty pty = make_pty();
+  const Pty next = make_pty();
+  const std::string folder = dir / "folder";
+  fs::create_directory(folder);
+  {
+    Result<PtyBind> bind = PtyBind::publish(folder + "/port", pty.slave_path());
+    ASSERT_TRUE(bind.has_value()) << bind.error().message;
+    fs::rename(folder, folder + ".moved");
+    fs::create_directory(folder);
+    std::ofstream(folder + "/port") << "";
+    ASSERT_TRUE(bind->retarget(next.slave_path()).has_value());
+    EXPECT_TRUE(fs::is_regular_file(folder + "/port"));
+    EXPECT_TRUE(fs::is_character_file(folder + ".moved/port"));
+  }
+  EXPECT_TRUE(fs::is_regular_file(folder + "/port")) << "another file, of somebody else";
+  EXPECT_FALSE(fs::exists(folder + ".moved/port"));
+}
+
+TEST_F(PtyBindTest, WhatReplacedItsFileIsNotMountedOn) {
+  const Pty pty = make_pty();
+  {
+    Result<PtyBind> bind = PtyBind::publish(path, pty.slave_path());
+    ASSERT_TRUE(bind.has_value()) << bind.error().message;
+    ASSERT_EQ(::umount2(path.c_str(), MNT_DETACH), 0);
+    fs::remove(path);
+    make_file("");
+    const Result<void> moved = bind->retarget(pty.slave_path());
+    ASSERT_FALSE(moved.has_value());
+    EXPECT_EQ(moved.error().message,
+              "option 'bind': '" + path + "': something else is there by now; it is left alone");
+  }
+  EXPECT_TRUE(fs::is_regular_file(path));
+}
+
+TEST_F(PtyBindTest, AnotherUsersLinkLeadsNowhere) {
+  const std::string real = dir / "real";
+  fs::create_directory(real);
+  const std::string link = dir / "link";
+  const Pty pty = make_pty();
+  ASSERT_EQ(::symlink(real.c_str(), link.c_str()), 0);
+  {
+    const Result<PtyBind> bind = PtyBind::publish(link + "/port", pty.slave_path());
+    ASSERT_TRUE(bind.has_value()) << bind.error().message;
+    EXPECT_TRUE(fs::is_character_file(real + "/port")) << "by a link of our own";
+  }
+  if (::lchown(link.c_str(), 12345, 12345) != 0) GTEST_SKIP() << "needs root, to give a link away";
+  const Result<PtyBind> bind = PtyBind::publish(link + "/port", pty.slave_path());
+  ASSERT_FALSE(bind.has_value());
+  EXPECT_EQ(bind.error().message, "option 'bind': '" + link +
+                                      "/port': 'link' on the way there is a link that another user made; "
+                                      "name the folder itself");
+  EXPECT_TRUE(fs::is_empty(real));
+}
+
 TEST_F(PtyBindTest, APortHasBothNamesAndMovesBothWhenItHangsUp) {
   LogBook book;
   PortLog log;

@@ -1,0 +1,66 @@
+#include "libport/tty/trusted_folder.hpp"
+
+#include <array>
+#include <cerrno>
+#include <fcntl.h>
+#include <filesystem>
+#include <fmt/format.h>
+#include <limits.h>
+#include <list>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <utility>
+
+#include "libport/base/printable.hpp"
+
+namespace porttape {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kMostLinks = 40;  // as the kernel follows
+
+Error trouble(const std::string& text) { return make_error(Errc::usage, text); }
+
+Error cannot_open(int error, const std::string& folder) {
+  if (error != ENOENT) return trouble("its folder: " + errno_text(error));
+  return trouble("its folder does not exist; type mkdir -p " + shell_word(folder));
+}
+
+// Where a link leads to; empty: it cannot be read.
+std::string link_text(int link) {
+  std::array<char, PATH_MAX> text{};
+  const ssize_t size = ::readlinkat(link, "", text.data(), text.size());
+  return {text.data(), static_cast<std::size_t>(size > 0 ? size : 0)};
+}
+
+}  // namespace
+
+Result<UniqueFd> open_trusted_folder(const std::string& path) {
+  const fs::path absolute = fs::absolute(path);
+  std::list<fs::path> left(absolute.begin(), absolute.end());
+  UniqueFd folder;
+  for (int links = 0; !left.empty();) {
+    const fs::path part = std::move(left.front());
+    left.pop_front();
+    if (part.empty()) continue;  // behind a last slash
+    UniqueFd next(::openat(folder ? folder.get() : AT_FDCWD, part.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
+    struct stat status {};
+    if (!next || ::fstat(next.get(), &status) != 0) return cannot_open(errno, path);
+    if (S_ISDIR(status.st_mode)) {
+      folder = std::move(next);
+      continue;
+    }
+    if (!S_ISLNK(status.st_mode)) return cannot_open(ENOTDIR, path);
+    if (status.st_uid != 0 && status.st_uid != ::geteuid())
+      return trouble(
+          fmt::format("{} on the way there is a link that another user made; name the folder itself",
+                      in_quotes(part.string())));
+    const fs::path text = link_text(next.get());
+    if (text.empty() || ++links > kMostLinks) return cannot_open(ELOOP, path);
+    left.insert(left.begin(), text.begin(), text.end());  // "/" is the first part of an absolute one
+  }
+  return folder;
+}
+
+}  // namespace porttape
