@@ -20,6 +20,7 @@
 
 #include "libport/base/own_name.hpp"
 #include "libport/base/whole_number.hpp"
+#include "tools/command_line.hpp"
 #include "tools/verb_clock.hpp"
 
 namespace porttape {
@@ -66,6 +67,45 @@ void remove_stale(const std::string& path) {
   if (old && is_stale_socket(path)) (void)remove_if_same(folder.get(), socket.filename(), *old);
 }
 
+enum class Connected : std::uint8_t {
+  yes,
+  no,    // no daemon has the socket any more
+  later  // others wait there already, longer than the descriptor waits
+};
+
+Result<Connected> connect_to(int fd, const ControlSocket& socket) {
+  const auto address = socket_address(socket.path);
+  if (!address) return failed(socket.pid, ENAMETOOLONG);
+  if (::connect(fd, reinterpret_cast<const sockaddr*>(&*address), sizeof *address) != 0) {
+    const int error = errno;
+    if (error == ENOENT) return Connected::no;
+    if (error == EAGAIN) return Connected::later;
+    if (error != ECONNREFUSED || !is_stale_socket(socket.path)) return failed(socket.pid, error);
+    remove_stale(socket.path);
+    return Connected::no;
+  }
+  if (is_of_its_daemon(fd, socket)) return Connected::yes;
+  return make_error(Errc::usage, fmt::format("{}: it is not process {} that serves it; it is not asked",
+                                             socket.path, socket.pid));
+}
+
+Result<json::object> reply_of(pid_t pid, const std::string& line) {
+  json::error_code wrong;
+  const json::value value = json::parse(line, wrong);
+  if (wrong || !value.is_object())
+    return make_error(Errc::io,
+                      fmt::format("process {} answers something else than a daemon of porttape", pid));
+  const json::object& reply = value.get_object();
+  const json::value* ok = reply.if_contains("ok");
+  if (ok != nullptr && ok->is_bool() && ok->get_bool()) return reply;
+  return make_error(text_of(reply, "kind") == "usage" ? Errc::usage : Errc::io, text_of(reply, "error"));
+}
+
+std::optional<pid_t> parse_pid(const std::string& text) {
+  const auto pid = whole_number<pid_t>(text);
+  return pid && *pid > 0 ? pid : std::nullopt;
+}
+
 }  // namespace
 
 ControlClient::ControlClient(UniqueFd fd, ControlSocket socket)
@@ -74,21 +114,13 @@ ControlClient::ControlClient(UniqueFd fd, ControlSocket socket)
       socket_(std::move(socket)) {}
 
 Result<std::optional<ControlClient>> ControlClient::connect(const ControlSocket& socket) {
-  const auto address = socket_address(socket.path);
   UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
-  if (!fd || !address) return failed(socket.pid, address ? errno : ENAMETOOLONG);
+  if (!fd) return failed(socket.pid, errno);
   set_limit(fd.get(), kLimit);
-  if (::connect(fd.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) != 0) {
-    const int error = errno;
-    if (error == ENOENT) return std::optional<ControlClient>();
-    if (error != ECONNREFUSED || !is_stale_socket(socket.path)) return failed(socket.pid, error);
-    remove_stale(socket.path);
-    return std::optional<ControlClient>();
-  }
-  if (!is_of_its_daemon(fd.get(), socket))
-    return make_error(Errc::usage, fmt::format("{}: it is not process {} that serves it; it is not asked",
-                                               socket.path, socket.pid));
-  return std::optional(ControlClient(std::move(fd), socket));
+  const Result<Connected> connected = connect_to(fd.get(), socket);
+  if (!connected) return connected.error();
+  if (*connected == Connected::later) return failed(socket.pid, EAGAIN);
+  return *connected == Connected::yes ? std::optional(ControlClient(std::move(fd), socket)) : std::nullopt;
 }
 
 Result<json::object> ControlClient::ask(const json::object& request) {
@@ -101,15 +133,7 @@ Result<json::object> ControlClient::ask(const json::object& request) {
   }
   const Result<std::string> answer = read_line();
   if (!answer) return answer.error();
-  json::error_code wrong;
-  const json::value value = json::parse(*answer, wrong);
-  if (wrong || !value.is_object())
-    return make_error(Errc::io,
-                      fmt::format("process {} answers something else than a daemon of porttape", pid()));
-  const json::object& reply = value.get_object();
-  const json::value* ok = reply.if_contains("ok");
-  if (ok != nullptr && ok->is_bool() && ok->get_bool()) return reply;
-  return make_error(text_of(reply, "kind") == "usage" ? Errc::usage : Errc::io, text_of(reply, "error"));
+  return reply_of(pid(), *answer);
 }
 
 Result<std::string> ControlClient::read_line() {
@@ -145,25 +169,140 @@ bool ControlClient::wait_ended(Nanos limit) const {
   }
 }
 
-RunningDaemons find_daemons(std::optional<pid_t> pid) {
-  RunningDaemons found;
-  for (const ControlSocket& socket : control_sockets(ControlEnvironment::of_process())) {
-    if (pid && socket.pid != *pid) continue;
-    Result<std::optional<ControlClient>> client = ControlClient::connect(socket);
-    if (client && !*client) continue;
-    const Result<json::object> reply = client ? (*client)->ask({{"verb", "status"}}) : client.error();
-    if (!reply) {
-      found.silent.push_back(reply.error());
-      continue;
-    }
-    found.daemons.push_back({std::move(**client), object_of(*reply, "status")});
+// Asks daemons for their status, all at once, without waiting for any.
+class DaemonSearch {
+ public:
+  explicit DaemonSearch(const std::vector<ControlSocket>& sockets) {
+    for (const ControlSocket& socket : sockets) asked_.push_back({socket, {}, {}, false});
   }
-  return found;
+  RunningDaemons run();
+
+ private:
+  // One that is asked, and what has come of its answer.
+  struct Asked {
+    ControlSocket socket;
+    UniqueFd fd;  // none: it is not connected
+    std::string input;
+    bool over = false;
+  };
+
+  void connect(Asked& asked);
+  void read(Asked& asked);
+  void answered(Asked& asked, std::string line);
+  void give_up(Asked& asked, Error error);
+  void wait(Nanos left);
+
+  std::vector<Asked> asked_;
+  RunningDaemons found_;
+};
+
+RunningDaemons DaemonSearch::run() {
+  const Instant limit = verb_clock().now() + ControlClient::kLimit;
+  for (;;) {
+    for (Asked& asked : asked_) {
+      if (!asked.over && !asked.fd) connect(asked);
+      if (!asked.over && asked.fd) read(asked);
+    }
+    std::erase_if(asked_, [](const Asked& asked) { return asked.over; });
+    const Nanos left = limit - verb_clock().now();
+    if (asked_.empty() || left <= Nanos::zero()) break;
+    wait(left);
+  }
+  for (Asked& asked : asked_) give_up(asked, failed(asked.socket.pid, EAGAIN));
+  std::ranges::sort(found_.daemons, {}, [](const RunningDaemon& each) { return each.client.pid(); });
+  return std::move(found_);
 }
 
-std::optional<pid_t> parse_pid(const std::string& text) {
-  const auto pid = whole_number<pid_t>(text);
-  return pid && *pid > 0 ? pid : std::nullopt;
+void DaemonSearch::connect(Asked& asked) {
+  UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (!fd) return give_up(asked, failed(asked.socket.pid, errno));
+  const Result<Connected> connected = connect_to(fd.get(), asked.socket);
+  if (!connected) return give_up(asked, connected.error());
+  asked.over = *connected == Connected::no;
+  if (*connected != Connected::yes) return;
+  const std::string request = json::serialize(json::object{{"verb", "status"}}) + '\n';
+  const ssize_t sent = ::send(fd.get(), request.data(), request.size(), MSG_NOSIGNAL);
+  if (sent < 0) return give_up(asked, failed(asked.socket.pid, errno));
+  asked.fd = std::move(fd);  // that it is whole is sure: nothing was sent before
+}
+
+void DaemonSearch::read(Asked& asked) {
+  std::array<char, 65536> buffer;
+  for (;;) {
+    const ssize_t size = ::recv(asked.fd.get(), buffer.data(), buffer.size(), 0);
+    if (size < 0 && errno == EINTR) continue;
+    if (size < 0 && errno == EAGAIN) return;
+    if (size < 0) return give_up(asked, failed(asked.socket.pid, errno));
+    if (size == 0)
+      return give_up(asked, make_error(Errc::io, fmt::format("process {} has ended", asked.socket.pid)));
+    asked.input.append(buffer.data(), static_cast<std::size_t>(size));
+    if (const std::size_t newline = asked.input.find('\n'); newline != std::string::npos)
+      return answered(asked, asked.input.substr(0, newline));
+    if (asked.input.size() > kMostReply) return give_up(asked, failed(asked.socket.pid, EMSGSIZE));
+  }
+}
+
+void DaemonSearch::answered(Asked& asked, std::string line) {
+  const Result<json::object> reply = reply_of(asked.socket.pid, line);
+  if (!reply) return give_up(asked, reply.error());
+  const int flags = ::fcntl(asked.fd.get(), F_GETFL);
+  if (flags < 0 || ::fcntl(asked.fd.get(), F_SETFL, flags & ~O_NONBLOCK) != 0)
+    return give_up(asked, failed(asked.socket.pid, errno));
+  found_.daemons.push_back({ControlClient(std::move(asked.fd), asked.socket), object_of(*reply, "status")});
+  asked.over = true;
+}
+
+void DaemonSearch::give_up(Asked& asked, Error error) {
+  found_.silent.push_back(std::move(error));
+  asked.over = true;
+}
+
+// For answers, and a moment where one is not connected: what frees a place there cannot be waited for.
+void DaemonSearch::wait(Nanos left) {
+  constexpr Nanos kConnectAgain = std::chrono::milliseconds(10);
+  std::vector<pollfd> watched;
+  for (const Asked& asked : asked_) {
+    if (asked.fd) watched.push_back({asked.fd.get(), POLLIN, 0});
+  }
+  const bool all = watched.size() == asked_.size();
+  const auto ms = std::chrono::ceil<std::chrono::milliseconds>(all ? left : std::min(left, kConnectAgain));
+  (void)::poll(watched.data(), watched.size(), static_cast<int>(ms.count()));
+}
+
+RunningDaemons find_daemons(const WantedDaemons& wanted) {
+  std::vector<ControlSocket> sockets = control_sockets(ControlEnvironment::of_process(), wanted.others);
+  if (wanted.pid) std::erase_if(sockets, [&](const ControlSocket& each) { return each.pid != *wanted.pid; });
+  return DaemonSearch(sockets).run();
+}
+
+std::string no_daemon_text(const WantedDaemons& wanted) {
+  const std::string what =
+      wanted.pid ? fmt::format("process {} is no porttaped", *wanted.pid) : "no porttaped runs";
+  if (::geteuid() != 0) return what + "; root sees those of all users, with --user all";
+  if (wanted.others.all) return what;
+  return what + "; those of other users are seen with --user NAME, or --user all";
+}
+
+void WantedDaemons::add_options(CommandLine& line) {
+  line.value("pid,p", "PID", "that daemon alone")
+      .value("user", "NAME|all", "those of that user too, or of all (as root)");
+}
+
+Result<WantedDaemons> WantedDaemons::of(const CommandLine& line) {
+  WantedDaemons wanted;
+  if (const auto given = line.text("pid")) {
+    wanted.pid = parse_pid(*given);
+    if (!wanted.pid)
+      return make_error(Errc::usage, "--pid is '" + *given + "'; it must be the number of a process");
+  }
+  if (const auto given = line.text("user")) {
+    const Result<OtherUsers> others = OtherUsers::parse(*given);
+    if (!others) return make_error(Errc::usage, "--user: " + others.error().message);
+    if (::geteuid() != 0 && others->one != ::geteuid())
+      return make_error(Errc::usage, "--user: root alone may ask other users' daemons; add sudo");
+    wanted.others = *others;
+  }
+  return wanted;
 }
 
 std::string text_of(const json::object& object, std::string_view key) {

@@ -14,6 +14,8 @@
 
 namespace porttape {
 
+class CommandLine;
+
 // A connection to the control socket of a daemon (daemon/CONTROL.md). Waits, kLimit at most for each answer.
 class ControlClient {
  public:
@@ -33,6 +35,7 @@ class ControlClient {
   [[nodiscard]] bool wait_ended(Nanos limit) const;
 
  private:
+  friend class DaemonSearch;
   ControlClient(UniqueFd fd, ControlSocket socket);
   Result<std::string> read_line();
 
@@ -40,6 +43,16 @@ class ControlClient {
   UniqueFd process_;
   ControlSocket socket_;
   std::string input_;
+};
+
+// Which daemons a user asks for.
+struct WantedDaemons {
+  std::optional<pid_t> pid = {};  // that one alone
+  OtherUsers others = {};         // those of these users too
+
+  // The options --pid and --user, and what was given of them; what is wrong: Errc::usage.
+  static void add_options(CommandLine& line);
+  static Result<WantedDaemons> of(const CommandLine& line);
 };
 
 // What the daemons that run say of themselves.
@@ -52,11 +65,10 @@ struct RunningDaemons {
   // Others: Errc::usage, that are not ours to ask; else that do not answer.
   std::vector<Error> silent;
 };
-// All of them, or the one of this process.
-RunningDaemons find_daemons(std::optional<pid_t> pid);
-
-// The pid that a user gave.
-std::optional<pid_t> parse_pid(const std::string& text);
+// All are asked at once, and none is waited for longer than ControlClient::kLimit.
+RunningDaemons find_daemons(const WantedDaemons& wanted);
+// Why none was found.
+std::string no_daemon_text(const WantedDaemons& wanted);
 
 // That of a daemon's status, or of a channel or line of it; empty and 0 where it is not there.
 std::string text_of(const boost::json::object& object, std::string_view key);

@@ -5,12 +5,15 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <fmt/format.h>
+#include <pwd.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <system_error>
 #include <unistd.h>
 
+#include "libport/base/printable.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/base/whole_number.hpp"
 
@@ -48,22 +51,38 @@ std::vector<std::string> folders_in(const std::string& folder) {
   return found;
 }
 
-std::vector<std::string> folders_of(const ControlEnvironment& environment) {
+// A user's daemons may have been started with another environment than ours.
+std::vector<std::string> folders_of_user(const ControlEnvironment& environment, uid_t user) {
+  const std::string number = std::to_string(user);
+  return {in(environment.run, "user/" + number + "/porttape"), in(environment.tmp, "porttape-" + number)};
+}
+
+std::vector<std::string> folders_of_all(const ControlEnvironment& environment) {
+  std::vector<std::string> folders;
+  for (const std::string& user : folders_in(in(environment.run, "user")))
+    folders.push_back(in(user, kFolder));
+  for (const std::string& folder : folders_in(environment.tmp)) {
+    if (fs::path(folder).filename().string().starts_with("porttape-")) folders.push_back(folder);
+  }
+  return folders;
+}
+
+std::vector<std::string> own_folders(const ControlEnvironment& environment) {
   if (const ControlFolder own = control_folder(environment); own.given) return {own.path};
   const std::string system = in(environment.run, kFolder);
   std::vector<std::string> folders = folders_in(system);
   folders.push_back(system);
-  folders.push_back(of_user(environment));
-  // A user's own daemons may have been started with another environment than ours.
-  folders.push_back(in(environment.run, "user/" + std::to_string(environment.user) + "/porttape"));
-  folders.push_back(in(environment.tmp, "porttape-" + std::to_string(environment.user)));
-  if (environment.user == 0) {
-    for (const std::string& user : folders_in(in(environment.run, "user")))
-      folders.push_back(in(user, kFolder));
-    for (const std::string& folder : folders_in(environment.tmp)) {
-      if (fs::path(folder).filename().string().starts_with("porttape-")) folders.push_back(folder);
-    }
-  }
+  if (environment.user != 0) folders.push_back(of_user(environment));
+  for (const std::string& folder : folders_of_user(environment, environment.user)) folders.push_back(folder);
+  return folders;
+}
+
+std::vector<std::string> folders_of(const ControlEnvironment& environment, const OtherUsers& others) {
+  std::vector<std::string> folders = own_folders(environment);
+  const std::vector<std::string> more = others.all   ? folders_of_all(environment)
+                                        : others.one ? folders_of_user(environment, *others.one)
+                                                     : std::vector<std::string>();
+  folders.insert(folders.end(), more.begin(), more.end());
   std::ranges::sort(folders);
   folders.erase(std::unique(folders.begin(), folders.end()), folders.end());
   return folders;
@@ -127,10 +146,18 @@ std::string control_socket(std::string_view folder, pid_t pid) {
   return in(std::string(folder), std::to_string(pid) + std::string(kEnding));
 }
 
-std::vector<ControlSocket> control_sockets(const ControlEnvironment& environment) {
+Result<OtherUsers> OtherUsers::parse(const std::string& text) {
+  if (text == "all") return OtherUsers{.all = true};
+  if (const auto number = whole_number<uid_t>(text)) return OtherUsers{.one = *number};
+  if (const passwd* const entry = ::getpwnam(text.c_str())) return OtherUsers{.one = entry->pw_uid};
+  return make_error(Errc::usage, fmt::format("there is no user {}", in_quotes(text)));
+}
+
+std::vector<ControlSocket> control_sockets(const ControlEnvironment& environment, const OtherUsers& others) {
   std::vector<ControlSocket> sockets;
-  const bool given = control_folder(environment).given;
-  for (const std::string& folder : folders_of(environment)) {
+  const ControlFolder own = control_folder(environment);
+  for (const std::string& folder : folders_of(environment, others)) {
+    const bool given = own.given && folder == own.path;
     if (given || is_trusted(folder, environment)) add_sockets(folder, sockets);
   }
   std::ranges::sort(sockets, {}, &ControlSocket::pid);

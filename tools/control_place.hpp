@@ -7,7 +7,19 @@
 #include <sys/un.h>
 #include <vector>
 
+#include "libport/base/result.hpp"
+
 namespace porttape {
+
+// Whose daemons root asks for besides its own and those of the system's units: nobody's unless it says so,
+// since any user can make sockets that do not answer.
+struct OtherUsers {
+  bool all = false;
+  std::optional<uid_t> one = {};
+
+  // `all`, a name or a number. Errc::usage: there is no such user.
+  static Result<OtherUsers> parse(const std::string& text);
+};
 
 // What decides where control sockets lie.
 struct ControlEnvironment {
@@ -32,13 +44,14 @@ ControlFolder control_folder(const ControlEnvironment& environment);
 std::string control_socket(std::string_view folder, pid_t pid);
 
 // Where a client finds daemons: in the folder above if that is given; else in those of its user and of the
-// system's units (each has a folder of its own), and, if it is root, in everybody's that is what it says.
+// system's units (each has a folder of its own). Besides, in those of other users that it asks for.
 struct ControlSocket {
   std::string path;
   pid_t pid = 0;
   uid_t owner = 0;  // of its folder
 };
-std::vector<ControlSocket> control_sockets(const ControlEnvironment& environment);
+std::vector<ControlSocket> control_sockets(const ControlEnvironment& environment,
+                                           const OtherUsers& others = {});
 
 // For bind() and connect(); none where the path is too long for a socket.
 std::optional<sockaddr_un> socket_address(const std::string& path);

@@ -21,7 +21,9 @@ namespace {
 namespace json = boost::json;
 
 constexpr VerbHelp kCtlHelp{
-    "ctl", "[-c CHANNEL] [-p PID] mark TEXT | pause | resume | step [N] | seek SEC | rate X | stop",
+    "ctl",
+    "[-c CHANNEL] [-p PID] [--user NAME|all] mark TEXT | pause | resume | step [N] | seek SEC | rate X | "
+    "stop",
     "Steers a daemon that runs: the one of that process or with that channel, or the only one.\n"
     "  mark TEXT  notes the text on the tapes that are being recorded, in its place among the\n"
     "             bytes; `porttape cat` and `info` show it\n"
@@ -68,27 +70,26 @@ std::string name_of(const RunningDaemon& daemon) {
 }
 
 struct Wanted {
-  std::optional<pid_t> pid;
+  WantedDaemons daemons;
   std::string channel;
 };
 
 // The one that is meant.
 Result<RunningDaemon> find_daemon(const Wanted& wanted) {
-  RunningDaemons running = find_daemons(wanted.pid);
-  if (!wanted.channel.empty() && !wanted.pid)
+  RunningDaemons running = find_daemons(wanted.daemons);
+  if (!wanted.channel.empty() && !wanted.daemons.pid)
     std::erase_if(running.daemons,
                   [&](const RunningDaemon& each) { return !has_channel(each, wanted.channel); });
   const auto silent = std::ranges::find(running.silent, Errc::io, &Error::code);
-  if (!wanted.pid && silent != running.silent.end())
+  if (!wanted.daemons.pid && silent != running.silent.end())
     return make_error(Errc::usage,
                       silent->message + " It could be the one that is meant; say which is with -p PID");
   if (running.daemons.size() == 1) return std::move(running.daemons.front());
   if (running.daemons.empty()) {
     if (!running.silent.empty()) return make_error(Errc::io, running.silent.front().message);
-    if (wanted.pid) return make_error(Errc::io, fmt::format("process {} is no porttaped", *wanted.pid));
     return make_error(Errc::io,
-                      wanted.channel.empty()
-                          ? "no porttaped runs"
+                      wanted.daemons.pid || wanted.channel.empty()
+                          ? no_daemon_text(wanted.daemons)
                           : fmt::format("no porttaped runs with a channel '{}'; porttape status has those "
                                         "that run",
                                         wanted.channel));
@@ -191,16 +192,14 @@ std::optional<std::string> take_words(const std::vector<std::string>& words, Com
 
 int run_ctl(Arguments args, std::ostream& out, std::ostream& err) {
   CommandLine line(kCtlHelp);
-  line.takes_words().value("channel,c", "CHANNEL", "that channel alone").value("pid,p", "PID", "that daemon");
+  line.takes_words().value("channel,c", "CHANNEL", "that channel alone");
+  WantedDaemons::add_options(line);
   if (const auto done = line.parse(args, out, err)) return *done;
   Command command;
   if (const auto wrong = take_words(line.words(), command)) return line.usage_error(err, *wrong);
-  Wanted wanted{.pid = {}, .channel = line.text("channel").value_or("")};
-  if (const auto given = line.text("pid")) {
-    wanted.pid = parse_pid(*given);
-    if (!wanted.pid)
-      return line.usage_error(err, "--pid is '" + *given + "'; it must be the number of a process");
-  }
+  const Result<WantedDaemons> daemons = WantedDaemons::of(line);
+  if (!daemons) return line.usage_error(err, daemons.error().message);
+  const Wanted wanted{*daemons, line.text("channel").value_or("")};
   const Result<void> ran = run_command(wanted, command, err);
   if (ran) return exit_status::kPass;
   err << "porttape ctl: " << printable_line(ran.error().message) << '\n';

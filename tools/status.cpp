@@ -28,10 +28,11 @@ namespace json = boost::json;
 using Openers = std::map<std::string, std::vector<Opener>>;
 
 constexpr VerbHelp kStatusHelp{
-    "status", "[-p PID] [--json]",
+    "status", "[-p PID] [--user NAME|all] [--json]",
     "Says what the daemons do that run: since when, on which ports, who has them open, bytes,\n"
-    "tapes, the last trouble. One's own daemons are seen, and by root everybody's. Exit status:\n"
-    "0, 1 no daemon runs (or none that answers).\n",
+    "tapes, the last trouble. One's own daemons are seen and those of the system's units, by\n"
+    "root with --user those of others too. Of each that does not answer within 2 s it says that\n"
+    "it is silent. Exit status: 0, 1 no daemon runs (or none that answers).\n",
     "  porttape status\n"
     "  porttape status --json | jq -r '.channels[].tapes[].name'\n"};
 
@@ -236,17 +237,12 @@ Openers openers_of(const RunningDaemons& running) {
 
 int run_status(Arguments args, std::ostream& out, std::ostream& err) {
   CommandLine line(kStatusHelp);
-  line.takes_nothing()
-      .flag("json", "one JSON object a daemon and line (tools/OUTPUT.md)")
-      .value("pid,p", "PID", "that daemon alone")
-      .color();
+  line.takes_nothing().flag("json", "one JSON object a daemon and line (tools/OUTPUT.md)").color();
+  WantedDaemons::add_options(line);
   if (const auto done = line.parse(args, out, err)) return *done;
-  std::optional<pid_t> pid;
-  if (const auto given = line.text("pid")) {
-    pid = parse_pid(*given);
-    if (!pid) return line.usage_error(err, "--pid is '" + *given + "'; it must be the number of a process");
-  }
-  RunningDaemons running = find_daemons(pid);
+  const Result<WantedDaemons> wanted = WantedDaemons::of(line);
+  if (!wanted) return line.usage_error(err, wanted.error().message);
+  RunningDaemons running = find_daemons(*wanted);
   const Openers openers = openers_of(running);
   for (RunningDaemon& daemon : running.daemons) {
     if (line.has("json")) {
@@ -257,14 +253,12 @@ int run_status(Arguments args, std::ostream& out, std::ostream& err) {
     }
   }
   out.flush();
-  for (const Error& silent : running.silent)
-    err << "porttape status: " << printable_line(silent.message) << '\n';
-  if (!running.daemons.empty()) return exit_status::kPass;
-  if (running.silent.empty()) {
-    err << "porttape status: "
-        << (pid ? fmt::format("process {} is no porttaped", *pid) : "no porttaped runs")
-        << (::geteuid() == 0 ? "\n" : "; root sees those of all users\n");
+  for (const Error& silent : running.silent) {
+    err << "porttape status: " << (silent.code == Errc::usage ? "" : "silent: ")
+        << printable_line(silent.message) << '\n';
   }
+  if (!running.daemons.empty()) return exit_status::kPass;
+  if (running.silent.empty()) err << "porttape status: " << no_daemon_text(*wanted) << '\n';
   return exit_status::kRuntime;
 }
 

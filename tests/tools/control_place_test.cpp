@@ -17,9 +17,9 @@ namespace {
 using test::TempDir;
 using testing::ElementsAre;
 
-std::vector<pid_t> pids(const ControlEnvironment& environment) {
+std::vector<pid_t> pids(const ControlEnvironment& environment, const OtherUsers& others = {}) {
   std::vector<pid_t> found;
-  for (const ControlSocket& each : control_sockets(environment)) found.push_back(each.pid);
+  for (const ControlSocket& each : control_sockets(environment, others)) found.push_back(each.pid);
   return found;
 }
 
@@ -44,7 +44,7 @@ TEST(ControlPlace, AFolderThatIsGivenComesFirstThenTheUsersOwn) {
   EXPECT_EQ(control_socket("/run/porttape", 12), "/run/porttape/12.sock");
 }
 
-TEST(ControlPlace, TheUsersOwnAndTheUnitsAreFoundByRootAll) {
+TEST(ControlPlace, TheUsersOwnAndTheUnitsAreFound) {
   const TempDir dir;
   ControlEnvironment environment{.user = ::geteuid(), .run = dir / "run", .tmp = dir / "tmp"};
   const std::string self = std::to_string(environment.user);
@@ -78,12 +78,48 @@ TEST(ControlPlace, RootTakesAUsersFolderOnlyIfItIsThatUsers) {
   make_socket(dir / "tmp/porttape-x/3.sock");
   make_socket(dir / ("run/user/" + self + "/porttape/4.sock"));
   make_socket(dir / ("run/user/" + other + "/porttape/5.sock"));
-  EXPECT_THAT(pids(environment), ElementsAre(1, 4));
-  EXPECT_EQ(control_sockets(environment).front().owner, ::geteuid());
+  const OtherUsers all{.all = true};
+  EXPECT_THAT(pids(environment, all), ElementsAre(1, 4));
+  EXPECT_EQ(control_sockets(environment, all).front().owner, ::geteuid());
   const std::filesystem::path own = dir / ("tmp/porttape-" + self);
   std::filesystem::rename(own, dir / "elsewhere");
   std::filesystem::create_directory_symlink(dir / "elsewhere", own);
-  EXPECT_THAT(pids(environment), ElementsAre(4));
+  EXPECT_THAT(pids(environment, all), ElementsAre(4));
+}
+
+TEST(ControlPlace, RootLooksAtNobodyElsesUnlessItSaysWhose) {
+  const TempDir dir;
+  const uid_t user = ::geteuid() + 1;  // as whom root counts here
+  const std::string self = std::to_string(::geteuid());
+  const ControlEnvironment root{
+      .user = 0, .xdg_runtime_dir = dir / "xdg", .run = dir / "run", .tmp = dir / "tmp"};
+  make_socket(dir / "run/porttape/1.sock");
+  make_socket(dir / "run/porttape/robot/2.sock");
+  make_socket(dir / ("run/user/" + self + "/porttape/3.sock"));
+  make_socket(dir / ("tmp/porttape-" + self + "/4.sock"));
+  make_socket(dir / "xdg/porttape/5.sock");
+  if (::geteuid() != 0) {
+    EXPECT_THAT(pids(root), ElementsAre(1, 2));
+  }
+  EXPECT_THAT(pids(root, {.one = ::geteuid()}), ElementsAre(1, 2, 3, 4));
+  EXPECT_THAT(pids(root, {.all = true}), ElementsAre(1, 2, 3, 4));
+  ControlEnvironment other = root;
+  other.user = user;
+  EXPECT_THAT(pids(other), ElementsAre(1, 2, 5));
+  EXPECT_THAT(pids(other, {.one = ::geteuid()}), ElementsAre(1, 2, 3, 4, 5));
+  other.runtime_directory = dir / "xdg/porttape";
+  EXPECT_THAT(pids(other), ElementsAre(5)) << "that alone";
+  EXPECT_THAT(pids(other, {.one = ::geteuid()}), ElementsAre(3, 4, 5));
+}
+
+TEST(ControlPlace, AUserIsGivenByNameOrNumber) {
+  EXPECT_TRUE(OtherUsers::parse("all")->all);
+  EXPECT_EQ(OtherUsers::parse("12345")->one, 12345U);
+  EXPECT_EQ(OtherUsers::parse("root")->one, 0U);
+  const Result<OtherUsers> nobody = OtherUsers::parse("no such user");
+  ASSERT_FALSE(nobody);
+  EXPECT_EQ(nobody.error().code, Errc::usage);
+  EXPECT_EQ(nobody.error().message, "there is no user 'no such user'");
 }
 
 }  // namespace

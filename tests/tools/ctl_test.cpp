@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <poll.h>
 #include <sstream>
@@ -134,6 +135,85 @@ TEST_F(CtlTest, WhileOneDoesNotAnswerItIsNotClearWhichIsMeant) {
   }
   ::kill(silent, SIGKILL);
   ::waitpid(silent, nullptr, 0);
+}
+
+// A socket of a process that accepts nothing, with all its places taken.
+class FullSocket {
+ public:
+  explicit FullSocket(const std::string& path) : listener_(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    const auto address = socket_address(path);
+    const auto* const where = reinterpret_cast<const sockaddr*>(&*address);
+    EXPECT_EQ(::bind(listener_.get(), where, sizeof *address), 0);
+    EXPECT_EQ(::listen(listener_.get(), 0), 0);
+    for (;;) {
+      UniqueFd client(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+      if (::connect(client.get(), where, sizeof *address) != 0) return;
+      clients_.push_back(std::move(client));
+    }
+  }
+
+ private:
+  UniqueFd listener_;
+  std::vector<UniqueFd> clients_;
+};
+
+TEST_F(CtlTest, ManyThatDoNotAnswerTakeNoLongerThanOne) {
+  std::vector<std::unique_ptr<FullSocket>> full;
+  for (int n = 0; n < 6; ++n)
+    full.push_back(std::make_unique<FullSocket>(control_socket(folder(), 100'000'000 + n)));
+  const FakeDaemon daemon(folder(), [](const std::string&) { return kRuns; });
+  const Instant begin = std::chrono::steady_clock::now();
+  const RunningDaemons running = find_daemons({});
+  const auto took = std::chrono::steady_clock::now() - begin;
+  ASSERT_EQ(running.daemons.size(), 1U);
+  EXPECT_EQ(running.daemons.front().client.pid(), ::getpid());
+  ASSERT_EQ(running.silent.size(), full.size());
+  for (const Error& silent : running.silent) {
+    EXPECT_EQ(silent.code, Errc::io);
+    EXPECT_THAT(silent.message, HasSubstr("does not answer within 2 s"));
+  }
+  EXPECT_GE(took, ControlClient::kLimit) << "each has that time";
+  EXPECT_WITHIN(took, std::chrono::seconds(11));
+}
+
+TEST_F(CtlTest, WhatGoesWhileItIsAskedIsNotTold) {
+  auto full = std::make_unique<FullSocket>(control_socket(folder(), 100'000'000));
+  const FakeDaemon daemon(folder(), [&full](const std::string&) {
+    full.reset();
+    return kRuns;
+  });
+  const RunningDaemons running = find_daemons({});
+  EXPECT_EQ(running.daemons.size(), 1U);
+  EXPECT_THAT(running.silent, testing::IsEmpty());
+}
+
+TEST_F(CtlTest, AReplyThatIsNoneIsTold) {
+  for (const char* const reply : {"nonsense", "[1]", R"({"ok":false,"error":"not now"})"}) {
+    const FakeDaemon daemon(folder(), [&](const std::string&) { return reply; });
+    const RunningDaemons running = find_daemons({});
+    EXPECT_TRUE(running.daemons.empty());
+    ASSERT_EQ(running.silent.size(), 1U);
+    EXPECT_THAT(running.silent.front().message,
+                testing::AnyOf("process " + std::to_string(::getpid()) +
+                                   " answers something else than a daemon of porttape",
+                               "not now"));
+    std::filesystem::remove(control_socket(folder(), ::getpid()));
+  }
+}
+
+TEST_F(CtlTest, AnotherUsersDaemonsAreRootsToAsk) {
+  EXPECT_EQ(ctl({"--user", "no such user", "stop"}), 2);
+  EXPECT_THAT(said_, HasSubstr("--user: there is no user 'no such user'"));
+  EXPECT_EQ(ctl({"-p", "x", "stop"}), 2);
+  EXPECT_THAT(said_, HasSubstr("--pid is 'x'; it must be the number of a process"));
+  if (::geteuid() == 0) {
+    EXPECT_EQ(ctl({"stop"}), 1);
+    EXPECT_THAT(said_, HasSubstr("no porttaped runs; those of other users are seen with --user NAME"));
+  } else {
+    EXPECT_EQ(ctl({"--user", "all", "stop"}), 2);
+    EXPECT_THAT(said_, HasSubstr("--user: root alone may ask other users' daemons"));
+    EXPECT_EQ(ctl({"--user", std::to_string(::geteuid()), "stop"}), 1);
+  }
 }
 
 TEST_F(CtlTest, AWrongRequestIsUsageAndWhatCouldNotBeDoneIsNot) {
