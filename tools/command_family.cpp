@@ -6,6 +6,7 @@
 #include <chrono>
 #include <dirent.h>
 #include <fcntl.h>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <poll.h>
@@ -18,6 +19,7 @@
 #include <utility>
 
 #include "libport/base/unique_fd.hpp"
+#include "libport/base/whole_number.hpp"
 #include "tools/verb_clock.hpp"
 
 namespace porttape {
@@ -25,37 +27,72 @@ namespace {
 
 constexpr std::uint64_t kFewTicks = 2;  // of 10 ms
 
-std::string read_proc_file(pid_t pid, const char* name) {
-  const UniqueFd fd(::open(("/proc/" + std::to_string(pid) + '/' + name).c_str(), O_RDONLY | O_CLOEXEC));
+// A process's folder in /proc: while it is open it is that process's, whoever has its number later.
+UniqueFd open_process(pid_t number) {
+  return UniqueFd(::open(("/proc/" + std::to_string(number)).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+}
+
+std::string read_file(int folder, const char* name) {
+  const UniqueFd fd(::openat(folder, name, O_RDONLY | O_CLOEXEC));
   if (!fd) return {};
   std::array<char, 4096> text{};
   const ssize_t n = ::read(fd.get(), text.data(), text.size());
   return n > 0 ? std::string(text.data(), static_cast<std::size_t>(n)) : std::string();
 }
 
-std::optional<ProcessState> state_of(pid_t pid) {
+// How /proc shows us: under which number, and how many PID namespaces ours lies below its own.
+struct View {
+  pid_t self = 0;  // 0: not at all
+  std::size_t depth = 0;
+};
+
+View view() {
+  const UniqueFd folder(::open("/proc/self", O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!folder) return {};
+  const std::vector<pid_t> numbers = numbers_of_process(read_file(folder.get(), "status"));
+  // Where the last is not ours it is no /proc of this system.
+  if (numbers.empty() || numbers.back() != ::getpid()) return {};
+  return {numbers.front(), numbers.size() - 1};
+}
+
+std::optional<ProcessState> state_of(int folder, std::size_t depth) {
   ProcessState process;
-  if (!parse_process_stat(read_proc_file(pid, "stat"), process)) return std::nullopt;
+  if (!parse_process_stat(read_file(folder, "stat"), process)) return std::nullopt;
+  process.pid = process.number;
+  if (depth == 0) return process;
+  const std::vector<pid_t> numbers = numbers_of_process(read_file(folder, "status"));
+  process.pid = depth < numbers.size() ? numbers[depth] : 0;  // 0: it is not in our namespace
   return process;
 }
 
-bool traced(pid_t pid) {
+bool traced(const ProcessState& process) {
   constexpr std::string_view key = "\nTracerPid:\t";
-  const std::string status = read_proc_file(pid, "status");
+  const std::string status = read_file(open_process(process.number).get(), "status");
   const std::size_t at = status.find(key);
   return at != std::string::npos && status.compare(at + key.size(), 2, "0\n") != 0;
 }
 
-std::map<pid_t, ProcessState> all_processes() {
+std::map<pid_t, ProcessState> all_processes(const View& shown) {
   std::map<pid_t, ProcessState> found;
   const std::unique_ptr<DIR, int (*)(DIR*)> folder(::opendir("/proc"), ::closedir);
-  if (!folder) return found;
+  if (!folder || shown.self == 0) return found;
   while (const dirent* entry = ::readdir(folder.get())) {
-    if (entry->d_name[0] < '1' || entry->d_name[0] > '9') continue;
-    if (const auto process = state_of(static_cast<pid_t>(std::stol(entry->d_name))))
-      found.emplace(process->pid, *process);
+    const auto number = whole_number<pid_t>(entry->d_name);
+    const UniqueFd its = number ? open_process(*number) : UniqueFd();
+    const auto process = its ? state_of(its.get(), shown.depth) : std::nullopt;
+    if (process) found.emplace(process->number, *process);
   }
   return found;
+}
+
+// A child of ours.
+std::optional<ProcessState> find_child(pid_t child) {
+  const View shown = view();
+  if (shown.self != 0 && shown.depth == 0) return state_of(open_process(child).get(), 0);
+  for (const auto& [number, process] : all_processes(shown)) {
+    if (process.pid == child) return process;
+  }
+  return std::nullopt;
 }
 
 bool any_child() {
@@ -63,13 +100,13 @@ bool any_child() {
   return ::waitid(P_ALL, 0, &info, WEXITED | WNOHANG | WNOWAIT) == 0 || errno != ECHILD;
 }
 
-// Signals that very process, or none. glibc 2.36 declares these calls without extern "C".
+// Signals that very process, or none. The folder stands for it as a descriptor of pidfd_open() does, which
+// glibc 2.36 declares without extern "C".
 void signal_process(const ProcessState& process, int number) {
-  const UniqueFd fd(static_cast<int>(::syscall(SYS_pidfd_open, process.pid, 0)));
-  if (!fd) return;
-  const auto now = state_of(process.pid);  // of the process that `fd` stands for, or it has ended
-  if (!now || now->started != process.started) return;
-  (void)::syscall(SYS_pidfd_send_signal, fd.get(), number, nullptr, 0);
+  const UniqueFd folder = open_process(process.number);
+  const auto now = folder ? state_of(folder.get(), 0) : std::nullopt;
+  if (!now || now->started != process.started || now->number != process.number) return;
+  (void)::syscall(SYS_pidfd_send_signal, folder.get(), number, nullptr, 0);
 }
 
 // Until one of them ends, or some time has passed.
@@ -87,7 +124,7 @@ void wait_for_one(const std::vector<ProcessState>& processes, Instant until) {
 
 bool contains(const std::vector<ProcessState>& list, const ProcessState& process) {
   return std::ranges::any_of(list, [&](const ProcessState& each) {
-    return each.pid == process.pid && each.started == process.started;
+    return each.number == process.number && each.started == process.started;
   });
 }
 
@@ -100,7 +137,7 @@ bool parse_process_stat(std::string_view text, ProcessState& process) {
   process.name = text.substr(open + 1, close - open - 1);
   std::istringstream front{std::string(text.substr(0, open))};
   std::istringstream rest{std::string(text.substr(close + 1))};
-  front >> process.pid;
+  front >> process.number;
   rest >> process.state >> process.parent;
   std::uint64_t user = 0;
   std::uint64_t system = 0;
@@ -113,6 +150,15 @@ bool parse_process_stat(std::string_view text, ProcessState& process) {
   return !front.fail() && !rest.fail();
 }
 
+std::vector<pid_t> numbers_of_process(std::string_view status) {
+  constexpr std::string_view key = "\nNSpid:";
+  const std::size_t at = status.find(key);
+  if (at == std::string_view::npos) return {};
+  status.remove_prefix(at + key.size());
+  std::istringstream line{std::string(status.substr(0, status.find('\n')))};
+  return {std::istream_iterator<pid_t>(line), std::istream_iterator<pid_t>()};
+}
+
 CommandFamily::~CommandFamily() {
   if (adopting_) ::prctl(PR_SET_CHILD_SUBREAPER, was_adopting_, 0, 0, 0);
 }
@@ -122,42 +168,49 @@ Result<void> CommandFamily::adopt() {
       ::prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0) != 0)
     return make_error(Errc::io, "following what the command starts: " + errno_text(errno));
   adopting_ = true;
-  if (!any_child()) return {};
-  for (const auto& [pid, process] : all_processes()) {
-    if (process.parent == ::getpid()) before_.emplace(pid, process.started);
+  others_ = any_child();
+  if (!others_) return {};
+  const View shown = view();
+  for (const auto& [number, process] : all_processes(shown)) {
+    if (process.parent == shown.self) before_.emplace(number, process.started);
   }
   return {};
 }
 
 void CommandFamily::spare(pid_t child) {
-  if (const auto process = state_of(child)) before_[child] = process->started;
+  others_ = true;
+  if (const auto process = find_child(child)) before_[process->number] = process->started;
 }
 
-void CommandFamily::look_through(pid_t child) { looked_through_ = state_of(child); }
+void CommandFamily::look_through(pid_t child) {
+  others_ = true;
+  looked_through_ = find_child(child);
+}
 
-bool CommandFamily::is_ours(const ProcessState& process,
-                            const std::map<pid_t, ProcessState>& everybody) const {
+bool CommandFamily::is_ours(const ProcessState& process, const Picture& everybody, pid_t self) const {
   const ProcessState* at = &process;
   // Bounded: the pieces of a picture that was taken while it changed might form a circle.
   for (std::size_t steps = 0; steps < everybody.size(); ++steps) {
-    if (at->parent == ::getpid()) {
-      if (looked_through_ && at->pid == looked_through_->pid && at->started == looked_through_->started)
+    if (at->parent == self) {
+      if (looked_through_ && at->number == looked_through_->number && at->started == looked_through_->started)
         return at != &process;
-      const auto before = before_.find(at->pid);
+      const auto before = before_.find(at->number);
       return before == before_.end() || before->second != at->started;
     }
     const auto parent = everybody.find(at->parent);
-    if (parent == everybody.end()) return false;
+    // A picture takes a while: a parent that is younger has got the number of the one that was meant.
+    if (parent == everybody.end() || parent->second.started > at->started) return false;
     at = &parent->second;
   }
   return false;
 }
 
 std::vector<ProcessState> CommandFamily::members() const {
-  const std::map<pid_t, ProcessState> everybody = all_processes();
+  const View shown = view();
+  const Picture everybody = all_processes(shown);
   std::vector<ProcessState> found;
-  for (const auto& [pid, process] : everybody) {
-    if (is_ours(process, everybody)) found.push_back(process);
+  for (const auto& [number, process] : everybody) {
+    if (is_ours(process, everybody, shown.self)) found.push_back(process);
   }
   return found;
 }
@@ -166,18 +219,18 @@ bool CommandFamily::awake() {
   std::map<pid_t, std::uint64_t> ticks;
   bool any = false;
   for (const ProcessState& process : members()) {
-    const auto last = cpu_ticks_.find(process.pid);
+    const auto last = cpu_ticks_.find(process.number);
     const bool worked = last == cpu_ticks_.end() || process.cpu_ticks - last->second > kFewTicks;
     const bool asleep = process.state == 'S' || process.state == 'Z';
-    any = any || worked || !asleep || traced(process.pid);
-    ticks.emplace(process.pid, process.cpu_ticks);
+    any = any || worked || !asleep || traced(process);
+    ticks.emplace(process.number, process.cpu_ticks);
   }
   cpu_ticks_ = std::move(ticks);
   return any;
 }
 
 bool CommandFamily::debugged() const {
-  return std::ranges::any_of(members(), [](const ProcessState& process) { return traced(process.pid); });
+  return std::ranges::any_of(members(), [](const ProcessState& process) { return traced(process); });
 }
 
 // Reaps the ended ones.
@@ -185,7 +238,7 @@ std::vector<ProcessState> CommandFamily::living() const {
   std::vector<ProcessState> processes = members();
   std::erase_if(processes, [](const ProcessState& process) {
     if (process.state != 'Z') return false;
-    if (process.parent == ::getpid()) ::waitpid(process.pid, nullptr, WNOHANG);
+    if (process.pid > 0) ::waitpid(process.pid, nullptr, WNOHANG);  // fails where it is no child of ours
     return true;
   });
   return processes;
@@ -197,6 +250,7 @@ CommandFamily::Ended CommandFamily::end(Nanos term_limit, Nanos kill_limit) {
   const auto kill_until = term_until + kill_limit;
   while (any_child()) {
     const std::vector<ProcessState> processes = living();
+    result.unseen = !others_ && view().self == 0;
     if (processes.empty()) break;
     const auto now = verb_clock().now();
     if (now >= kill_until) {

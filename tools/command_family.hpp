@@ -14,18 +14,23 @@
 
 namespace porttape {
 
-// A process as /proc shows it.
+// A process as /proc shows it. A /proc of an outer PID namespace, as a container may have, has other numbers
+// than ours.
 struct ProcessState {
-  pid_t pid = 0;
-  pid_t parent = 0;
+  pid_t pid = 0;     // for our system calls
+  pid_t number = 0;  // in /proc
+  pid_t parent = 0;  // in /proc
   char state = '?';  // R, S, D, T (stopped), t (stopped by its tracer), Z (ended, not reaped)
   std::uint64_t cpu_ticks = 0;
-  std::uint64_t started = 0;  // with `pid` the identity of a process
+  std::uint64_t started = 0;  // with `number` the identity of a process
   std::string name;
 };
 
-// The content of /proc/PID/stat. False when it is not of its form.
+// The content of /proc/PID/stat: all but `pid`. False when it is not of its form.
 bool parse_process_stat(std::string_view text, ProcessState& process);
+// The numbers of a process, from the PID namespace of /proc to its own: `NSpid` in the content of
+// /proc/PID/status. Empty where it is not there.
+std::vector<pid_t> numbers_of_process(std::string_view status);
 
 // The processes that descend from the commands which this process starts after adopt(), also those whose
 // parent has ended: they fall to us. What was our child before is none of them and is never touched. One at a
@@ -46,7 +51,8 @@ class CommandFamily {
   // A child of ours that is none of them, though what descends from it is.
   void look_through(pid_t child);
 
-  // Those that exist now, also those that have ended and that nobody has reaped. Reads all of /proc.
+  // Those that exist now, also those that have ended and that nobody has reaped. Reads all of /proc; where
+  // that does not show this process, as one of another PID namespace, none is known.
   [[nodiscard]] std::vector<ProcessState> members() const;
 
   // Whether one of them runs, waits for a disk, is stopped or traced, or took more than 2 % of a processor
@@ -57,10 +63,12 @@ class CommandFamily {
   [[nodiscard]] bool debugged() const;
 
   // Ends and reaps them all: SIGTERM, after `term_limit` SIGKILL, and `kill_limit` later it gives up. Waits
-  // for it; costs nothing where there are none.
+  // for it; costs nothing where there are none. What is not known to descend from a command gets no signal.
   struct Ended {
     std::vector<ProcessState> ended;
     std::vector<ProcessState> left;  // still there: another user's, or held by the kernel
+    // There are some that /proc does not show, for certain: this process had no other children.
+    bool unseen = false;
   };
   Ended end(Nanos term_limit, Nanos kill_limit);
   // For what a command, or a worker that died, leaves running.
@@ -68,12 +76,14 @@ class CommandFamily {
   static constexpr Nanos kKillLimit = std::chrono::seconds(1);
 
  private:
-  [[nodiscard]] bool is_ours(const ProcessState& process,
-                             const std::map<pid_t, ProcessState>& everybody) const;
+  using Picture = std::map<pid_t, ProcessState>;  // by the numbers in /proc
+  [[nodiscard]] bool is_ours(const ProcessState& process, const Picture& everybody, pid_t self) const;
   [[nodiscard]] std::vector<ProcessState> living() const;
 
   int was_adopting_ = 0;
   bool adopting_ = false;
+  bool others_ = false;  // children of ours that are none of them
+  // By the numbers in /proc.
   std::optional<ProcessState> looked_through_;
   std::map<pid_t, std::uint64_t> before_;     // our children from before: when each was started
   std::map<pid_t, std::uint64_t> cpu_ticks_;  // at the last awake()
