@@ -10,4 +10,4 @@ for preset in $(names configure); do
   said=$(cmake --preset "$preset" -N -B "$work/none" 2>&1) || true
   grep -q 'PORTTAPE_WERROR="ON"' <<<"$said" || { echo "preset $preset lets warnings pass" >&2; exit 1; }
 done
-[[ $(names configure) == *release*debug*alone*asan*tsan*fuzz*coverage* ]] || { echo "a preset is missing" >&2; exit 1; }
+[[ $(names configure) == *release*debug*alone*asan*tsan*coverage* ]] || { echo "a preset is missing" >&2; exit 1; }

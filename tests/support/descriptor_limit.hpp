@@ -11,7 +11,14 @@
 
 // The sanitizers open a pipe to find out whether memory can be read, and take a refusal for bad memory. A
 // test that leaves porttape without descriptors while its objects are used therefore begins with this.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define PORTTAPE_IS_SANITIZED 1  // clang
+#endif
+#elif defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define PORTTAPE_IS_SANITIZED 1  // g++
+#endif
+#ifdef PORTTAPE_IS_SANITIZED
 #define PORTTAPE_SKIP_UNDER_SANITIZERS() GTEST_SKIP() << "the sanitizers need descriptors themselves"
 #else
 #define PORTTAPE_SKIP_UNDER_SANITIZERS() static_cast<void>(0)
