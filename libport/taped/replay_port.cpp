@@ -30,7 +30,10 @@ constexpr std::size_t kMostBacklog = 65536;
 constexpr Nanos kPause = std::chrono::microseconds(50);
 // The end: how long the engine may read on, and all may take.
 constexpr Nanos kReadOnLimit = std::chrono::seconds(3);
+// An end that the run itself has brought waits for a verdict that tells all. One that somebody asks for does
+// not: what of the tape is not counted by then is told as not known.
 constexpr Nanos kFinishLimit = std::chrono::seconds(5);
+constexpr Nanos kAskedFinishLimit = std::chrono::milliseconds(1400);
 // A program that waits in a call gets what is due in one go, up to so many steps.
 constexpr int kMostSteps = 1024;
 // Between two looks whether the driver has read a piece of chunks=bytes or random.
@@ -562,12 +565,9 @@ void ReplayPort::take_report(RunReport report) {
   const bool look = is_look(report);
   reports_->add(std::move(report));
   // The verdict's status comes with on_complete.
-  if (drives()) {
-    close_line(LineDown::Reason::closed);
-    listener().on_finished(exit_status::kPass);
-  } else if (options_.once && !look) {
-    listener().on_finished(exit_status::kPass);
-  }
+  run_has_ended_it_ = drives() || (options_.once && !look);
+  if (drives()) close_line(LineDown::Reason::closed);
+  if (run_has_ended_it_) listener().on_finished(exit_status::kPass);
 }
 
 // What nobody has judged.
@@ -669,7 +669,7 @@ void ReplayPort::finish() {
   // That no driver has come is a verdict too, but of no interest to a program that has the port to itself.
   if (!context_.pulled && !any_run_ && !run_begun_) engine_->on_open(now);
   options_.once = false;  // the session is ending already
-  finish_limit_ = now + kFinishLimit;
+  finish_limit_ = now + (run_has_ended_it_ ? kFinishLimit : kAskedFinishLimit);
   finish_timer_.emplace(*context_.loop, [this] {
     engine_->give_up(context_.loop->now());
     pump();

@@ -180,7 +180,8 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   Timer drain_timer_;
   std::optional<Timer> finish_timer_;
   Instant finish_limit_{};
-  bool any_run_ = false;  // has ended
+  bool run_has_ended_it_ = false;  // the session: nobody asked for its end
+  bool any_run_ = false;           // has ended
   bool report_failed_ = false;
   bool congested_ = false;
   bool reading_on_ = false;  // the engine has used up its budget
