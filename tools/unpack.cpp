@@ -41,7 +41,7 @@ void tell_unpacked(const PackManifest& pack, const std::string& folder, std::ost
 int run_unpack(Arguments args, std::ostream& out, std::ostream& err) {
   CommandLine line(kUnpackHelp);
   line.value("output,o", "DIR", "the folder that is to be made")
-      .value("max-size", "MB", "the most that it may unpack to, in megabytes (17180)")
+      .value("max-size", "MB", "the most that it may unpack to, in megabytes (100, or 100 times the pack)")
       .takes_words();
   if (const auto done = line.parse(args, out, err)) return *done;
   if (line.words().empty()) return line.usage_error(err, "a pack is missing: FILE");

@@ -125,7 +125,7 @@ Result<void> ZipWriter::add(const std::string& name, ByteView bytes) {
   constexpr std::time_t kFirstOfZip = 315'532'800;  // 1980: the same tape gives the same file
   libarchive().archive_entry_set_pathname(entry.get(), name.c_str());
   libarchive().archive_entry_set_filetype(entry.get(), AE_IFREG);
-  libarchive().archive_entry_set_perm(entry.get(), 0644);
+  libarchive().archive_entry_set_perm(entry.get(), 0640);
   libarchive().archive_entry_set_mtime(entry.get(), kFirstOfZip, 0);
   libarchive().archive_entry_set_size(entry.get(), static_cast<la_int64_t>(bytes.size()));
   if (libarchive().archive_write_header(zip, entry.get()) < ARCHIVE_WARN) return impl_->done(false);

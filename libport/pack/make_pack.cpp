@@ -28,6 +28,18 @@ std::string folder_in(const fs::path& file) {
   return is_plain_name(name) && name.front() != '.' ? name : "pack";
 }
 
+// A pack goes to others: a link in a tape that came from somebody must not add a file of ours.
+Result<void> check_within_folder(const fs::path& path) {
+  std::error_code error;
+  if (!fs::is_symlink(path, error)) return {};
+  const fs::path target = fs::canonical(path, error);
+  const fs::path folder = fs::canonical(fs::absolute(path).parent_path(), error);
+  if (!error && target.parent_path() == folder) return {};
+  return make_error(Errc::usage, in_quotes(path.string()) + " is a link that leads out of its folder, to " +
+                                     in_quotes(target.string()) +
+                                     "; if that belongs to the tape, put a copy in the link's place");
+}
+
 class PackMaker {
  public:
   PackMaker(const fs::path& file, const PackOptions& options)
@@ -59,6 +71,7 @@ class PackMaker {
     for (const fs::path& path : {tape.read, tape.write, tape.events}) {
       std::error_code ignored;
       if (!fs::exists(path, ignored)) continue;
+      if (Result<void> within = check_within_folder(path); !within) return within;
       if (Result<void> added = add_file(path, path.filename().string()); !added) return added;
       packed.files.push_back(path.filename().string());
     }

@@ -149,7 +149,8 @@ class Unpressed {
 class PackReader {
  public:
   PackReader(ByteSource& source, PackSink& sink, const PackLimits& limits)
-      : bytes_(source, kLongestManifest + kHeaderBytes + kPadding),
+      : source_(source),
+        bytes_(source, kLongestManifest + kHeaderBytes + kPadding),
         sink_(sink),
         limits_(limits),
         tar_(libarchive().archive_read_new()),
@@ -253,12 +254,21 @@ class PackReader {
     return to_sink(std::string(kManifestName), size, [&] { return sink_.write(as_bytes(text)); });
   }
 
+  Result<std::uint64_t> most_bytes() {
+    if (limits_.bytes) return *limits_.bytes;
+    const Result<std::uint64_t> size = source_.size();
+    if (!size) return size.error();
+    return std::max(*size * PackLimits::kUsualFactor, PackLimits::kUsualBytes);
+  }
+
   Result<void> check_limits() {
     if (manifest_.files.size() > limits_.files)
       return make_error(Errc::usage, "it has " + std::to_string(manifest_.files.size()) +
                                          " files, more than the " + std::to_string(limits_.files) +
                                          " that are allowed");
-    if (manifest_.bytes() > limits_.bytes)
+    const Result<std::uint64_t> most = most_bytes();
+    if (!most) return most.error();
+    if (manifest_.bytes() > *most)
       return make_error(Errc::usage,
                         "it unpacks to " + std::to_string(manifest_.bytes()) + " bytes; --max-size " +
                             std::to_string(manifest_.bytes() / 1'000'000 + 1) + " (megabytes) allows it");
@@ -322,6 +332,7 @@ class PackReader {
     return {};
   }
 
+  ByteSource& source_;
   Unpressed bytes_;
   PackSink& sink_;
   const PackLimits& limits_;
@@ -383,7 +394,7 @@ Result<void> PackWriter::begin_file(const std::string& name, std::uint64_t size)
     return make_error(Errc::usage,
                       "the name " + in_quotes(name) + " cannot be packed here: there is no locale C.UTF-8");
   libarchive().archive_entry_set_filetype(entry.get(), AE_IFREG);
-  libarchive().archive_entry_set_perm(entry.get(), 0644);
+  libarchive().archive_entry_set_perm(entry.get(), 0640);
   libarchive().archive_entry_set_size(entry.get(), static_cast<la_int64_t>(size));
   const int status = libarchive().archive_write_header(impl_->writer.get(), entry.get());
   return status == ARCHIVE_OK ? Result<void>() : impl_->failed();

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "libport/base/bytes.hpp"
@@ -48,7 +49,11 @@ class PackSink {
 };
 
 struct PackLimits {
-  std::uint64_t bytes = std::uint64_t{16} << 30;  // of all files
+  // Of all files. Nothing: kUsualFactor times as many as the pack has, and kUsualBytes at least, so that a small
+  // file from a stranger fills no disk.
+  std::optional<std::uint64_t> bytes = {};
+  static constexpr std::uint64_t kUsualFactor = 100;
+  static constexpr std::uint64_t kUsualBytes = 100'000'000;
   std::size_t files = 10'000;
 };
 

@@ -19,6 +19,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// As a tape: what is made of one tells no more people.
+constexpr mode_t kMode = 0640;
 constexpr std::size_t kBuffered = std::size_t{256} * 1024;
 
 std::string hidden_name(const std::string& path) {
@@ -31,7 +33,7 @@ UniqueFd create_beside_name(const std::string& path, Leftover& hidden) {
   constexpr int attempts = 100;
   for (int n = 0; n < attempts; ++n) {
     const std::string name = hidden_name(path);
-    UniqueFd fd(::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644));
+    UniqueFd fd(::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, kMode));
     if (fd) hidden = Leftover(name);
     if (fd || errno != EEXIST) return fd;
   }
@@ -40,7 +42,7 @@ UniqueFd create_beside_name(const std::string& path, Leftover& hidden) {
 
 UniqueFd create_unnamed(const std::string& path) {
   const fs::path parent = fs::path(path).parent_path();
-  return UniqueFd(::open(parent.empty() ? "." : parent.c_str(), O_WRONLY | O_TMPFILE | O_CLOEXEC, 0644));
+  return UniqueFd(::open(parent.empty() ? "." : parent.c_str(), O_WRONLY | O_TMPFILE | O_CLOEXEC, kMode));
 }
 
 // 0 or the errno.

@@ -34,10 +34,10 @@ if [[ $which == ctest ]]; then
   mkdir "$work/ctest/folder" && touch "$work/ctest/folder/here"
   runs 0 configure "$work/ctest" -DCLIENT="$client" -DCMAKE_DISABLE_FIND_PACKAGE_Boost=ON -DCMAKE_DISABLE_FIND_PACKAGE_spdlog=ON
   runs 8 ctest --test-dir "$work/ctest/build" --output-on-failure -j 3
-  says '67% tests passed, 1 tests failed out of 3'
+  says '75% tests passed, 1 tests failed out of 4'
   says 'red .*\(Failed\)'
   says '^failed: the driver did all as recorded, but the command ended with status 1'
-  runs 0 ctest --test-dir "$work/ctest/build" -R 'green|folder'
+  runs 0 ctest --test-dir "$work/ctest/build" -R 'green|folder|words'
   # What is missing, or too much, is an error where it stands.
   mkdir "$work/wrong"
   for call in 'NAME a TAPE b' 'NAME a TAPE b COMMAND c LATER d' 'TAPE b COMMAND c'; do
@@ -56,8 +56,12 @@ if [[ $which == pytest ]]; then
   says '22 passed, 2 skipped'
   runs 0 pytest -q test_green.py -n 4
   says '22 passed, 2 skipped'
+  mkdir tmp
+  TMPDIR=$PWD/tmp runs 0 pytest -q test_module.py
+  says '4 passed'
+  [[ -z $(ls -A tmp) ]] || die "a folder is left: $(ls -A tmp)"
   runs 1 pytest test_red.py -o addopts=
-  says '4 failed, 4 errors|5 failed, 3 errors'
+  says '5 failed, 6 errors|7 failed, 4 errors'
   says 'the test has a tape, which only its fixture plays'
   never_says '^  (repeat|step) '
   says '^data mismatch: the driver wrote "axk'

@@ -105,6 +105,19 @@ TEST_F(PackArchiveTest, LimitsHold) {
   EXPECT_THAT(read(pack(tape, tape), {.files = 2}), HasSubstr("3 files"));
 }
 
+TEST_F(PackArchiveTest, ASmallPackUnpacksToNoMoreThanIsUsual) {
+  const auto with_zeros = [this](std::size_t count) {
+    const Files files = {{"a.logr", std::string(count, '\0')}};
+    return pack(files, files);
+  };
+  const std::string bytes = with_zeros(PackLimits::kUsualBytes + 1);
+  EXPECT_LT(bytes.size(), 100'000U);
+  EXPECT_EQ(read(bytes), "it unpacks to 100000001 bytes; --max-size 101 (megabytes) allows it");
+  EXPECT_TRUE(sink.files.empty());
+  EXPECT_EQ(read(bytes, {.bytes = 101'000'000}), "");
+  EXPECT_EQ(read(with_zeros(PackLimits::kUsualBytes)), "");
+}
+
 TEST_F(PackArchiveTest, WhatIsCutOffOrFollowedIsTold) {
   for (const PackFormat format : {PackFormat::gzip, PackFormat::zstd}) {
     const std::string whole = pack(tape, tape, format);

@@ -57,6 +57,30 @@ TEST_F(UnpackTest, TheSameFilesComeOut) {
   }
 }
 
+TEST_F(UnpackTest, ALinkOutOfItsFolderIsNotPacked) {
+  const std::string away = dir / "away";
+  fs::create_directory(away);
+  test::write_file(away + "/secret", as_bytes("{\"t_us\":0,\"event\":\"open\"}\n"));
+  fs::rename(tape.events, dir / "kept");
+  fs::create_symlink("kept", tape.events);
+  EXPECT_TRUE(make_pack({tape}, dir / "p.tar.zst", {})) << "within the folder";
+  fs::remove(tape.events);
+  fs::create_symlink(away + "/secret", tape.events);
+  const auto packed = make_pack({tape}, dir / "q.tar.zst", {});
+  ASSERT_FALSE(packed);
+  EXPECT_EQ(packed.error().code, Errc::usage);
+  EXPECT_THAT(packed.error().message, HasSubstr("is a link that leads out of its folder, to '" + away +
+                                                "/secret'; if that belongs to the tape, put a copy"));
+  EXPECT_FALSE(fs::exists(dir / "q.tar.zst"));
+}
+
+TEST_F(UnpackTest, WhatIsMadeOfATapeIsNotForMorePeople) {
+  ASSERT_TRUE(make_pack({tape}, dir / "p.tar.zst", {}));
+  ASSERT_EQ(why("p.tar.zst", "out"), "");
+  for (const fs::path& path : {fs::path(dir / "p.tar.zst"), fs::path(dir / "out/t.logr")})
+    EXPECT_EQ(fs::status(path).permissions() & fs::perms::others_all, fs::perms::none) << path;
+}
+
 TEST_F(UnpackTest, NothingIsOverwritten) {
   ASSERT_TRUE(make_pack({tape}, dir / "p.tar.zst", {}));
   const auto again = make_pack({tape}, dir / "p.tar.zst", {});

@@ -186,6 +186,40 @@ class TapeTest(unittest.TestCase):
             tape.Writer(self.folder / "no folder" / "x")
 
 
+class OfAStranger(unittest.TestCase):
+    """What is no tape, made to hold its reader up."""
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.tape = pathlib.Path(folder.name) / "t.log"
+        (self.tape.parent / "t.logw").write_bytes(struct.pack(">III", 0, 1, 1) + b"x")
+
+    def file(self, letter):
+        return pathlib.Path(f"{self.tape}{letter}")
+
+    def test_a_fifo_or_a_device_is_not_waited_for(self):
+        for letter in "re":
+            os.mkfifo(self.file(letter))
+            with self.assertRaisesRegex(tape.Error, "is not a regular file"):
+                list(tape.Reader(self.tape))
+            self.file(letter).unlink()
+            self.file(letter).symlink_to("/dev/null")
+            with self.assertRaisesRegex(tape.Error, "is not a regular file"):
+                list(tape.Reader(self.tape))
+            self.file(letter).unlink()
+
+    def test_deep_json_is_damage(self):
+        header = b'{"format":"porttape-events","version":1}\n'
+        deep = b'{"t_us":0,"event":"mark","text":' + b"[" * 20_000 + b"]" * 20_000 + b"}\n"
+        self.file("e").write_bytes(header + deep)
+        with self.assertRaisesRegex(tape.Damage, "line 2 is damaged"):
+            list(tape.Reader(self.tape))
+        self.file("e").write_bytes(deep)
+        with self.assertRaisesRegex(tape.Damage, "no porttape-events header"):
+            list(tape.Reader(self.tape))
+
+
 if __name__ == "__main__":
     if not RECORDINGS.is_dir():
         print("python.tape: without ../shared/recordings, which are not here")

@@ -13,16 +13,18 @@ import os
 import pathlib
 import selectors
 import shutil
+import socket
 import subprocess
 import tempfile
 import time
+import weakref
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any
 
 __all__ = ["Error", "Mismatch", "Replay", "Verdict", "find_program"]
 
-# Tells the port, then lives as long as the pipe from us is open: however we end, it ends too.
+# Tells the port, then lives as long as the line from us is open: however we end, it ends too.
 _HOLD = 'printf "%s\\n%s\\n%s\\n" "$PORTTAPE_PORT" "$PORTTAPE_HOST" "$PORTTAPE_TCP_PORT"; exec cat >/dev/null'
 _OF_THE_COMMAND = ("  repeat  ", "  step  ")
 _START_LIMIT_S = 30.0
@@ -81,7 +83,8 @@ class Replay:
     def __init__(self, tape: str | os.PathLike[str], **options: object) -> None:
         self._tape = os.fspath(tape)
         self._options = options
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._folder: str | None = None
+        self._line_to_it: socket.socket | None = None
         self._process: subprocess.Popen[str] | None = None
         self._verdict: Verdict | None = None
         self.port: str = ""
@@ -93,31 +96,41 @@ class Replay:
 
     def start(self) -> "Replay":
         """Makes the port. Raises Error, and OSError where no process is to be had."""
-        self._folder = tempfile.TemporaryDirectory(prefix="porttape-")
+        self._folder = tempfile.mkdtemp(prefix="porttape-")
+        # Should finish() not be called; in this process alone, and not where a fork of it ends.
+        self._removes_folder = weakref.finalize(self, _remove_folder, self._folder, os.getpid())
+        try:
+            self._begin()
+            self.port, self.host, number = (self._line() for _ in range(3))
+        except BaseException:
+            self._close()
+            raise
+        self.tcp_port = int(number or 0)
+        return self
+
+    def _begin(self) -> None:
+        """Starts the program."""
+        # A socket, and no pipe: of a pipe each process that the test has forked has the end too, and keeps it open.
+        self._line_to_it, its_end = socket.socketpair()
         # Into a file: nobody needs to read it while the test runs.
-        with open(self._notes_file(), "w", encoding="utf-8") as notes:
+        with its_end, open(self._notes_file(), "w", encoding="utf-8") as notes:
             self._process = subprocess.Popen(
                 self._command(),
-                stdin=subprocess.PIPE,
+                stdin=its_end,
                 stdout=subprocess.PIPE,
                 stderr=notes,
                 text=True,
                 errors="replace",
                 start_new_session=True,
             )
-        try:
-            self.port, self.host, number = (self._line() for _ in range(3))
-        except Error:
-            self._close()
-            raise
-        self.tcp_port = int(number or 0)
-        return self
 
     def finish(self) -> Verdict:
         """Ends the run, whoever still has the port, and says what came of it. The same whenever it is called."""
         if self._verdict is None:
-            self._verdict = self._finish()
-            self._close()
+            try:
+                self._verdict = self._finish()
+            finally:
+                self._close()
         return self._verdict
 
     def __enter__(self) -> "Replay":
@@ -141,11 +154,11 @@ class Replay:
 
     def _report_file(self) -> str:
         assert self._folder is not None
-        return os.path.join(self._folder.name, "report.json")
+        return os.path.join(self._folder, "report.json")
 
     def _notes_file(self) -> str:
         assert self._folder is not None
-        return os.path.join(self._folder.name, "notes")
+        return os.path.join(self._folder, "notes")
 
     def _notes(self) -> str:
         with open(self._notes_file(), encoding="utf-8", errors="replace") as notes:
@@ -177,6 +190,7 @@ class Replay:
     def _finish(self) -> Verdict:
         if self._process is None:
             raise Error("the replay was never started")
+        self._hang_up()
         try:
             text, _ = self._process.communicate(timeout=_END_LIMIT_S)
         except subprocess.TimeoutExpired:
@@ -199,16 +213,32 @@ class Replay:
         assert self._process is not None
         return f"porttape ended with status {self._process.returncode}, and told no verdict"
 
+    def _hang_up(self) -> None:
+        """Ends the line to the program, whoever else has it open."""
+        if self._line_to_it is None:
+            return
+        try:
+            self._line_to_it.shutdown(socket.SHUT_RDWR)
+        except OSError:
+            pass  # it has ended
+        self._line_to_it.close()
+        self._line_to_it = None
+
     def _close(self) -> None:
+        self._hang_up()
         if self._process is not None:
-            for stream in (self._process.stdin, self._process.stdout):
-                if stream is not None:
-                    stream.close()
+            if self._process.stdout is not None:
+                self._process.stdout.close()
             try:
                 self._process.wait(_END_LIMIT_S)
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
         if self._folder is not None:
-            self._folder.cleanup()
+            self._removes_folder()
             self._folder = None
+
+
+def _remove_folder(folder: str, process: int) -> None:
+    if os.getpid() == process:
+        shutil.rmtree(folder, ignore_errors=True)

@@ -69,7 +69,7 @@ def porttape(request: pytest.FixtureRequest) -> Generator[Replay, None, None]:
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """A marker alone plays nothing: such a test would pass whatever the driver did."""
-    marked = any(marker.name == "porttape" for marker in item.own_markers)  # and not its class or module
+    marked = item.get_closest_marker("porttape") is not None  # its own, its class's or its module's
     if not marked or "porttape" in getattr(item, "fixturenames", ()):
         return
     pytest.fail("the test has a tape, which only its fixture plays: def test_laser(porttape)", pytrace=False)

@@ -21,6 +21,7 @@ import os
 import pathlib
 import secrets
 import socket
+import stat
 import struct
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -163,7 +164,7 @@ def _blocks_follow(file: BinaryIO, layout: _Layout, start: int, not_before_us: i
 def _look_at(path: pathlib.Path, layout: _Layout) -> _Look:
     look = _Look()
     try:
-        file = open(path, "rb")
+        file = _open_to_read(path)
     except FileNotFoundError:
         return look
     with file:
@@ -219,16 +220,30 @@ def _layout_of(base: pathlib.Path) -> _Layout:
     return min(found, key=lambda each: each[0])[1]
 
 
+def _open_to_read(path: pathlib.Path) -> BinaryIO:
+    """A regular file: a FIFO without a writer is not waited for, a device not even opened."""
+    if not stat.S_ISREG(os.stat(path).st_mode):
+        raise Error(f"{path} is not a regular file")
+    file = os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC), "rb")
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):  # one has taken its place
+        file.close()
+        raise Error(f"{path} is not a regular file")
+    return file
+
+
 class _Files:
     """Open files that close together."""
 
     def __init__(self) -> None:
         self._files: list[BinaryIO] = []
 
-    def open(self, path: pathlib.Path, mode: str) -> BinaryIO:
-        file: BinaryIO = open(path, mode)  # noqa: SIM115 - closed by close()
-        self._files.append(file)
-        return file
+    def read(self, path: pathlib.Path) -> BinaryIO:
+        self._files.append(_open_to_read(path))
+        return self._files[-1]
+
+    def make(self, path: pathlib.Path) -> BinaryIO:
+        self._files.append(open(path, "xb"))  # noqa: SIM115 - closed by close()
+        return self._files[-1]
 
     def close(self) -> None:
         for file in self._files:
@@ -309,7 +324,7 @@ class Reader:
 
     def _header(self) -> dict[str, Any] | None:
         try:
-            file = open(self._file("e"), "rb")
+            file = _open_to_read(self._file("e"))
         except FileNotFoundError:
             return None
         with file:
@@ -328,7 +343,7 @@ class Reader:
     def _blocks(self, letter: str) -> Iterator[Block]:
         path, layout = self._file(letter), self._layout
         try:
-            file = self._files.open(path, "rb")
+            file = self._files.read(path)
         except FileNotFoundError:
             return
         at, last_us = 0, 0
@@ -356,7 +371,7 @@ class Reader:
     def _events(self) -> Iterator[Event]:
         path = self._file("e")
         try:
-            file = self._files.open(path, "rb")
+            file = self._files.read(path)
         except FileNotFoundError:
             return
         number, last_us = 0, 0
@@ -386,7 +401,7 @@ class Reader:
 def _object(line: bytes) -> dict[str, Any] | None:
     try:
         found = json.loads(line.decode("utf-8", errors="replace"))
-    except ValueError:
+    except (ValueError, RecursionError):  # no JSON, or brackets a thousand deep
         return None
     return found if isinstance(found, dict) else None
 
@@ -423,7 +438,7 @@ class Writer:
             letter: self.path.with_name(f".{self.path.name}{letter}.new-{os.getpid()}-{mark}") for letter in "rwe"
         }
         try:
-            self._open = {letter: self._files.open(path, "xb") for letter, path in self._names.items()}
+            self._open = {letter: self._files.make(path) for letter, path in self._names.items()}
         except OSError as error:
             self.discard()
             raise Error(f"cannot make the tape {self.path}: {error}") from error

@@ -52,3 +52,19 @@ def test_no_marker(porttape):
 @pytest.mark.porttape("tapes/ask")
 def test_no_fixture():
     pass
+
+
+@pytest.mark.porttape("tapes/ask")
+class TestClass:
+    def test_no_fixture_in_a_class(self):
+        pass
+
+    def test_wrong_data_in_a_class(self, porttape):
+        with pytest.raises(OSError):
+            write(porttape.port, b"axk\n")
+
+
+@pytest.mark.porttape("tapes/none")
+class TestClassWithoutATape:
+    def test_no_tape_in_a_class(self, porttape):
+        pass
