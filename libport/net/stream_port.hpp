@@ -22,7 +22,8 @@ namespace porttape {
 // What TCP and Unix stream sockets have alike.
 struct StreamOptions {
   bool listen = false;
-  bool wait = false;  // for a peer that is missing, instead of failing
+  bool wait = false;                                // for a peer that is missing, instead of failing
+  std::size_t most_connections = 256;  // where all are given away
 };
 
 // A stream socket, TCP or Unix: where both have their connections from; one of them is a StreamLine. It
@@ -110,6 +111,7 @@ class StreamPort : public Port,
   bool next_waits() override { return door_ && door_->next_waits(); }
 
   void give_each(TakeConnection take) override { take_ = std::move(take); }
+  [[nodiscard]] std::size_t most_connections() const override { return stream_.most_connections; }
   StreamListener::Inside inside() override;
   void let_in(UniqueFd fd, const std::string& who) override;
   void refused(std::uint64_t bytes) override { listener().on_refused(bytes); }

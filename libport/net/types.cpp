@@ -18,12 +18,22 @@ using Claims = std::vector<PortType::Claim>;
 
 constexpr double kMaxPort = 65535;  // 0 is for the listening ones
 
+const OptionSpec kWait{"wait", Kind::flag, "", "waits for a device that is missing, else that is an error"};
+const OptionSpec kMaxConnections{"max-connections",
+                                 Kind::integer,
+                                 "256",
+                                 "with listen and --connections each, the most at once; more are refused",
+                                 1,
+                                 100'000};
+
 std::uint16_t port_number(const PortOptions& written, const std::string& option) {
   return static_cast<std::uint16_t>(written.integer(option));
 }
 
 StreamOptions stream_options(const PortOptions& written) {
-  return {.listen = written.flag("listen"), .wait = written.flag("wait")};
+  return {.listen = written.flag("listen"),
+          .wait = written.flag("wait"),
+          .most_connections = static_cast<std::size_t>(written.integer("max-connections"))};
 }
 
 Result<TcpOptions> tcp_options(const PortOptions& written) {
@@ -72,7 +82,8 @@ PortType tcp_type() {
       {"port", Kind::integer, "20000", "the port's number; with listen 0 takes a free one and prints it", 0,
        kMaxPort},
       {"listen", Kind::flag, "", "the peer connects (tcp-listen:)"},
-      {"wait", Kind::flag, "", "waits for a device that is missing, else that is an error"},
+      kWait,
+      kMaxConnections,
   });
   type.read = reads(tcp_options);
   type.make = makes<TcpOptions>([](const auto& context, const auto& common, const auto& options) {
@@ -136,7 +147,8 @@ PortType unix_type() {
        .default_value = "0600",
        .help = "with listen, who may connect: permissions, octal",
        .value_name = "MODE"},
-      {"wait", Kind::flag, "", "waits for a device that is missing, else that is an error"},
+      kWait,
+      kMaxConnections,
   });
   type.read = reads(unix_options);
   type.make = makes<UnixOptions>([](const auto& context, const auto& common, const auto& options) {

@@ -236,6 +236,8 @@ class ConnectionSource {
   using TakeConnection = std::function<void(std::unique_ptr<Port> connection, const std::string& who)>;
   // From open() to close() it gives every connection to `take` and never comes up itself. Before prepare().
   virtual void give_each(TakeConnection take) = 0;
+  // How many the user wants to have at once; whoever takes them refuses more, by destroying them.
+  [[nodiscard]] virtual std::size_t most_connections() const = 0;
 
  protected:
   ~ConnectionSource() = default;

@@ -39,6 +39,11 @@ Result<void> Connections::start() {
 
 void Connections::connected(std::unique_ptr<Port> connection, const std::string& who) {
   if (step_ != Step::running) return;
+  if (const std::size_t most = driver_->connections()->most_connections(); lines_.size() >= most) {
+    context_.log->warn("{}: {} is refused: {} connections are there, the most that max-connections allows",
+                       driver_->name(), who, most);
+    return;
+  }
   const unsigned number = came_ + 1;
   context_.log->info("{}: connection {} is from {}", driver_->name(), number, who);
   if (Result<void> begun = begin(number, std::move(connection)); !begun) {

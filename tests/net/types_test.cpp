@@ -61,6 +61,8 @@ TEST(TcpOptionsTest, AreEachItsOwn) {
   EXPECT_EQ(listening.host, "*");
   EXPECT_EQ(listening.port, 0);
   EXPECT_TRUE(listening.stream.listen);
+  EXPECT_EQ(listening.stream.most_connections, 256U);
+  EXPECT_EQ(options<TcpOptions>("tcp-listen:*:0,max-connections=3").stream.most_connections, 3U);
 }
 
 TEST(TcpOptionsTest, AFreePortIsForListeningAlone) {
@@ -121,6 +123,8 @@ TEST(UnixOptionsTest, AreEachItsOwn) {
   const auto listening = options<UnixOptions>("unix-listen:/run/laser,mode=0777,wait");
   EXPECT_EQ(listening.mode, 0777U);
   EXPECT_TRUE(listening.stream.listen);
+  EXPECT_EQ(listening.stream.most_connections, 256U);
+  EXPECT_EQ(options<TcpOptions>("tcp-listen:*:0,max-connections=3").stream.most_connections, 3U);
   EXPECT_TRUE(listening.stream.wait);
 }
 

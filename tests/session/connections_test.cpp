@@ -39,10 +39,12 @@ class Listening final : public Port, private ConnectionSource {
 
   bool is_open = false;
   bool gives = true;
+  std::size_t most = 256;
   TakeConnection take;
 
  private:
   void give_each(TakeConnection wanted) override { take = std::move(wanted); }
+  [[nodiscard]] std::size_t most_connections() const override { return most; }
 };
 
 // Devices that the test plays.
@@ -158,6 +160,23 @@ TEST_F(ConnectionsTest, OneTooManyIsRefusedAndTold) {
   connections->stop();
   run_to_end();
   EXPECT_EQ(end_status, 0);
+}
+
+TEST_F(ConnectionsTest, NoMoreAreThereAtOnceThanAreAllowed) {
+  start();
+  listening->most = 2;
+  driver();
+  driver();
+  EXPECT_EQ(driver().calls, "");
+  EXPECT_NE(
+      book.text().find(
+          "listening: somebody is refused: 2 connections are there, the most that max-connections allows"),
+      std::string::npos)
+      << book.text();
+  EXPECT_EQ(connections->sessions().size(), 2U);
+  leave(drivers[0]);
+  EXPECT_EQ(driver().calls, "prepare open ") << "there is a place again";
+  EXPECT_EQ(devices.peers.size(), 3U) << "the one that was refused is none of the connections";
 }
 
 TEST_F(ConnectionsTest, TheWorstStatusCounts) {

@@ -40,6 +40,7 @@ class HallPort final : public Port, private ConnectionSource {
 
  private:
   void give_each(TakeConnection take) override { take_ = std::move(take); }
+  [[nodiscard]] std::size_t most_connections() const override { return 256; }
 
   Hall* hall_;
   TakeConnection take_;
