@@ -24,9 +24,8 @@ class Background {
   UniqueFd to_parent_;
 };
 
-// A file with the process's number, locked while the process lives. At the end it is removed, unless its name
-// means another file by then. Errc::usage when another process holds it, or when it is something else than a
-// pidfile.
+// A file with the process's number, locked while the process lives. The destructor removes it, unless its
+// name means another file by then. Errc::usage: another process holds it, or the file is not a pidfile.
 class PidFile {
  public:
   PidFile() = default;

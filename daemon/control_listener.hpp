@@ -12,8 +12,8 @@
 
 namespace porttape {
 
-// The socket of this process in a control folder. Removes it at the end, unless its name means another one by
-// then.
+// The socket of this process in a control folder. The destructor removes it, unless its name means another
+// file by then.
 class ControlListener {
  public:
   // Makes the folder if need be, and the socket, which only its owner can use (0600); a stale one of that

@@ -27,7 +27,8 @@ namespace {
 
 constexpr std::uint64_t kFewTicks = 2;  // of 10 ms
 
-// A process's folder in /proc: while it is open it is that process's, whoever has its number later.
+// Opens a process's folder in /proc. The descriptor refers to that process even if another one gets its
+// number.
 UniqueFd open_process(pid_t number) {
   return UniqueFd(::open(("/proc/" + std::to_string(number)).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
 }
@@ -100,8 +101,8 @@ bool any_child() {
   return ::waitid(P_ALL, 0, &info, WEXITED | WNOHANG | WNOWAIT) == 0 || errno != ECHILD;
 }
 
-// Signals that very process, or none. The folder stands for it as a descriptor of pidfd_open() does, which
-// glibc 2.36 declares without extern "C".
+// Signals exactly that process. pidfd_send_signal() accepts a process's folder in /proc in place of a
+// descriptor of pidfd_open(). glibc 2.36 declares these calls without extern "C".
 void signal_process(const ProcessState& process, int number) {
   const UniqueFd folder = open_process(process.number);
   const auto now = folder ? state_of(folder.get(), 0) : std::nullopt;
@@ -198,7 +199,8 @@ bool CommandFamily::is_ours(const ProcessState& process, const Picture& everybod
       return before == before_.end() || before->second != at->started;
     }
     const auto parent = everybody.find(at->parent);
-    // A picture takes a while: a parent that is younger has got the number of the one that was meant.
+    // Reading /proc takes a while. A parent that is younger than its child has the number of an ended
+    // process.
     if (parent == everybody.end() || parent->second.started > at->started) return false;
     at = &parent->second;
   }
@@ -238,7 +240,7 @@ std::vector<ProcessState> CommandFamily::living() const {
   std::vector<ProcessState> processes = members();
   std::erase_if(processes, [](const ProcessState& process) {
     if (process.state != 'Z') return false;
-    if (process.pid > 0) ::waitpid(process.pid, nullptr, WNOHANG);  // fails where it is no child of ours
+    if (process.pid > 0) ::waitpid(process.pid, nullptr, WNOHANG);  // fails for a process that is not a child
     return true;
   });
   return processes;

@@ -28,8 +28,8 @@ struct ProcessState {
 
 // The content of /proc/PID/stat: all but `pid`. False when it is not of its form.
 bool parse_process_stat(std::string_view text, ProcessState& process);
-// The numbers of a process, from the PID namespace of /proc to its own: `NSpid` in the content of
-// /proc/PID/status. Empty where it is not there.
+// Reads the numbers of a process in each PID namespace, from that of /proc to its own (`NSpid`), from the
+// content of /proc/PID/status. The result is empty if the line is missing.
 std::vector<pid_t> numbers_of_process(std::string_view status);
 
 // The processes that descend from the commands which this process starts after adopt(), also those whose
@@ -51,8 +51,8 @@ class CommandFamily {
   // A child of ours that is none of them, though what descends from it is.
   void look_through(pid_t child);
 
-  // Those that exist now, also those that have ended and that nobody has reaped. Reads all of /proc; where
-  // that does not show this process, as one of another PID namespace, none is known.
+  // Returns the processes that exist now, ended ones that nobody has reaped among them. Reads all of /proc.
+  // The result is empty if /proc belongs to a PID namespace that does not show this process.
   [[nodiscard]] std::vector<ProcessState> members() const;
 
   // Whether one of them runs, waits for a disk, is stopped or traced, or took more than 2 % of a processor
@@ -63,11 +63,13 @@ class CommandFamily {
   [[nodiscard]] bool debugged() const;
 
   // Ends and reaps them all: SIGTERM, after `term_limit` SIGKILL, and `kill_limit` later it gives up. Waits
-  // for it; costs nothing where there are none. What is not known to descend from a command gets no signal.
+  // for it; returns at once if this process has no children. A process gets a signal only if it
+  // certainly descends from a command.
   struct Ended {
     std::vector<ProcessState> ended;
     std::vector<ProcessState> left;  // still there: another user's, or held by the kernel
-    // There are some that /proc does not show, for certain: this process had no other children.
+    // Whether processes are left that /proc does not show. It is false if this process has other children
+    // too, since those cannot be told apart then.
     bool unseen = false;
   };
   Ended end(Nanos term_limit, Nanos kill_limit);

@@ -169,7 +169,7 @@ bool ControlClient::wait_ended(Nanos limit) const {
   }
 }
 
-// Asks daemons for their status, all at once, without waiting for any.
+// Asks daemons for their status, all at the same time.
 class DaemonSearch {
  public:
   explicit DaemonSearch(const std::vector<ControlSocket>& sockets) {
@@ -178,10 +178,10 @@ class DaemonSearch {
   RunningDaemons run();
 
  private:
-  // One that is asked, and what has come of its answer.
+  // A daemon that is asked, and the part of its answer that has arrived.
   struct Asked {
     ControlSocket socket;
-    UniqueFd fd;  // none: it is not connected
+    UniqueFd fd;  // unset until it is connected
     std::string input;
     bool over = false;
   };
@@ -223,7 +223,7 @@ void DaemonSearch::connect(Asked& asked) {
   const std::string request = json::serialize(json::object{{"verb", "status"}}) + '\n';
   const ssize_t sent = ::send(fd.get(), request.data(), request.size(), MSG_NOSIGNAL);
   if (sent < 0) return give_up(asked, failed(asked.socket.pid, errno));
-  asked.fd = std::move(fd);  // that it is whole is sure: nothing was sent before
+  asked.fd = std::move(fd);  // a new socket's buffer holds the whole request
 }
 
 void DaemonSearch::read(Asked& asked) {
@@ -257,7 +257,8 @@ void DaemonSearch::give_up(Asked& asked, Error error) {
   asked.over = true;
 }
 
-// For answers, and a moment where one is not connected: what frees a place there cannot be waited for.
+// Waits for answers. poll() cannot wait for a place in a full backlog: while a daemon is not connected the
+// wait is short, and run() tries again.
 void DaemonSearch::wait(Nanos left) {
   constexpr Nanos kConnectAgain = std::chrono::milliseconds(10);
   std::vector<pollfd> watched;

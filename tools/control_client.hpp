@@ -45,12 +45,12 @@ class ControlClient {
   std::string input_;
 };
 
-// Which daemons a user asks for.
+// The daemons that the user of a verb selects.
 struct WantedDaemons {
-  std::optional<pid_t> pid = {};  // that one alone
-  OtherUsers others = {};         // those of these users too
+  std::optional<pid_t> pid = {};  // only this process
+  OtherUsers others = {};         // also the daemons of these users
 
-  // The options --pid and --user, and what was given of them; what is wrong: Errc::usage.
+  // Adds the options --pid and --user to a command line, and reads them. Errc::usage: a value is wrong.
   static void add_options(CommandLine& line);
   static Result<WantedDaemons> of(const CommandLine& line);
 };
@@ -65,9 +65,9 @@ struct RunningDaemons {
   // Others: Errc::usage, that are not ours to ask; else that do not answer.
   std::vector<Error> silent;
 };
-// All are asked at once, and none is waited for longer than ControlClient::kLimit.
+// Asks all daemons at the same time, and returns after ControlClient::kLimit at the latest.
 RunningDaemons find_daemons(const WantedDaemons& wanted);
-// Why none was found.
+// The message for the case that find_daemons() found none.
 std::string no_daemon_text(const WantedDaemons& wanted);
 
 // That of a daemon's status, or of a channel or line of it; empty and 0 where it is not there.

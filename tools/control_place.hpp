@@ -11,13 +11,13 @@
 
 namespace porttape {
 
-// Whose daemons root asks for besides its own and those of the system's units: nobody's unless it says so,
-// since any user can make sockets that do not answer.
+// The other users whose daemons root asks besides its own and those of the system's units. It is empty unless
+// --user is given, because any user can make sockets that do not answer.
 struct OtherUsers {
   bool all = false;
   std::optional<uid_t> one = {};
 
-  // `all`, a name or a number. Errc::usage: there is no such user.
+  // Reads `all`, a name or a number. Errc::usage: the system does not know the user.
   static Result<OtherUsers> parse(const std::string& text);
 };
 

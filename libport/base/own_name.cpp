@@ -51,7 +51,7 @@ int move_over(int folder, const std::string& from, const std::string& to,
     return ::renameat(folder, from.c_str(), folder, to.c_str()) == 0 ? 0 : errno;
   }
   if (remove_if_same(folder, from, *old)) return 0;
-  // It came between the look and the exchange.
+  // Another file took the name between the check and the exchange.
   (void)exchange_names(folder, from, to);
   return EEXIST;
 }

@@ -6,18 +6,20 @@
 
 namespace porttape {
 
-// Names in folders, and whether they still mean what this program put there. A folder that others write to
-// may hold anything at any time: what is replaced or removed is looked at first, and what turns out to be
-// somebody else's is left under its name.
+// These functions replace and remove a file only if it is the one that this program put under that name.
+// Other users may write to the same folder, so each function first checks which file has the name, and leaves
+// a file that is not ours where it is.
 //
-// A name is a path, or, with the descriptor of a folder, relative to that. No link is followed at its end.
+// A name is relative to the descriptor `folder`; with AT_FDCWD it is a path. A link at its end is not
+// followed.
 
-// Which file it is. While a descriptor of it is open (O_PATH is enough) no other file has its number; of one
-// that is not, a file that has its number later is known by when it was made, where the file system tells that
-// (statx(2), STATX_BTIME, in steps of some milliseconds).
+// Identifies a file: its device, its inode number and the time of its birth (statx(2), STATX_BTIME). The
+// number is unique while a descriptor of the file is open; O_PATH is enough. Once the file is gone the file
+// system may give its number to another one. The time of birth then tells the two apart, if the file system
+// stores it and a few milliseconds lie between them.
 class FileIdentity {
  public:
-  // Nothing: it cannot be looked at, and errno says why.
+  // std::nullopt where the file cannot be examined; errno has the reason.
   static std::optional<FileIdentity> of(int fd);  // also one that was opened with O_PATH
   static std::optional<FileIdentity> at(int folder, const std::string& name);
 
@@ -30,17 +32,17 @@ class FileIdentity {
   std::uint32_t made_ns_ = 0;
 };
 
-// Takes the name away if it means that file. Whether it did.
+// Removes the name if it means that file, and returns whether it did.
 bool remove_if_same(int folder, const std::string& name, const FileIdentity& file);
 
-// These give 0 or the errno.
+// The following functions return 0 or an errno.
 
-// Moves a file to a name that nothing has; EEXIST: something has it.
+// Moves a file to an unused name. EEXIST: the name is in use.
 int move_to_free_name(int folder, const std::string& from, const std::string& to);
 // Exchanges what two names mean, in one step. EINVAL: the file system cannot.
 int exchange_names(int folder, const std::string& one, const std::string& other);
-// Moves a file to a name that means `old`, or nothing, and removes that. The name is never missing. EEXIST:
-// something else has it, and keeps it.
+// Moves a file to a name that is unused or means `old`, which it removes. There is no moment at which the
+// name does not exist. EEXIST: the name means another file, which keeps it.
 int move_over(int folder, const std::string& from, const std::string& to,
               const std::optional<FileIdentity>& old);
 

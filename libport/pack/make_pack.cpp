@@ -28,7 +28,7 @@ std::string folder_in(const fs::path& file) {
   return is_plain_name(name) && name.front() != '.' ? name : "pack";
 }
 
-// A pack goes to others: a link in a tape that came from somebody must not add a file of ours.
+// A pack is sent to others. A link in a tape from a stranger must not add one of this user's files to it.
 Result<void> check_within_folder(const fs::path& path) {
   std::error_code error;
   if (!fs::is_symlink(path, error)) return {};

@@ -49,8 +49,8 @@ class PackSink {
 };
 
 struct PackLimits {
-  // Of all files. Nothing: kUsualFactor times as many as the pack has, and kUsualBytes at least, so that a small
-  // file from a stranger fills no disk.
+  // Of all files. Without a value the limit is kUsualFactor times the size of the pack, and at least
+  // kUsualBytes, so that a small file from a stranger cannot fill the disk.
   std::optional<std::uint64_t> bytes = {};
   static constexpr std::uint64_t kUsualFactor = 100;
   static constexpr std::uint64_t kUsualBytes = 100'000'000;

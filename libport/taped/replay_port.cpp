@@ -30,8 +30,8 @@ constexpr std::size_t kMostBacklog = 65536;
 constexpr Nanos kPause = std::chrono::microseconds(50);
 // The end: how long the engine may read on, and all may take.
 constexpr Nanos kReadOnLimit = std::chrono::seconds(3);
-// An end that the run itself has brought waits for a verdict that tells all. One that somebody asks for does
-// not: what of the tape is not counted by then is told as not known.
+// After a run that ends the session itself, finish() waits until the whole tape is counted. An end that a
+// signal or `ctl stop` asks for comes first: the report then says that the tape was not counted.
 constexpr Nanos kFinishLimit = std::chrono::seconds(5);
 constexpr Nanos kAskedFinishLimit = std::chrono::milliseconds(1400);
 // A program that waits in a call gets what is due in one go, up to so many steps.

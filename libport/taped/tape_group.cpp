@@ -15,7 +15,8 @@ std::optional<TapeZero> zero_of(const TapePaths& tape) {
   return header ? header->zero : std::nullopt;
 }
 
-// Tapes of one recording have one zero; which others go together is not known.
+// The tapes of one recording have the same zero. Without it this program cannot tell whether they belong
+// together.
 bool is_one_recording(const TapePaths& first, const TapePaths& tape) {
   const std::optional<TapeZero> zero = zero_of(first);
   return zero && zero == zero_of(tape);
@@ -94,7 +95,7 @@ Result<TapeWriter> TapeGroup::make(unsigned part, unsigned connection, const Tap
       TapeWriter::create(connection_tape(name, connection), header, {.on_existing = existing});
   if (!writer) return writer;
   names_.emplace(part, name);
-  // Where that fails it is told when the name is in the way.
+  // A file that cannot be removed is reported when its name is needed.
   for (const OldFile& old : older) (void)remove_if_same(AT_FDCWD, old.path, old.file);
   return writer;
 }

@@ -23,8 +23,9 @@ namespace porttape {
 //
 // A group never mixes with the files of an older one: with OnExisting::refuse none of the names may be taken,
 // with `next` a part takes the first number of which none is, with `overwrite` the older group's tapes are
-// removed, all of them, once the first new one has been made. A tape with a zero that is not the first one's,
-// or with none, is not of that group: while it has one of the names nothing is made or removed.
+// removed, all of them, once the first new one has been made. A tape whose zero differs from the first one's,
+// or that has none, does not belong to that group: if it has one of the names, check() and make() fail and
+// leave all files as they are.
 //
 // begin() and next() are the loop thread's; make() may be called from any thread and waits for the disk.
 class TapeGroup {

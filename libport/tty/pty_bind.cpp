@@ -70,7 +70,7 @@ std::optional<Mounted> find_mount(const std::function<bool(const Mounted&)>& is_
   return std::nullopt;
 }
 
-// The last one that is mounted on a name; none: nothing is.
+// Returns the topmost mount on a name, or std::nullopt where nothing is mounted.
 std::optional<Mounted> mounted_on(int folder, const std::string& name) {
   const std::uint64_t id = mount_id(folder, name);
   if (id == mount_id(folder, {})) return std::nullopt;
@@ -84,7 +84,7 @@ bool is_covered(int mount) {
 
 bool is_dead(const Mounted& mount) { return mount.root.ends_with("//deleted"); }
 
-// The file that is open itself, whatever its name means by now.
+// A path that leads to the open file itself, even if its name means another one by now.
 std::string path_of(int fd) { return fmt::format("/proc/self/fd/{}", fd); }
 
 bool detach(int mount) { return ::umount2(path_of(mount).c_str(), MNT_DETACH) == 0; }
@@ -146,7 +146,7 @@ Result<void> PtyBind::take_place() {
   return {};
 }
 
-// On the file of ours, and on nothing else.
+// Mounts the pty on our file, and fails if the name means another file.
 Result<void> PtyBind::mount(const std::string& pty) {
   const UniqueFd file = open_name(folder_.get(), name_);
   if (!file) return bind_error(path_, errno_text(errno));

@@ -9,11 +9,11 @@
 namespace porttape {
 
 // A stable name for a pty where a symbolic link leads nowhere, as in a container that has another /dev/pts: a
-// bind mount of the pty on a file. It is taken away again, wherever its folder has moved to, and the file too
-// where this object made it, unless somebody replaced it meanwhile. A mount that somebody else put on it
-// keeps it where it is. Takes no place but that of nothing, of an empty file, and of a mount that a killed
-// program left (its pty is dead). All is done by descriptors, so that a name that changes meanwhile leads
-// nowhere else. Needs CAP_SYS_ADMIN.
+// bind mount of the pty on a file. The destructor unmounts it, wherever its folder has been moved to, and
+// removes the file if this object made it and nobody has replaced it. It leaves the mount if somebody else
+// has mounted something on top of it. publish() accepts an unused name, an empty file, and a mount that a
+// killed program left (its pty is dead). All operations use descriptors, so that a name that somebody changes
+// in between cannot lead to another place. The class needs CAP_SYS_ADMIN.
 class PtyBind {
  public:
   // Errc::usage when the path is taken, its folder is missing or reached by another user's link, or nothing

@@ -8,9 +8,9 @@
 
 namespace porttape {
 
-// A stable name for a pty: a symbolic link that this object made and takes away again. What somebody else has
-// put in its place since is never replaced or removed. It takes the place of nothing, of a dangling link, or
-// of one of its own that a killed program left.
+// A stable name for a pty: a symbolic link. The destructor removes it. The object never replaces or removes a
+// file that somebody else has put in its place. publish() accepts an unused name, a dangling link, and a link
+// that a killed program of ours left.
 class PtyLink {
  public:
   // Errc::usage when the path is taken by a file or a link in use, or its folder is missing.
@@ -22,8 +22,8 @@ class PtyLink {
   PtyLink& operator=(const PtyLink&) = delete;
   ~PtyLink();
 
-  // Points it at another pty, in one step: the path is never missing. Makes it again where somebody removed
-  // it. Errc::usage: somebody else's file is there by now; it stays, and the next retarget() tries again.
+  // Points the link at another pty in one step, and makes it anew if somebody removed it. Errc::usage: the
+  // path means somebody else's file, which is left there; the next retarget() tries again.
   Result<void> retarget(const std::string& target);
   [[nodiscard]] const std::string& path() const { return path_; }
 
@@ -32,7 +32,8 @@ class PtyLink {
   void remove();
 
   std::string path_;
-  UniqueFd link_;  // itself (O_PATH): while it is open no other one is taken for it; none: moved from
+  // The link itself (O_PATH), so that no later file gets its inode number. Unset when moved from.
+  UniqueFd link_;
 };
 
 }  // namespace porttape

@@ -27,7 +27,7 @@ Error cannot_open(int error, const std::string& folder) {
   return trouble("its folder does not exist; type mkdir -p " + shell_word(folder));
 }
 
-// Where a link leads to; empty: it cannot be read.
+// Returns the link's text, or an empty string where the link cannot be read.
 std::string link_text(int link) {
   std::array<char, PATH_MAX> text{};
   const ssize_t size = ::readlinkat(link, "", text.data(), text.size());

@@ -7,8 +7,9 @@
 
 namespace porttape {
 
-// A folder by its descriptor (O_PATH), which goes on meaning it whatever happens to its path. On the way
-// there only links of root and of our own user are followed: nobody else leads us anywhere. Errc::usage.
+// Opens a folder (O_PATH). The descriptor refers to that folder even if its path means another one later. The
+// function follows links on the way only if root or this process's user owns them. Errc::usage: the folder
+// does not exist, or another user's link leads to it.
 Result<UniqueFd> open_trusted_folder(const std::string& path);
 
 }  // namespace porttape
