@@ -46,6 +46,7 @@ Result<void> TestRun::start_session() {
   options.report_file.clear();  // written once the command's exit status is known
   options.junit_file.clear();
   options.brief = true;
+  options.ends_with_run = true;
   options.looks_on = request_.looks_on;
   options.on_report = [this](const RunReport& report) { take(report); };
   ports.device.set(std::move(options));

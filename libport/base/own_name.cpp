@@ -29,12 +29,18 @@ bool remove_if_same(int folder, const std::string& name, const FileIdentity& fil
   return FileIdentity::at(folder, name) == file && ::unlinkat(folder, name.c_str(), 0) == 0;
 }
 
+// Not all file systems have the flags of renameat2(), and not all of those have links.
 int move_to_free_name(int folder, const std::string& from, const std::string& to) {
   if (::renameat2(folder, from.c_str(), folder, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
-  // Not all file systems have the flag.
-  if (errno != EINVAL || ::linkat(folder, from.c_str(), folder, to.c_str(), 0) != 0) return errno;
-  (void)::unlinkat(folder, from.c_str(), 0);
-  return 0;
+  if (errno != EINVAL) return errno;
+  if (::linkat(folder, from.c_str(), folder, to.c_str(), 0) == 0) {
+    (void)::unlinkat(folder, from.c_str(), 0);
+    return 0;
+  }
+  if (errno != EPERM && errno != EOPNOTSUPP && errno != ENOSYS) return errno;
+  if (FileIdentity::at(folder, to)) return EEXIST;
+  if (errno != ENOENT) return errno;
+  return ::renameat(folder, from.c_str(), folder, to.c_str()) == 0 ? 0 : errno;
 }
 
 int exchange_names(int folder, const std::string& one, const std::string& other) {

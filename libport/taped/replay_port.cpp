@@ -565,9 +565,10 @@ void ReplayPort::take_report(RunReport report) {
   const bool look = is_look(report);
   reports_->add(std::move(report));
   // The verdict's status comes with on_complete.
-  run_has_ended_it_ = drives() || (options_.once && !look);
   if (drives()) close_line(LineDown::Reason::closed);
-  if (run_has_ended_it_) listener().on_finished(exit_status::kPass);
+  if (!drives() && (!options_.once || look)) return;
+  options_.ends_with_run = true;
+  listener().on_finished(exit_status::kPass);
 }
 
 // What nobody has judged.
@@ -669,7 +670,7 @@ void ReplayPort::finish() {
   // That no driver has come is a verdict too, but of no interest to a program that has the port to itself.
   if (!context_.pulled && !any_run_ && !run_begun_) engine_->on_open(now);
   options_.once = false;  // the session is ending already
-  finish_limit_ = now + (run_has_ended_it_ ? kFinishLimit : kAskedFinishLimit);
+  finish_limit_ = now + (options_.ends_with_run ? kFinishLimit : kAskedFinishLimit);
   finish_timer_.emplace(*context_.loop, [this] {
     engine_->give_up(context_.loop->now());
     pump();

@@ -47,6 +47,9 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
     // The program ends soon, and has no other ports: where the tape has no reopen, opens are looked for in
     // the first 30 ms instead of being told by inotify, which takes the kernel some 15 ms to close.
     bool brief = false;
+    // finish() comes because the run is over, as when its command has ended, and not because somebody asks
+    // for an end: it waits until the whole tape is counted.
+    bool ends_with_run = false;
     // Where it plays the driver: how long the device may be silent, beyond the time it took on the tape, or
     // its line take nothing; none: for ever.
     std::optional<Nanos> silence = {};
@@ -180,8 +183,7 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   Timer drain_timer_;
   std::optional<Timer> finish_timer_;
   Instant finish_limit_{};
-  bool run_has_ended_it_ = false;  // the session: nobody asked for its end
-  bool any_run_ = false;           // has ended
+  bool any_run_ = false;  // has ended
   bool report_failed_ = false;
   bool congested_ = false;
   bool reading_on_ = false;  // the engine has used up its budget

@@ -70,6 +70,7 @@ class TapeDevice::Player {
     if (!values.contains("driver")) values["driver"] = "pty:" + folder_.emplace().path() + "/port";
     ChannelPorts ports = ports_of(tape, std::move(values));
     ReplayPort::Options replay = *ports.device.get<ReplayPort::Options>();
+    replay.ends_with_run = true;
     replay.on_report = [this](const RunReport& report) { runs_.add(report); };
     ports.device.set(std::move(replay));
     std::promise<PortPlace> ready;

@@ -124,6 +124,24 @@ TEST_F(OwnName, WithoutFlagsOfRenameTheSameHolds) {
   EXPECT_FALSE(fs::exists(from));
 }
 
+TEST_F(OwnName, WithoutLinksEitherTheSameHolds) {
+  const std::string from = make("from", "new");
+  const std::string to = dir / "to";
+  for (const int error : {EPERM, EOPNOTSUPP}) {
+    EXPECT_TRUE(test::holds_without({{SYS_renameat2, EINVAL}, {SYS_linkat, error}}, [&] {
+      EXPECT_EQ(move_to_free_name(AT_FDCWD, from, to), 0);
+      make("from", "newer");
+      EXPECT_EQ(move_to_free_name(AT_FDCWD, from, to), EEXIST);
+      EXPECT_EQ(move_over(AT_FDCWD, from, to, identity_of(from)), EEXIST);
+      EXPECT_EQ(move_over(AT_FDCWD, from, to, identity_of(to)), 0);
+    }));
+    EXPECT_EQ(content_of(to), "newer");
+    fs::rename(to, from);
+  }
+  EXPECT_TRUE(test::holds_without({{SYS_renameat2, EINVAL}, {SYS_linkat, EMLINK}},
+                                  [&] { EXPECT_EQ(move_to_free_name(AT_FDCWD, from, to), EMLINK); }));
+}
+
 TEST_F(OwnName, WhatCannotBeRemovedComesBack) {
   const std::string from = make("from", "new");
   const std::string to = make("to", "old");
