@@ -62,7 +62,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const PackLimits limits{.bytes = 1 << 20, .files = 16};
   const Result<PackManifest> pack = read_pack(source, sink, limits);
   require(!sink.twice && !sink.odd, "names are plain, and come once");
-  require(sink.given <= sink.told && sink.told <= limits.bytes + (4 << 20), "no more bytes than are told");
+  require(sink.given <= sink.told && sink.told <= *limits.bytes + (4 << 20), "no more bytes than are told");
   if (!pack) {
     require(!pack.error().message.empty(), "it is told what is wrong");
     return 0;
