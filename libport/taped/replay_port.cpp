@@ -28,11 +28,12 @@ constexpr std::uintmax_t kSmallTape = 65536;  // bytes of its files
 constexpr std::size_t kMostBacklog = 65536;
 // Between two slices of reading on, for all else on the loop.
 constexpr Nanos kPause = std::chrono::microseconds(50);
-// The end: how long the engine may read on, and all may take.
+// The end: how long the engine may read on, and how long all of it may take. After a run that ends the
+// program, finish() waits for the tape to be counted. An end that a signal or `ctl stop` asks for does not
+// wait so long: the report then says that the tape was not counted.
 constexpr Nanos kReadOnLimit = std::chrono::seconds(3);
-// After a run that ends the session itself, finish() waits until the whole tape is counted. An end that a
-// signal or `ctl stop` asks for comes first: the report then says that the tape was not counted.
 constexpr Nanos kFinishLimit = std::chrono::seconds(5);
+constexpr Nanos kAskedReadOnLimit = std::chrono::milliseconds(400);
 constexpr Nanos kAskedFinishLimit = std::chrono::milliseconds(1400);
 // A program that waits in a call gets what is due in one go, up to so many steps.
 constexpr int kMostSteps = 1024;
@@ -675,7 +676,7 @@ void ReplayPort::finish() {
     engine_->give_up(context_.loop->now());
     pump();
   });
-  finish_timer_->set(now + kReadOnLimit);
+  finish_timer_->set(now + (options_.ends_with_run ? kReadOnLimit : kAskedReadOnLimit));
   engine_->finish(now);
   pump();
 }

@@ -185,10 +185,16 @@ done_with 0
 try "$PORTTAPED" record --device "tcp:127.0.0.1:$device" --driver "tcp-listen:127.0.0.1:$driver" --tape each --connections each 2>log
 [[ $status == 2 ]] || die "a group that is there was not refused: $(cat log)"
 touch each.c7.logr each.c7.logw
+try "$PORTTAPED" record --device "tcp:127.0.0.1:$device" --driver "tcp-listen:127.0.0.1:$driver" --tape each --connections each \
+  --overwrite 2>log
+[[ $status == 2 ]] || die "--overwrite where a tape is of nobody knows what: exit $status: $(cat log)"
+grep -qF "'each.c7.log' is not of the recording 'each.log', which is to be replaced" log || die "that is not told: $(cat log)"
+[[ -e each.c7.logr && -e each.c2.logr && -e each.logr ]] || die "something is gone: $(ls)"
+rm each.c7.logr each.c7.logw
 recorder --tape each --connections each --overwrite
 client "$driver" <<<$'CONNECT a\nSEND a z\nEXPECT a z'
 done_with 0
-[[ $(payload each.logw) == z && ! -e each.c2.logr && ! -e each.c7.logr ]] || die "the older group is not gone: $(ls)"
+[[ $(payload each.logw) == z && ! -e each.c2.logr ]] || die "the older group is not gone: $(ls)"
 say "each: a group never mixes with an older one"
 
 recorder --tape turned --connections each

@@ -25,6 +25,7 @@ class ReplayPortTest : public testing::Test {
     options.config.chunks = chunks;
     options.report_file = report;
     options.once = once;
+    options.ends_with_run = ends_with_run;
     options.looks_on = looks_on;
     options.session = session;
     port = std::make_unique<ReplayPort>(PortContext{&loop, book.log()}, std::move(options));
@@ -46,6 +47,7 @@ class ReplayPortTest : public testing::Test {
   LogBook book;
   PortLog log;
   bool once = false;
+  bool ends_with_run = false;
   bool looks_on = false;
   std::uint64_t session = 0;
   Match match = Match::sequence;

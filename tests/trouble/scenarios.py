@@ -318,7 +318,7 @@ def left_behind(world, *names):
 
 def find_left(world, name):
     excused = any(program.killed for program in world.programs) or world.kills or world.trouble and (
-        world.trouble.kind in ("unlink", "readlink", "lstat", "stat") or
+        world.trouble.kind in ("unlink", "unlinkat", "readlink", "lstat", "stat") or
         world.trouble.kind.startswith("flock") and "EAGAIN" in str(world.trouble) or  # another program's then
         "net/unix_port" in world.trouble.place)  # a socket file that cannot be looked at is nobody's
     if not excused:
