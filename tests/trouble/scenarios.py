@@ -352,6 +352,20 @@ def listens(table, words):
     return look
 
 
+def has_socket(daemon, table, words):
+    """Whether a table of /proc/net has such a line, of a socket that the daemon has: until it execs, a program that another
+    thread starts has whatever this one has open."""
+    def look():
+        folder = f"/proc/{daemon.pid}/fd"
+        try:
+            own = {os.readlink(os.path.join(folder, fd)) for fd in os.listdir(folder)}
+        except OSError:
+            return False  # it has ended, or has closed one meanwhile
+        with open(table, encoding="ascii", errors="replace") as file:
+            return any(f"socket:[{line.split()[9]}]" in own for line in file if re.search(words, line))
+    return look
+
+
 def check_start(world, daemon, is_there):
     """Ready, or ended with a status and a word about it."""
     if daemon.wait_ready(is_there, READY):
@@ -404,8 +418,7 @@ def listen(family, address, kind=socket.SOCK_STREAM):
 
 
 def free_port(kind=socket.SOCK_STREAM):
-    """It never listens: a program that another thread starts just now has the probe too until it execs, and would be
-    taken for the daemon that is to listen there."""
+    """One that nobody has now."""
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         probe.bind(("127.0.0.1", 0))
@@ -430,7 +443,7 @@ def record_tcp(world):
                           f"tcp-listen:127.0.0.1:{port}", "--tape", world.path("tapes/t"))
     line = Line(world, daemon, device, lambda driver: driver.connect(socket.AF_INET, ("127.0.0.1", port)),
                 world.path("tapes"))
-    play_sessions(world, line, listens("/proc/net/tcp", rf":{port:04X} 00000000:0000 0A"))
+    play_sessions(world, line, has_socket(daemon, "/proc/net/tcp", rf":{port:04X} 00000000:0000 0A"))
 
 
 def record_unix(world):
@@ -456,7 +469,7 @@ def record_udp(world):
     line = Line(world, daemon, device,
                 lambda driver: driver.connect(socket.AF_INET, ("127.0.0.1", port), socket.SOCK_DGRAM),
                 world.path("tapes"), SMALL)
-    if check_start(world, daemon, listens("/proc/net/udp", rf":{port:04X} 00000000:0000 07")):
+    if check_start(world, daemon, has_socket(daemon, "/proc/net/udp", rf":{port:04X} 00000000:0000 07")):
         line.session(6)
         line.heal()
     line.stop()
