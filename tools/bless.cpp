@@ -68,11 +68,11 @@ std::string shown(const Bytes& bytes) {
 std::string bytes_of(const Bytes& bytes) { return counted(bytes.size(), "byte"); }
 
 // One difference, and what cannot be known of it.
-void tell(const WriteDifference& difference, const std::vector<TapeExchange>& old_tape,
-          const std::vector<TapeExchange>& new_tape, std::ostream& out) {
-  const TapeExchange* const before =
+void tell(const WriteDifference& difference, const std::vector<WrittenExchange>& old_tape,
+          const std::vector<WrittenExchange>& new_tape, std::ostream& out) {
+  const WrittenExchange* const before =
       difference.old_number ? &old_tape.at(*difference.old_number - 1) : nullptr;
-  const TapeExchange* const now = difference.new_number ? &new_tape.at(*difference.new_number - 1) : nullptr;
+  const WrittenExchange* const now = difference.new_number ? &new_tape.at(*difference.new_number - 1) : nullptr;
   if (before != nullptr) fmt::print(out, "- exchange {}: {}\n", *difference.old_number, shown(before->write));
   if (now != nullptr) fmt::print(out, "+ exchange {}: {}\n", *difference.new_number, shown(now->write));
   if (now == nullptr) {
@@ -135,9 +135,9 @@ class Blessing {
       fmt::print(err_, "porttape bless: nothing is blessed: the command is to end well first\n");
       return exit_status::kRuntime;
     }
-    const Result<std::vector<TapeExchange>> before = read_exchanges(old_);
+    const Result<std::vector<WrittenExchange>> before = read_exchanges(old_);
     if (!before) return before.error();
-    const Result<std::vector<TapeExchange>> now = read_exchanges(*request_->record_to);
+    const Result<std::vector<WrittenExchange>> now = read_exchanges(*request_->record_to);
     if (!now) return now.error();
     const std::vector<WriteDifference> differences = compare_writes(*before, *now);
     for (const WriteDifference& difference : differences) tell(difference, *before, *now, out_);

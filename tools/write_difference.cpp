@@ -9,7 +9,7 @@
 namespace porttape {
 namespace {
 
-using Exchanges = std::vector<TapeExchange>;
+using Exchanges = std::vector<WrittenExchange>;
 
 // A table of so many cells is made at most; what is larger is compared in order.
 constexpr std::size_t kMostCells = 16'000'000;

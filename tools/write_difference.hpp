@@ -12,16 +12,16 @@
 namespace porttape {
 
 // A run of writes and what was answered, up to the next write.
-struct TapeExchange {
+struct WrittenExchange {
   Bytes write;
   Bytes read;
 
-  friend bool operator==(const TapeExchange&, const TapeExchange&) = default;
+  friend bool operator==(const WrittenExchange&, const WrittenExchange&) = default;
 };
 
 // The exchanges of a tape; what came before the first write is one with an empty write. At most `most` bytes
 // are read: Errc::usage beyond.
-Result<std::vector<TapeExchange>> read_exchanges(const TapePaths& tape, std::size_t most = 64U << 20U);
+Result<std::vector<WrittenExchange>> read_exchanges(const TapePaths& tape, std::size_t most = 64U << 20U);
 
 // One exchange of both tapes (other bytes written), or of one alone.
 struct WriteDifference {
@@ -30,7 +30,7 @@ struct WriteDifference {
 };
 
 // What was written differently, aligned by equal writes, in order.
-std::vector<WriteDifference> compare_writes(const std::vector<TapeExchange>& old_tape,
-                                            const std::vector<TapeExchange>& new_tape);
+std::vector<WriteDifference> compare_writes(const std::vector<WrittenExchange>& old_tape,
+                                            const std::vector<WrittenExchange>& new_tape);
 
 }  // namespace porttape

@@ -98,6 +98,7 @@ TEST(FileSource, WhatIsNoRegularFileIsNamedByItsKind) {
 }
 
 TEST(FileSource, WithoutADescriptorToBeHadTheFileIsNotToBlame) {
+  PORTTAPE_SKIP_UNDER_SANITIZERS();
   const TempDir dir;
   test::write_file(dir / "f", test::bytes_of("abcdef"));
   const auto source = [&] {

@@ -14,8 +14,8 @@ namespace {
 using testing::HasSubstr;
 
 // A tape's writes alone, a letter each.
-std::vector<TapeExchange> writes(const std::string& letters) {
-  std::vector<TapeExchange> all;
+std::vector<WrittenExchange> writes(const std::string& letters) {
+  std::vector<WrittenExchange> all;
   for (const char letter : letters) all.push_back({bytes_of(std::string(1, letter)), {}});
   return all;
 }
