@@ -1,6 +1,7 @@
 #include "libport/tty/own_mark.hpp"
 
 #include <ctime>
+#include <fcntl.h>
 #include <filesystem>
 #include <sys/stat.h>
 
