@@ -125,9 +125,6 @@ Result<bool> PidFile::try_to_take(const std::string& path) {
   return true;
 }
 
-PidFile::~PidFile() {
-  const std::optional<FileIdentity> file = fd_ ? FileIdentity::of(fd_.get()) : std::nullopt;
-  if (file) (void)remove_if_same(AT_FDCWD, path_, *file);
-}
+PidFile::~PidFile() { (void)remove_if_same(AT_FDCWD, path_, fd_.get()); }
 
 }  // namespace porttape

@@ -7,6 +7,7 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <utility>
 
 namespace porttape {
 namespace {
@@ -58,7 +59,10 @@ Result<ControlListener> ControlListener::create(const ControlFolder& folder) {
   return listener;
 }
 
-// While it is open nothing else can be the same file.
+ControlListener::ControlListener(UniqueFd fd, std::string path)
+    : fd_(std::move(fd)), path_(std::move(path)), socket_(FileIdentity::at(AT_FDCWD, path_)) {}
+
+// While the socket is open no other file can have its identity.
 ControlListener::~ControlListener() {
   if (fd_ && socket_) (void)remove_if_same(AT_FDCWD, path_, *socket_);
 }

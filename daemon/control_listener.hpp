@@ -1,9 +1,7 @@
 #pragma once
 
-#include <fcntl.h>
 #include <optional>
 #include <string>
-#include <utility>
 
 #include "libport/base/own_name.hpp"
 #include "libport/base/result.hpp"
@@ -27,12 +25,11 @@ class ControlListener {
   [[nodiscard]] const std::string& path() const { return path_; }
 
  private:
-  ControlListener(UniqueFd fd, std::string path)
-      : fd_(std::move(fd)), path_(std::move(path)), socket_(FileIdentity::at(AT_FDCWD, path_)) {}
+  ControlListener(UniqueFd fd, std::string path);
 
   UniqueFd fd_;
   std::string path_;
-  std::optional<FileIdentity> socket_;  // nothing: it cannot be looked at
+  std::optional<FileIdentity> socket_;  // unset if it cannot be examined
 };
 
 }  // namespace porttape

@@ -72,7 +72,8 @@ void tell(const WriteDifference& difference, const std::vector<WrittenExchange>&
           const std::vector<WrittenExchange>& new_tape, std::ostream& out) {
   const WrittenExchange* const before =
       difference.old_number ? &old_tape.at(*difference.old_number - 1) : nullptr;
-  const WrittenExchange* const now = difference.new_number ? &new_tape.at(*difference.new_number - 1) : nullptr;
+  const WrittenExchange* const now =
+      difference.new_number ? &new_tape.at(*difference.new_number - 1) : nullptr;
   if (before != nullptr) fmt::print(out, "- exchange {}: {}\n", *difference.old_number, shown(before->write));
   if (now != nullptr) fmt::print(out, "+ exchange {}: {}\n", *difference.new_number, shown(now->write));
   if (now == nullptr) {

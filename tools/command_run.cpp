@@ -255,9 +255,8 @@ void CommandRun::end_what_is_left() {
         fmt::format("the command left running, and it cannot be ended: {}", names_of(family.left)));
   if (family.unseen)
     notes_.push_back(
-        "the command left processes running, which are not ended: /proc is of another PID namespace and does "
-        "not "
-        "show which; mount it anew");
+        "the command left processes running, which are not ended: /proc is of another PID namespace and "
+        "does not show which; mount it anew");
 }
 
 }  // namespace porttape

@@ -29,6 +29,11 @@ bool remove_if_same(int folder, const std::string& name, const FileIdentity& fil
   return FileIdentity::at(folder, name) == file && ::unlinkat(folder, name.c_str(), 0) == 0;
 }
 
+bool remove_if_same(int folder, const std::string& name, int fd) {
+  const std::optional<FileIdentity> file = fd >= 0 ? FileIdentity::of(fd) : std::nullopt;
+  return file && remove_if_same(folder, name, *file);
+}
+
 // Not all file systems have the flags of renameat2(), and not all of those have links.
 int move_to_free_name(int folder, const std::string& from, const std::string& to) {
   if (::renameat2(folder, from.c_str(), folder, to.c_str(), RENAME_NOREPLACE) == 0) return 0;

@@ -34,6 +34,8 @@ class FileIdentity {
 
 // Removes the name if it means that file, and returns whether it did.
 bool remove_if_same(int folder, const std::string& name, const FileIdentity& file);
+// The same for the file that `fd` has open; below 0 there is none.
+bool remove_if_same(int folder, const std::string& name, int fd);
 
 // The following functions return 0 or an errno.
 

@@ -22,7 +22,7 @@ namespace porttape {
 // What TCP and Unix stream sockets have alike.
 struct StreamOptions {
   bool listen = false;
-  bool wait = false;                                // for a peer that is missing, instead of failing
+  bool wait = false;                   // for a peer that is missing, instead of failing
   std::size_t most_connections = 256;  // where all are given away
 };
 

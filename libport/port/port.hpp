@@ -255,7 +255,7 @@ class Port {
   Port& operator=(const Port&) = delete;
   virtual ~Port() = default;
 
-  // Who is told; must outlive the port or be replaced. Call before anything else.
+  // Sets the listener, which must outlive the port or be replaced. Call before anything else.
   virtual void listen(PortListener& listener) { listener_ = &listener; }
 
   // Checks what can be checked without touching the device, and brings a passive port into being.
@@ -362,8 +362,8 @@ class Port {
   // Where a program finds it; a passive one from prepare() on, with what the system chose. One that connects:
   // where to. Empty where it is nowhere (a tape).
   [[nodiscard]] virtual PortPlace place() const { return {}; }
-  // What programs are told of the device that it is, from prepare() on; nothing where it is none, or nobody
-  // knows.
+  // The identity of the device, for programs that list devices; from prepare() on. std::nullopt for a port
+  // that is not a device, and for a device whose identity is unknown.
   [[nodiscard]] virtual std::optional<PortIdentity> identity() const { return std::nullopt; }
   // The device node that its peer opens (a pty's slave, `/dev/pts/3`); empty where there is none.
   [[nodiscard]] virtual std::string peer_node() const { return {}; }

@@ -328,8 +328,7 @@ void TapTransfers::on_ready() {
   do {
     count = ::epoll_wait(ready_->get(), events.data(), static_cast<int>(events.size()), 0);
     for (const epoll_event& event : std::span(events).first(static_cast<std::size_t>(std::max(count, 0)))) {
-      const std::uint64_t number =
-          event.data.u64;  // by value: the structure is packed, its members are not aligned
+      const std::uint64_t number = event.data.u64;  // no reference: the structure is packed
       const auto found = watched_.find(number);
       if (found == watched_.end()) continue;
       if (const auto file = found->second.lock()) on_ready_file(file);

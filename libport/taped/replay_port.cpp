@@ -566,8 +566,9 @@ void ReplayPort::take_report(RunReport report) {
   const bool look = is_look(report);
   reports_->add(std::move(report));
   // The verdict's status comes with on_complete.
+  const bool is_end = drives() || (options_.once && !look);
   if (drives()) close_line(LineDown::Reason::closed);
-  if (!drives() && (!options_.once || look)) return;
+  if (!is_end) return;
   options_.ends_with_run = true;
   listener().on_finished(exit_status::kPass);
 }

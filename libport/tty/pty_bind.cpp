@@ -199,9 +199,8 @@ Result<void> PtyBind::unmount() {
 void PtyBind::remove() {
   if (!folder_ || !unmount() || !made_) return;
   struct stat status {};
-  const std::optional<FileIdentity> file = FileIdentity::of(file_.get());
-  if (file && ::fstat(file_.get(), &status) == 0 && status.st_size == 0)
-    (void)remove_if_same(folder_.get(), name_, *file);
+  if (::fstat(file_.get(), &status) == 0 && status.st_size == 0)
+    (void)remove_if_same(folder_.get(), name_, file_.get());
 }
 
 }  // namespace porttape

@@ -108,9 +108,6 @@ Result<void> PtyLink::retarget(const std::string& target) {
   return {};
 }
 
-void PtyLink::remove() {
-  const std::optional<FileIdentity> link = link_ ? FileIdentity::of(link_.get()) : std::nullopt;
-  if (link) (void)remove_if_same(AT_FDCWD, path_, *link);
-}
+void PtyLink::remove() { (void)remove_if_same(AT_FDCWD, path_, link_.get()); }
 
 }  // namespace porttape

@@ -24,7 +24,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What is at the beginning of a regular file; empty where there is none that can be read.
+// Returns the first bytes of a regular file. The result is empty if the file cannot be read.
 std::string beginning_of(const std::string& path) {
   const UniqueFd fd(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC));
   struct stat status {};
@@ -159,9 +159,7 @@ Result<UucpLock> UucpLock::take(const std::string& folder, const std::string& de
 }
 
 UucpLock::~UucpLock() {
-  const std::optional<FileIdentity> lock = lock_ ? FileIdentity::of(lock_.get()) : std::nullopt;
-  if (!lock) return;
-  for (const std::string& file : files_) (void)remove_if_same(AT_FDCWD, file, *lock);
+  for (const std::string& file : files_) (void)remove_if_same(AT_FDCWD, file, lock_.get());
 }
 
 }  // namespace porttape

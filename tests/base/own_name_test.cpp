@@ -7,6 +7,7 @@
 #include <string>
 #include <sys/syscall.h>
 #include <unistd.h>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -74,9 +75,19 @@ TEST_F(OwnName, NoOtherFileIsTheSameWhileItIsOpen) {
     make("file", "new");
     ASSERT_FALSE(remove_if_same(AT_FDCWD, path, old));
     ASSERT_EQ(content_of(path), "new");
+    ASSERT_FALSE(remove_if_same(AT_FDCWD, path, open.get()));
     ASSERT_TRUE(remove_if_same(AT_FDCWD, path, identity_of(path)));
     ASSERT_FALSE(fs::exists(path));
   }
+}
+
+TEST_F(OwnName, AnOpenFileIsRemovedByItsDescriptor) {
+  const std::string path = make("file", "1");
+  const UniqueFd open(::open(path.c_str(), O_PATH | O_CLOEXEC));
+  EXPECT_FALSE(remove_if_same(AT_FDCWD, path, -1));
+  EXPECT_TRUE(fs::exists(path));
+  EXPECT_TRUE(remove_if_same(AT_FDCWD, path, open.get()));
+  EXPECT_FALSE(fs::exists(path));
 }
 
 TEST_F(OwnName, AFreeNameIsTakenAndATakenOneIsLeft) {
@@ -109,26 +120,14 @@ TEST_F(OwnName, WhatIsReplacedIsWhatWasMeant) {
   EXPECT_EQ(content_of(to), "third");
 }
 
-TEST_F(OwnName, WithoutFlagsOfRenameTheSameHolds) {
+TEST_F(OwnName, WithoutFlagsOfRenameOrLinksTheSameHolds) {
   const std::string from = make("from", "new");
   const std::string to = dir / "to";
-  EXPECT_TRUE(test::holds_without({{SYS_renameat2, EINVAL}}, [&] {
-    EXPECT_EQ(exchange_names(AT_FDCWD, from, to), EINVAL);
-    EXPECT_EQ(move_to_free_name(AT_FDCWD, from, to), 0);
-    make("from", "newer");
-    EXPECT_EQ(move_to_free_name(AT_FDCWD, from, to), EEXIST);
-    EXPECT_EQ(move_over(AT_FDCWD, from, to, identity_of(from)), EEXIST);
-    EXPECT_EQ(move_over(AT_FDCWD, from, to, identity_of(to)), 0);
-  }));
-  EXPECT_EQ(content_of(to), "newer");
-  EXPECT_FALSE(fs::exists(from));
-}
-
-TEST_F(OwnName, WithoutLinksEitherTheSameHolds) {
-  const std::string from = make("from", "new");
-  const std::string to = dir / "to";
-  for (const int error : {EPERM, EOPNOTSUPP}) {
-    EXPECT_TRUE(test::holds_without({{SYS_renameat2, EINVAL}, {SYS_linkat, error}}, [&] {
+  const test::RefusedCall no_flags{SYS_renameat2, EINVAL};
+  for (const std::vector<test::RefusedCall>& lacks :
+       {std::vector{no_flags}, {no_flags, {SYS_linkat, EPERM}}, {no_flags, {SYS_linkat, EOPNOTSUPP}}}) {
+    EXPECT_TRUE(test::holds_without(lacks, [&] {
+      EXPECT_EQ(exchange_names(AT_FDCWD, from, to), EINVAL);
       EXPECT_EQ(move_to_free_name(AT_FDCWD, from, to), 0);
       make("from", "newer");
       EXPECT_EQ(move_to_free_name(AT_FDCWD, from, to), EEXIST);
@@ -136,9 +135,10 @@ TEST_F(OwnName, WithoutLinksEitherTheSameHolds) {
       EXPECT_EQ(move_over(AT_FDCWD, from, to, identity_of(to)), 0);
     }));
     EXPECT_EQ(content_of(to), "newer");
+    EXPECT_FALSE(fs::exists(from));
     fs::rename(to, from);
   }
-  EXPECT_TRUE(test::holds_without({{SYS_renameat2, EINVAL}, {SYS_linkat, EMLINK}},
+  EXPECT_TRUE(test::holds_without({no_flags, {SYS_linkat, EMLINK}},
                                   [&] { EXPECT_EQ(move_to_free_name(AT_FDCWD, from, to), EMLINK); }));
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -7,9 +8,11 @@
 
 #include <gtest/gtest.h>
 
+#include "libport/tape/event.hpp"
 #include "libport/taped/replay_port.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
+#include "tests/support/tape_bytes.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
@@ -34,6 +37,25 @@ class ReplayPortTest : public testing::Test {
     if (open) port->open();
   }
   void write(std::string_view text) { port->write(as_bytes(text)); }
+  // A driver that asks, flushes the answer that is due before it reads it, asks again, reads and closes. The
+  // tape has "old" and "new" as the answers.
+  void flush_unread(FlushQueue queue) {
+    test::write_file(dir / "t.logw", test::block_bytes({{0, "ask"}, {5'000, "more"}}));
+    test::write_file(dir / "t.logr", test::block_bytes({{1, "old"}, {5'001, "new"}}));
+    test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{})));
+    start();
+    port->set_reading(false);
+    write("ask");
+    run_until(loop, [begin = loop.now(), this] {
+      loop.post([] {});
+      return loop.now() - begin > std::chrono::milliseconds(5);
+    });
+    port->peer_flushed(queue);
+    port->set_reading(true);
+    write("more");
+    run_until(loop, [this] { return log.data.ends_with("new"); });
+    port->close();
+  }
   // How long it took until finish() was done.
   Nanos finish() {
     const Instant begin = loop.now();

@@ -520,22 +520,8 @@ TEST_F(ReplayPortTest, TapesOfOneProgramPlayByItsClock) {
 class FlushOfATape : public ReplayPortTest {
  protected:
   std::string left_after(FlushQueue queue) {
-    test::write_file(dir / "t.logw", test::block_bytes({{0, "ask"}, {5'000, "more"}}));
-    test::write_file(dir / "t.logr", test::block_bytes({{1, "old"}, {5'001, "new"}}));
-    test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{})));
     log.data.clear();
-    start();
-    port->set_reading(false);
-    write("ask");
-    run_until(loop, [begin = loop.now(), this] {
-      loop.post([] {});
-      return loop.now() - begin > std::chrono::milliseconds(5);
-    });
-    port->peer_flushed(queue);
-    port->set_reading(true);
-    write("more");
-    run_until(loop, [this] { return log.data.ends_with("new"); });
-    port->close();
+    flush_unread(queue);
     return log.data;
   }
 };
