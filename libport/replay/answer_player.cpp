@@ -5,7 +5,7 @@
 namespace porttape {
 
 AnswerPlayer::AnswerPlayer(const ReplayConfig& config, bool bursts, bool half_closes,
-                           const RequestIndex& index, AnswerSource& answers, Budget& budget,
+                           const RequestIndex& index, AnswerSource& answers, Budget& budget, Pieces& pieces,
                            const ReplayClock& clock, const Expectation* expectation, Replies* replies)
     : timed_(config.timing != Timing::none),
       half_closes_(half_closes),
@@ -16,7 +16,7 @@ AnswerPlayer::AnswerPlayer(const ReplayConfig& config, bool bursts, bool half_cl
       expectation_(expectation),
       replies_(replies),
       arrivals_(bursts, config.burst_gap),
-      pieces_(config.chunks, config.chunk_seed),
+      pieces_(pieces),
       cuts_(config.max_gap),
       timeline_(clock.rate()) {}
 
@@ -25,7 +25,6 @@ void AnswerPlayer::drop() {
   begun_ = false;
   wake_.reset();
   holds_piece_ = false;
-  pieces_.begin({});
 }
 
 bool AnswerPlayer::flush(Instant now) {

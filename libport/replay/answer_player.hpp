@@ -24,7 +24,8 @@
 namespace porttape {
 
 // Plays answers in the order in which they were asked for, each timed from its own request and none before
-// the one before has been played. Refers to all that it is given, which must outlive it.
+// the one before has been played. Refers to all that it is given, which must outlive it. `pieces` is of the
+// line, whoever else speaks on it.
 class AnswerPlayer {
  public:
   static constexpr std::size_t kMostWaiting = 65536;
@@ -39,7 +40,7 @@ class AnswerPlayer {
 
   // `replies`: null where answers are as recorded.
   AnswerPlayer(const ReplayConfig& config, bool bursts, bool half_closes, const RequestIndex& index,
-               AnswerSource& answers, Budget& budget, const ReplayClock& clock,
+               AnswerSource& answers, Budget& budget, Pieces& pieces, const ReplayClock& clock,
                const Expectation* expectation, Replies* replies);
 
   // Nothing comes where the device has ended its sending in this session.
@@ -75,8 +76,12 @@ class AnswerPlayer {
     rates_.add(timeline_.rate(), now);
     timeline_.set_rate(rate, now);
   }
-  void taken(Instant now) { pieces_.taken(now); }
   [[nodiscard]] bool holds_piece() const { return holds_piece_; }
+  // A part of a recorded read was delivered, and the rest was not.
+  [[nodiscard]] bool inside_read() const {
+    if (!begun_ || left_ == 0 || !head_ || error_ || taken_ == 0) return false;
+    return taken_ < head_->data.size() || !head_->last_piece();
+  }
   [[nodiscard]] const std::optional<Error>& error() const { return error_; }
 
  private:
@@ -114,7 +119,7 @@ class AnswerPlayer {
   const Expectation* expectation_;
   Replies* replies_;
   Arrivals arrivals_;
-  Pieces pieces_;
+  Pieces& pieces_;
 
   std::deque<Asked> waiting_;
   bool begun_ = false;      // the front one

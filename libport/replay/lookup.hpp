@@ -11,6 +11,7 @@
 #include "libport/base/time.hpp"
 #include "libport/replay/answer_player.hpp"
 #include "libport/replay/engine.hpp"
+#include "libport/replay/pieces.hpp"
 #include "libport/replay/report.hpp"
 #include "libport/replay/request_index.hpp"
 #include "libport/replay/request_matcher.hpp"
@@ -28,7 +29,7 @@ class Lookup {
  public:
   // `replies`: null where answers are as recorded.
   Lookup(const ReplayConfig& config, const Engine::TapeFacts& facts, const Engine::Parts& parts,
-         Budget& budget, const ReplayClock& clock, Replies* replies);
+         Budget& budget, Pieces& pieces, const ReplayClock& clock, Replies* replies);
 
   void begin_run();
   // The tape is at `position` of its writes, in the request that is next, and the driver has written `offset`

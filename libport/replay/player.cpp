@@ -16,7 +16,7 @@ constexpr Nanos kAtOnce = std::chrono::microseconds(200);
 
 Player::Player(const ReplayConfig& config, const Engine::TapeFacts& facts, const ClockPlace& place,
                bool half_closes, RecordSource& schedule, Budget& budget, Matcher& matcher,
-               SettingsCheck& settings)
+               SettingsCheck& settings, Pieces& pieces)
     : config_(config),
       half_closes_(half_closes),
       drives_(config.writer == Writer::device),
@@ -25,7 +25,7 @@ Player::Player(const ReplayConfig& config, const Engine::TapeFacts& facts, const
       settings_(settings),
       schedule_(schedule, budget, settings),
       arrivals_(joins_bursts(config.chunks, facts.stamped_at_arrival), config.burst_gap),
-      pieces_(config.chunks, config.chunk_seed),
+      pieces_(pieces),
       pace_(place, config.timing, config.max_gap),
       gate_(config, matcher, pace_),
       sessions_(schedule_, gate_, matcher, budget, facts.opens, config.patience),

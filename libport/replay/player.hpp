@@ -33,8 +33,9 @@ namespace porttape {
 // Drive it: begin() at the driver's first open, then play() whenever something happened or wake() has come;
 // at the driver's later opens one of continue_at_next_open(), restart_session() and resume(), with settle()
 // before it where reads are to be lost. Nothing reads more of the tape than the budget allows; what is then
-// not done or not known is asked for again when it is refilled. Refers to its matcher, budget, clock and
-// check of settings, which must outlive it. Not thread-safe.
+// not done or not known is asked for again when it is refilled. Refers to its matcher, budget, clock, check
+// of settings and pieces (which are of the line, whoever else speaks on it); they must outlive it. Not
+// thread-safe.
 class Player {
  public:
   // A write that came earlier or later than the margin allows.
@@ -49,7 +50,8 @@ class Player {
 
   // `half_closes`: the driver's line can end in one direction.
   Player(const ReplayConfig& config, const Engine::TapeFacts& facts, const ClockPlace& place,
-         bool half_closes, RecordSource& schedule, Budget& budget, Matcher& matcher, SettingsCheck& settings);
+         bool half_closes, RecordSource& schedule, Budget& budget, Matcher& matcher, SettingsCheck& settings,
+         Pieces& pieces);
   Player(const Player&) = delete;
   Player& operator=(const Player&) = delete;
 
@@ -127,10 +129,10 @@ class Player {
 
   // Writes have come that the matcher has not been given yet: no silence opens a gate meanwhile.
   void set_behind(bool behind) { gate_.set_behind(behind); }
-  // The driver has read all that was delivered.
-  void taken(Instant now) { pieces_.taken(now); }
-  // A piece that is due waits for that.
+  // A piece that is due waits for the driver to read what was delivered.
   [[nodiscard]] bool holds_piece() const { return holds_piece_; }
+  // A part of a recorded read was delivered, and the rest was not.
+  [[nodiscard]] bool inside_read() const { return schedule_.inside_read(); }
   // Asks for play() at once.
   void wake_at(Instant now) { wake_ = now; }
 
@@ -242,7 +244,7 @@ class Player {
   Replies* replies_ = nullptr;
   Schedule schedule_;
   Arrivals arrivals_;
-  Pieces pieces_;
+  Pieces& pieces_;
   Pace pace_;
   Gate gate_;
   TapeSessions sessions_;

@@ -59,16 +59,17 @@ ReplayRun::ReplayRun(const ReplayConfig& config, const Engine::TapeFacts& facts,
       own_clock_(config_.rate, ReplayClock::Sessions::set_it),
       clock_(parts.clock != nullptr ? *parts.clock : own_clock_),
       line_(facts.line),
+      pieces_(config_.chunks, config_.chunk_seed),
       replies_(parts.expectation != nullptr ? parts.expectation->replies() : nullptr),
       lookup_(looks_ever(config_, parts)
-                  ? std::make_unique<Lookup>(config_, facts, parts, budget, clock_, replies_.get())
+                  ? std::make_unique<Lookup>(config_, facts, parts, budget, pieces_, clock_, replies_.get())
                   : nullptr),
       unasked_(schedule),
       matcher_(config_.match == Match::lookup ? static_cast<RecordSource&>(none_) : writes, budget,
                config_.burst_gap, parts.expectation),
       player_(of_player(config_), facts, {clock_, parts.tape_begin}, parts.half_closes,
               config_.match == Match::lookup ? static_cast<RecordSource&>(unasked_) : schedule, budget,
-              matcher_, settings_) {
+              matcher_, settings_, pieces_) {
   matcher_.set_replies(replies_.get());
   if (!looks_up()) player_.set_replies(replies_.get());
   if (config_.strictness > 0) matcher_.set_gaps(gaps_);
@@ -138,6 +139,7 @@ void ReplayRun::begin_next_loop(Instant now) {
 void ReplayRun::begin_session() {
   exchanged_ = writing_ended_ = device_gone_ = sending_ended_ = false;
   player_.set_writing_ended(std::nullopt);
+  pieces_.begin({});
   if (lookup_) lookup_->begin_session();
 }
 
@@ -159,11 +161,6 @@ std::optional<bool> ReplayRun::line_may_end() {
 }
 
 bool ReplayRun::take_writing_ended() { return std::exchange(writing_ended_, false); }
-
-void ReplayRun::taken(Instant now) {
-  player_.taken(now);
-  if (lookup_) lookup_->player().taken(now);
-}
 
 void ReplayRun::set_blocked(bool blocked) {
   blocked_ = blocked;
@@ -316,14 +313,16 @@ void ReplayRun::pause_if_due(Instant now) {
 
 std::optional<Instant> ReplayRun::wake() const {
   if (!looks_up()) return earlier(player_.wake(), matcher_.pause_due());
+  const std::optional<Instant> walk = walk_waits() ? std::nullopt : player_.wake();
   const std::optional<Instant> answer = answers_wait() ? std::nullopt : lookup_->player().wake();
-  return earlier(player_.wake(), earlier(answer, lookup_->pause_due()));
+  return earlier(walk, earlier(answer, lookup_->pause_due()));
 }
 
 void ReplayRun::play(Instant now, std::size_t max_bytes, ReplayActions& out) {
   pause_if_due(now);
   player_.hold(clock_.stands());
-  while (ledger_) {
+  if (ledger_ && walk_waits()) play_answers(now, max_bytes, out);
+  while (ledger_ && !walk_waits()) {
     const Before before(out);
     const std::uint64_t loop = player_.loops().number();
     const std::uint64_t position = matcher_.position();
@@ -340,7 +339,7 @@ void ReplayRun::play(Instant now, std::size_t max_bytes, ReplayActions& out) {
       break;
     }
   }
-  if (ledger_ && looks_up() && !answers_wait()) play_answers(now, max_bytes, out);
+  if (ledger_ && looks_up() && !walk_waits() && !answers_wait()) play_answers(now, max_bytes, out);
   if (const auto next = wake(); !blocked_ && (!next || *next > now)) was_blocked_ = false;
   stop_if_damaged(now);
   if (ledger_ && writing_ended_ && !blocked_ && !clock_.stands() && !drives()) end_device(now, out);

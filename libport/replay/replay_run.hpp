@@ -12,6 +12,7 @@
 #include "libport/replay/engine.hpp"
 #include "libport/replay/lookup.hpp"
 #include "libport/replay/matcher.hpp"
+#include "libport/replay/pieces.hpp"
 #include "libport/replay/player.hpp"
 #include "libport/replay/replay_clock.hpp"
 #include "libport/replay/run_ledger.hpp"
@@ -103,7 +104,7 @@ class ReplayRun {
 
   void set_totals(const TapeTotals& totals) { totals_ = totals; }
   // The driver has read all that was delivered; a piece that is due waits for that.
-  void taken(Instant now);
+  void taken(Instant now) { pieces_.taken(now); }
   [[nodiscard]] bool holds_piece() const {
     return player_.holds_piece() || (looks_up() && lookup_->player().holds_piece());
   }
@@ -130,8 +131,14 @@ class ReplayRun {
   // Whether what the driver writes is looked up, and not held against what comes next on the tape.
   [[nodiscard]] bool looks_up() const { return lookup_ && (config_.match == Match::lookup || resyncing_); }
   [[nodiscard]] bool resyncs() const { return lookup_ && config_.match == Match::sequence; }
-  // After a mismatch what the walk still has to say comes first.
-  [[nodiscard]] bool answers_wait() const { return resyncing_ && (player_.wake() || blocked_); }
+  // A recorded read comes whole before anything else does. So of the walk and the answers the one that is
+  // inside one goes on first.
+  [[nodiscard]] bool walk_waits() const { return looks_up() && lookup_->player().inside_read(); }
+  // After a mismatch what the walk still has to say comes first, too.
+  [[nodiscard]] bool answers_wait() const {
+    if (walk_waits()) return false;
+    return player_.inside_read() || (resyncing_ && (player_.wake() || blocked_));
+  }
   void resync(Instant now, ByteView rest);
   void note_question(ByteView came);
   std::size_t ask(Instant now, ByteView data);
@@ -171,6 +178,7 @@ class ReplayRun {
   ReplayClock own_clock_;
   ReplayClock& clock_;
   SeenSettings line_;  // the device's own
+  Pieces pieces_;      // what comes to the driver, from wherever
   std::unique_ptr<Replies> replies_;
   // match=lookup: plays and compares all that was asked for; on-mismatch=resync: from a mismatch on to the
   // end of the session.

@@ -15,6 +15,7 @@ void Schedule::restart() {
   head_.reset();
   loaded_ = false;
   taken_ = 0;
+  piece_passed_ = false;
   passed_ = {};
   latest_ = {};
   records_passed_ = 0;
@@ -57,6 +58,7 @@ void Schedule::pass(bool expected) {
   if (record == nullptr) return;
   budget_.spend(record->data.size());
   latest_ = std::max(latest_, record->at);
+  piece_passed_ = record->kind == RecordKind::read && !record->last_piece();
   if (++records_passed_ > records_told_) {
     records_told_ = records_passed_;
     settings_.pass(*record, passed_.writes, expected);

@@ -46,6 +46,11 @@ class Schedule {
   // A read at the head: what of it is still to be delivered.
   [[nodiscard]] ByteView rest();
   void take(std::size_t count);
+  // A part of a recorded read was taken or passed, and the rest was not.
+  [[nodiscard]] bool inside_read() const {
+    if (taken_ > 0) return true;
+    return piece_passed_ && (!loaded_ || (head_ && head_->piece_offset > 0));
+  }
 
   // Over everything up to and including the write that holds the byte at `offset`, as far as the budget goes.
   void pass_write(std::uint64_t offset);
@@ -89,6 +94,7 @@ class Schedule {
   std::optional<Record> head_;
   bool loaded_ = false;
   std::size_t taken_ = 0;
+  bool piece_passed_ = false;  // and it was not the last one of its read
   Totals passed_;
   TapeTime latest_{};
   std::uint64_t records_passed_ = 0;

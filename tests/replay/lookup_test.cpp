@@ -401,6 +401,36 @@ TEST(Lookup, AnswersComeInPiecesToo) {
   EXPECT_EQ(rig.wait(10'000).read(), "\r");
 }
 
+// What nobody asked for is under way when the driver asks, and the reverse: each comes whole.
+TEST(Lookup, APieceIsOfOneReadUntilThatIsWhole) {
+  ReplayConfig config = lookup();
+  config.chunks = Chunks::bytes;
+  const MemoryTape tape =
+      MemoryTape().open(0).read(1000, "boot").read(9000, "up").write(20'000, "Q").read(21'000, "answer");
+  const auto next_piece = [](Rig& rig) {
+    rig.engine.on_taken(rig.now());
+    return rig.settle().read();
+  };
+  Rig rig(tape, config);
+  rig.open().wait(1000);
+  EXPECT_EQ(rig.read(), "b");
+  rig.write("Q").wait(2000);
+  EXPECT_EQ(rig.read(), "") << "the driver has not read the piece before";
+  std::string came;
+  for (int pieces = 0; pieces < 9; ++pieces) came += next_piece(rig);
+  EXPECT_EQ(came, "ootanswer");
+
+  Rig other(tape, config);
+  other.open().wait(1000);
+  for (int pieces = 0; pieces < 4; ++pieces) next_piece(other);
+  other.wait(6500).write("Q").wait(1000);
+  EXPECT_EQ(other.read(), "a");
+  other.stall(1000);
+  came.clear();
+  for (int pieces = 0; pieces < 7; ++pieces) came += next_piece(other);
+  EXPECT_EQ(came, "nswerup");
+}
+
 // Digits may be any, and are one field of any length.
 class AnyDigits final : public Expectation {
  public:

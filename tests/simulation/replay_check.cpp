@@ -10,6 +10,7 @@ namespace {
 constexpr double kLatest = 5e6;         // ns
 constexpr double kLatestPiece = 110e6;  // "none comes more than 100 ms after it was due"
 constexpr double kEarliest = 2e3;       // stamps are whole microseconds
+constexpr Nanos kGatePatience = std::chrono::seconds(1);
 
 }  // namespace
 
@@ -51,7 +52,7 @@ void ReplayCheck::notice_event() {
 }
 
 bool ReplayCheck::gates_are_lenient() const {
-  const bool patience_may_end = world_->loop().now() - first_opened_ >= std::chrono::seconds(1);
+  const bool patience_may_end = world_->loop().now() - first_opened_ >= kGatePatience;
   return plan_->strictness() == 0 && plan_->is_gated() &&
          (longest_quiet_ >= std::chrono::milliseconds(50) || patience_may_end);
 }
@@ -133,6 +134,8 @@ bool ReplayCheck::is_of_whole_answers(ByteView data) {
 std::optional<double> ReplayCheck::due_of(const Answer& answer) const {
   if (!plan_->is_gated()) return *done_[0] + nanos(answer.at);
   const std::optional<double> done = done_[answer.gate];
+  const bool ends = plan_->script().items()[answer.gate].kind == TapeItem::Kind::driver_ends;
+  if (ends && longest_quiet_ >= kGatePatience) return std::nullopt;  // it may have come too late to be waited for
   if (!done || plan_->timing() == "none") return done;
   return *done + nanos(answer.at - plan_->time_of(answer.gate));
 }
