@@ -29,7 +29,8 @@ constexpr VerbHelp kPackHelp{
     "manifest with digests and what you tell of the driver. A tar, which tar opens too;\n"
     "`porttape unpack` checks it. Facts about this machine (kernel, system, processor) go in when\n"
     "you have seen them and say yes on the terminal, or by --facts. What is secret on a tape stays\n"
-    "on it: see `porttape redact`. Exit status: 0, 1 a file cannot be read or written, 2 wrong\n"
+    "on it: see `porttape redact`. A tape with a hole (a part that was never written) is not\n"
+    "packed: see `porttape recover`. Exit status: 0, 1 a file cannot be read or written, 2 wrong\n"
     "use.\n",
     "  porttape pack clean -o bug.tar.zst\n"
     "  porttape pack clean -o bug.tar.zst --redaction report.json \\\n"

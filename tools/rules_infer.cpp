@@ -26,7 +26,8 @@ constexpr VerbHelp kRulesInferHelp{
     "which bytes, and which frames come more often in one tape than in another. Then it\n"
     "proves the rules: what each tape's driver wrote must pass against each tape, and every\n"
     "change of one byte that they do not let vary must fail (of long tapes a sample, which is\n"
-    "told). What it found and why goes to stderr. Exit status: 0 proven, 3 not proven (the\n"
+    "told). It gives up where so many rules for so many frames would take minutes. What it found\n"
+    "and why goes to stderr. Exit status: 0 proven, 3 not proven (the\n"
     "file is written all the same), 2 wrong use, 1 a tape is damaged or nothing can be written.\n",
     "  porttape rules infer monday.log tuesday.log -o laser.rules\n"
     "  porttape test --tape monday.log --rules laser.rules -- ./driver {port}\n"};

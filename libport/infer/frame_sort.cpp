@@ -8,6 +8,15 @@ namespace porttape {
 
 std::vector<Frame> cut_frames(const SessionTape& session, std::span<const FrameSort> sorts) {
   std::vector<Frame> frames;
+  visit_frames(session, sorts, [&](const Frame& frame) {
+    frames.push_back(frame);
+    return true;
+  });
+  return frames;
+}
+
+void visit_frames(const SessionTape& session, std::span<const FrameSort> sorts,
+                  const std::function<bool(const Frame&)>& take) {
   std::size_t at = 0;
   for (const SessionTape::Block& block : session.blocks) {
     if (block.direction != Direction::write) continue;
@@ -21,12 +30,11 @@ std::vector<Frame> cut_frames(const SessionTape& session, std::span<const FrameS
         const FrameCut cut = cut_frame(format, by_pause ? rest.first(end - at) : rest, true);
         if (cut.state != FrameCut::State::frame) continue;
         taken = cut.size;
-        frames.push_back({sort, at, rest.first(taken)});
+        if (!take({sort, at, rest.first(taken)})) return;
       }
       at += std::max<std::size_t>(taken, 1);
     }
   }
-  return frames;
 }
 
 }  // namespace porttape

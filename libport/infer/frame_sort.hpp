@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -34,6 +35,9 @@ struct Frame {
 // The writes of a session cut into frames, each by the first sort that it fits; bytes that fit none are left
 // out. Frames refer to the session.
 std::vector<Frame> cut_frames(const SessionTape& session, std::span<const FrameSort> sorts);
+// The same, frame by frame, until `take` is false.
+void visit_frames(const SessionTape& session, std::span<const FrameSort> sorts,
+                  const std::function<bool(const Frame&)>& take);
 
 // The sorts that all of these sessions are made of: a known protocol's, or what ends, lengths and blocks of
 // the tapes show. `why` says so for a person.

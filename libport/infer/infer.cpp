@@ -1,6 +1,7 @@
 #include "libport/infer/infer.hpp"
 
 #include <algorithm>
+#include <cstdint>
 #include <fmt/format.h>
 
 #include "libport/infer/findings.hpp"
@@ -12,6 +13,9 @@ namespace {
 
 constexpr int kMostRounds = 8;
 constexpr std::size_t kShown = 24;
+// For each byte of the tapes, and for whatever tapes. A look takes some 300 ns.
+constexpr std::uint64_t kLooksForByte = 1;
+constexpr std::uint64_t kLooksMore = 15'000'000;
 
 std::string counted(std::size_t count, std::string_view noun) {
   return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
@@ -40,7 +44,7 @@ bool loosen(Findings& findings, const SessionTape& session, std::size_t offset) 
 bool loosen(Findings& findings, std::span<const SessionTape> sessions, std::span<const Proof::Pair> pairs) {
   bool changed = false;
   for (const Proof::Pair& pair : pairs) {
-    if (!pair.difference) continue;
+    if (!pair.difference || pair.difference->given_up) continue;
     const SessionTape& recorded = sessions[pair.recorded];
     const SessionTape& came = sessions[pair.came];
     if (pair.difference->recorded < recorded.writes.size())
@@ -52,10 +56,10 @@ bool loosen(Findings& findings, std::span<const SessionTape> sessions, std::span
 }
 
 // Takes away, one after the other, the permissions that no tape needs.
-void tighten(RuleSet& rules, std::span<const SessionTape> sessions) {
+void tighten(RuleSet& rules, std::span<const SessionTape> sessions, Looks& looks) {
   const auto passes = [&](const RuleSet& tried) {
     Proof proof;
-    proof.pairs = hold_all(RuleExpectation(tried), sessions);
+    proof.pairs = hold_all(RuleExpectation(tried), sessions, looks);
     return proof.passes();
   };
   for (std::size_t i = 0; i < rules.rules.size(); ++i) {
@@ -104,25 +108,33 @@ std::string place_text(const SessionTape& session, std::size_t offset) {
   return fmt::format("byte {} of what {} wrote: {}", offset, session.name, text_and_hex(rest, kShown));
 }
 
+std::uint64_t looks_for(std::span<const SessionTape> sessions) {
+  std::uint64_t looks = kLooksMore;
+  for (const SessionTape& session : sessions)
+    looks += kLooksForByte * (session.writes.size() + session.reads.size());
+  return looks;
+}
+
 }  // namespace
 
 Inference infer_rules(std::span<const SessionTape> sessions, const ProofLimits& limits) {
+  Looks looks(limits.looks.value_or(looks_for(sessions)));
   Findings findings = find_differences(sessions);
   Inference inference;
   inference.frames = findings.why;
   inference.alike = are_alike(findings);
   Proposal proposal = propose(findings);
   for (int round = 0; round < kMostRounds; ++round) {
-    const auto pairs = hold_all(RuleExpectation(proposal.rules), sessions);
+    const auto pairs = hold_all(RuleExpectation(proposal.rules), sessions, looks);
     if (!loosen(findings, sessions, pairs)) break;
     proposal = propose(findings);
   }
   inference.rules = std::move(proposal.rules);
   inference.reasons = std::move(proposal.reasons);
-  inference.proof = prove(RuleExpectation(inference.rules), sessions, limits);
+  inference.proof = prove(RuleExpectation(inference.rules), sessions, limits, looks);
   if (inference.proof.passes() && inference.proof.missed_count > 0) {
-    tighten(inference.rules, sessions);
-    inference.proof = prove(RuleExpectation(inference.rules), sessions, limits);
+    tighten(inference.rules, sessions, looks);
+    inference.proof = prove(RuleExpectation(inference.rules), sessions, limits, looks);
   }
   tell_left_out(findings, sessions, inference);
   return inference;
@@ -134,6 +146,12 @@ std::vector<std::string> proof_text(const Proof& proof, std::span<const SessionT
   lines.push_back(fmt::format("each tape held against each: {} of {} pass", passed, proof.pairs.size()));
   for (const Proof::Pair& pair : proof.pairs) {
     if (!pair.difference) continue;
+    if (pair.difference->given_up) {
+      lines.push_back(fmt::format("  {} against {}: not known, given up at byte {} of what {} wrote",
+                                  sessions[pair.came].name, sessions[pair.recorded].name,
+                                  pair.difference->came, sessions[pair.came].name));
+      continue;
+    }
     lines.push_back(fmt::format(
         "  {} against {}: stops at {}; recorded there: {}", sessions[pair.came].name,
         sessions[pair.recorded].name, place_text(sessions[pair.came], pair.difference->came),
@@ -146,6 +164,11 @@ std::vector<std::string> proof_text(const Proof& proof, std::span<const SessionT
       "vary",
       proof.tried * Proof::kChanges, proof.tried == proof.bytes ? "all" : fmt::format("{}", proof.tried),
       proof.bytes, proof.missed_count, counted(proof.inside, "byte")));
+  if (proof.given_up)
+    lines.emplace_back(
+        "given up: so many rules for so many frames take too long to prove; give shorter tapes, or tapes "
+        "that are "
+        "more alike");
   for (const Proof::Missed& missed : proof.missed)
     lines.push_back(fmt::format("  not found: {:02x} instead of {:02x} at {}", missed.became, missed.was,
                                 place_text(sessions[missed.tape], missed.at)));

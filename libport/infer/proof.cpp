@@ -12,12 +12,17 @@ namespace {
 
 constexpr Micros kPause{500};  // as of a replay
 constexpr std::size_t kMostMissed = 16;
+constexpr std::size_t kLookSize = 64;
+constexpr std::size_t kAround = 8;  // frames on each side of a change that are compared with it
 
 // One session written to a matcher of another.
 class Comparer {
  public:
-  Comparer(const RuleExpectation& rules, const SessionTape& recorded)
-      : source_(recorded), matcher_(source_, budget_, kPause, &rules) {
+  Comparer(const RuleExpectation& rules, const SessionTape& recorded, Looks& looks)
+      : looks_(looks),
+        rules_(rules.book().set().rules.size() + 1),
+        source_(recorded),
+        matcher_(source_, budget_, kPause, &rules) {
     matcher_.rewind();
   }
 
@@ -25,6 +30,7 @@ class Comparer {
     for (const SessionTape::Block& block : came.blocks) {
       if (block.direction != Direction::write) continue;
       const Instant now{block.at.time_since_epoch()};
+      if (!look(block.size)) return given_up();
       if (!pause_until(now) || !write(now, came.bytes_of(block))) return difference(false);
     }
     Matcher::Step end;
@@ -53,7 +59,7 @@ class Comparer {
   // What the driver's silence ends before it writes at `now`.
   bool pause_until(Instant now) {
     while (const auto due = matcher_.pause_due()) {
-      if (*due > now) break;
+      if (*due > now || !look(0)) break;
       budget_.refill();
       const Matcher::Step step = matcher_.pause();
       if (step.outcome == Outcome::differs || step.outcome == Outcome::extra) return false;
@@ -61,13 +67,23 @@ class Comparer {
     return true;
   }
 
+  bool look(std::size_t bytes) { return looks_.take(rules_ * (1 + bytes / kLookSize)); }
+
+  [[nodiscard]] SessionDifference given_up() const {
+    SessionDifference here = difference(false);
+    here.given_up = true;
+    return here;
+  }
   [[nodiscard]] SessionDifference difference(bool at_end) const {
     return {static_cast<std::size_t>(matcher_.position()),
             static_cast<std::size_t>(matcher_.written()),
             at_end,
-            {}};
+            {},
+            false};
   }
 
+  Looks& looks_;
+  std::size_t rules_;
   Budget budget_;
   SessionWrites source_;
   Matcher matcher_;
@@ -127,12 +143,11 @@ SessionTape part_of(const SessionTape& session, std::size_t begin, std::size_t e
 class Changer {
  public:
   Changer(const RuleExpectation& rules, std::span<const SessionTape> sessions, std::size_t tape,
-          std::size_t stride, Proof& proof)
-      : rules_(rules), session_(sessions[tape]), tape_(tape), stride_(stride), proof_(proof) {}
+          std::size_t stride, Proof& proof, Looks& looks)
+      : rules_(rules), session_(sessions[tape]), tape_(tape), stride_(stride), proof_(proof), looks_(looks) {}
 
   void run(std::span<const Stretch> stretches) {
-    constexpr std::size_t kAround = 8;
-    for (std::size_t first = 0; first < stretches.size(); first += kAround) {
+    for (std::size_t first = 0; first < stretches.size() && !looks_.spent(); first += kAround) {
       const std::size_t last = std::min(stretches.size(), first + kAround);
       const Stretch& from = stretches[first - std::min(first, kAround)];
       const Stretch& to = stretches[std::min(stretches.size(), last + kAround) - 1];
@@ -145,7 +160,7 @@ class Changer {
 
  private:
   void change(const Stretch& stretch) {
-    for (std::size_t i = 0; i < stretch.size; ++i) {
+    for (std::size_t i = 0; i < stretch.size && !looks_.spent(); ++i) {
       const bool inside = std::ranges::any_of(
           stretch.free, [&](const FrameSpan& span) { return i >= span.begin && i < span.end; });
       ++(inside ? proof_.inside : proof_.bytes);
@@ -159,10 +174,11 @@ class Changer {
     Byte& byte = changed_.writes[at - begin_];
     const Byte was = byte;
     byte ^= bits;
-    const auto difference = hold_against(rules_, recorded_, changed_);
+    const auto difference = hold_against(rules_, recorded_, changed_, looks_);
     // At the part's end there may be what the rest of the session puts right.
-    const bool found = difference && !difference->at_end && difference->came < changed_.writes.size();
-    if (!found && !found_in_all(at, byte)) {
+    const bool found = difference && !difference->at_end && !difference->given_up &&
+                       difference->came < changed_.writes.size();
+    if (!found && !found_in_all(at, byte) && !looks_.spent()) {
       ++proof_.missed_count;
       if (proof_.missed.size() < kMostMissed) proof_.missed.push_back({tape_, at, was, byte});
     }
@@ -172,7 +188,8 @@ class Changer {
   [[nodiscard]] bool found_in_all(std::size_t at, Byte became) const {
     SessionTape changed = session_;
     changed.writes[at] = became;
-    return hold_against(rules_, session_, changed).has_value();
+    const auto difference = hold_against(rules_, session_, changed, looks_);
+    return difference && !difference->given_up;
   }
 
   // A neighbouring number or letter, the other case, another byte altogether.
@@ -183,6 +200,7 @@ class Changer {
   std::size_t tape_;
   std::size_t stride_;
   Proof& proof_;
+  Looks& looks_;
   std::size_t begin_ = 0;
   SessionTape recorded_;
   SessionTape changed_;
@@ -191,30 +209,35 @@ class Changer {
 }  // namespace
 
 std::optional<SessionDifference> hold_against(const RuleExpectation& rules, const SessionTape& recorded,
-                                              const SessionTape& came) {
-  return Comparer(rules, recorded).write_all(came);
+                                              const SessionTape& came, Looks& looks) {
+  return Comparer(rules, recorded, looks).write_all(came);
 }
 
 bool Proof::passes() const {
   return std::ranges::none_of(pairs, [](const Pair& pair) { return pair.difference.has_value(); });
 }
 
-std::vector<Proof::Pair> hold_all(const RuleExpectation& rules, std::span<const SessionTape> sessions) {
+std::vector<Proof::Pair> hold_all(const RuleExpectation& rules, std::span<const SessionTape> sessions,
+                                  Looks& looks) {
   std::vector<Proof::Pair> pairs;
   for (std::size_t recorded = 0; recorded < sessions.size(); ++recorded)
     for (std::size_t came = 0; came < sessions.size(); ++came)
-      pairs.push_back({recorded, came, hold_against(rules, sessions[recorded], sessions[came])});
+      pairs.push_back({recorded, came, hold_against(rules, sessions[recorded], sessions[came], looks)});
   return pairs;
 }
 
-Proof prove(const RuleExpectation& rules, std::span<const SessionTape> sessions, const ProofLimits& limits) {
+Proof prove(const RuleExpectation& rules, std::span<const SessionTape> sessions, const ProofLimits& limits,
+            Looks& looks) {
   Proof proof;
-  proof.pairs = hold_all(rules, sessions);
+  proof.pairs = hold_all(rules, sessions, looks);
   std::size_t bytes = 0;
   for (const SessionTape& session : sessions) bytes += session.writes.size();
-  const std::size_t stride = 1 + Proof::kChanges * bytes / std::max<std::size_t>(limits.changes, 1);
-  for (std::size_t tape = 0; tape < sessions.size(); ++tape)
-    Changer(rules, sessions, tape, stride, proof).run(stretches_of(rules.book(), sessions[tape]));
+  const std::uint64_t price = 3 * kAround * (rules.book().set().rules.size() + 1);
+  const std::uint64_t changes = std::min<std::uint64_t>(limits.changes, looks.left() / price);
+  const std::size_t stride = 1 + Proof::kChanges * bytes / std::max<std::uint64_t>(changes, 1);
+  for (std::size_t tape = 0; tape < sessions.size() && !looks.spent(); ++tape)
+    Changer(rules, sessions, tape, stride, proof, looks).run(stretches_of(rules.book(), sessions[tape]));
+  proof.given_up = looks.spent();
   return proof;
 }
 

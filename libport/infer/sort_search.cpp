@@ -37,25 +37,43 @@ double share_of(std::size_t part, std::size_t whole) {
   return whole == 0 ? 0 : static_cast<double>(part) / static_cast<double>(whole);
 }
 
+std::vector<const SessionTape::Block*> write_blocks(const SessionTape& session) {
+  std::vector<const SessionTape::Block*> blocks;
+  for (const SessionTape::Block& block : session.blocks)
+    if (block.direction == Direction::write) blocks.push_back(&block);
+  return blocks;
+}
+
+// Where sorts do not go with the sessions that is known early: it is not counted any further.
 Fit fit(std::span<const SessionTape> sessions, std::span<const FrameSort> sorts) {
-  Fit fit;
-  std::size_t bytes = 0, framed = 0, text = 0, blocks = 0, ending = 0;
+  std::size_t bytes = 0, blocks = 0;
+  std::vector<std::vector<const SessionTape::Block*>> written;
   for (const SessionTape& session : sessions) {
-    std::set<std::size_t> ends;
-    for (const Frame& frame : cut_frames(session, sorts)) {
+    bytes += session.writes.size();
+    blocks += written.emplace_back(write_blocks(session)).size();
+  }
+  const auto most_outside = static_cast<std::size_t>((1 - kMostOf) * static_cast<double>(bytes)) + 1;
+  const auto most_without_end = static_cast<std::size_t>((1 - kMostOf) * static_cast<double>(blocks)) + 1;
+  Fit fit;
+  std::size_t framed = 0, text = 0, ending = 0, outside = 0, passed = 0;
+  for (std::size_t of = 0; of < sessions.size(); ++of) {
+    auto block = written[of].begin();
+    std::size_t end = 0;  // of the last frame
+    visit_frames(sessions[of], sorts, [&](const Frame& frame) {
       ++fit.frames;
       fit.used.insert(frame.sort);
       fit.sizes.insert(frame.bytes.size());
       framed += frame.bytes.size();
       text += static_cast<std::size_t>(std::ranges::count_if(frame.bytes, is_text));
-      ends.insert(frame.begin + frame.bytes.size());
-    }
-    bytes += session.writes.size();
-    for (const SessionTape::Block& block : session.blocks) {
-      if (block.direction != Direction::write) continue;
-      ++blocks;
-      ending += ends.count(block.begin + block.size);
-    }
+      outside += frame.begin - end;
+      end = frame.begin + frame.bytes.size();
+      for (; block != written[of].end() && (*block)->begin + (*block)->size <= end; ++block, ++passed)
+        ending += std::size_t{(*block)->begin + (*block)->size == end};
+      return outside <= most_outside && passed - ending <= most_without_end;
+    });
+    outside += sessions[of].writes.size() - std::min(sessions[of].writes.size(), end);
+    passed += static_cast<std::size_t>(written[of].end() - block);
+    if (outside > most_outside || passed - ending > most_without_end) return {};
   }
   fit.framed = share_of(framed, bytes);
   fit.a_block = share_of(fit.frames, blocks);
@@ -69,13 +87,6 @@ FrameSort line_sort(std::string_view end) {
   sort.format.name = "line";
   sort.format.end = Bytes(end.begin(), end.end());
   return sort;
-}
-
-std::vector<const SessionTape::Block*> write_blocks(const SessionTape& session) {
-  std::vector<const SessionTape::Block*> blocks;
-  for (const SessionTape::Block& block : session.blocks)
-    if (block.direction == Direction::write) blocks.push_back(&block);
-  return blocks;
 }
 
 // Whether nearly all frames of the sort have its protocol's checksum right.

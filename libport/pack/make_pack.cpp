@@ -7,6 +7,7 @@
 #include "libport/tape/judgement.hpp"
 #include "libport/tape/new_file.hpp"
 #include "libport/tape/payload_totals.hpp"
+#include "libport/tape/stored_bytes.hpp"
 #include "libport/tape/tape_header.hpp"
 #include "libport/tape/tape_lock.hpp"
 
@@ -40,6 +41,17 @@ Result<void> check_within_folder(const fs::path& path) {
                                      "; if that belongs to the tape, put a copy in the link's place");
 }
 
+// What was never written is no recording, and a terabyte of it would be read twice.
+Result<void> check_written(const fs::path& path) {
+  const Result<std::unique_ptr<FileSource>> source = FileSource::open(path);
+  if (!source) return source.error();
+  const Result<std::uint64_t> size = (*source)->size();
+  if (!size) return size.error();
+  if (!StoredBytes(**source).has_hole(0, *size)) return {};
+  return make_error(Errc::damaged_tape,
+                    in_quotes(path.string()) + " has a hole: a part of it was never written");
+}
+
 class PackMaker {
  public:
   PackMaker(const fs::path& file, const PackOptions& options)
@@ -64,14 +76,19 @@ class PackMaker {
       return make_error(Errc::usage, "tape " + in_quotes(tape.name()) +
                                          " is being written; wait for its end, or " +
                                          "begin the next one by porttape ctl rotate");
-    const Result<TapeSummary> summary = summarize(tape);
-    if (!summary) return summary.error();
-    PackedTape packed{.name = name, .verdict = std::string(to_string(judge(*summary).verdict))};
-    if (summary->events.header) packed.id = summary->events.header->id;
+    std::vector<fs::path> files;
     for (const fs::path& path : {tape.read, tape.write, tape.events}) {
       std::error_code ignored;
       if (!fs::exists(path, ignored)) continue;
       if (Result<void> within = check_within_folder(path); !within) return within;
+      if (Result<void> written = check_written(path); !written) return written;
+      files.push_back(path);
+    }
+    const Result<TapeSummary> summary = summarize(tape);
+    if (!summary) return summary.error();
+    PackedTape packed{.name = name, .verdict = std::string(to_string(judge(*summary).verdict))};
+    if (summary->events.header) packed.id = summary->events.header->id;
+    for (const fs::path& path : files) {
       if (Result<void> added = add_file(path, path.filename().string()); !added) return added;
       packed.files.push_back(path.filename().string());
     }

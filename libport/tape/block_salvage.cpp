@@ -7,12 +7,22 @@
 namespace porttape {
 namespace {
 
-constexpr std::size_t kSure = 8;  // blocks behind one that make it sure
-// Headers that all searches look at, and one more for each byte of the file: none takes for ever.
-constexpr std::int64_t kMostReads = 4'000'000;
-constexpr std::int64_t kMendReads = 256;  // of these for one time that is out of order
+constexpr std::size_t kSure = 8;            // blocks behind one that make it sure
+constexpr std::int64_t kMendHeaders = 256;  // that are looked at for one time that is out of order
+constexpr std::size_t kChainWindow = 4096;
+// What all searches of a file may cost, in nanoseconds: so much for each byte on the disk, and some more.
+constexpr std::int64_t kWorkForByte = 200;
+constexpr std::int64_t kWorkMore = 50'000'000;
+// What is taken for their steps; about what they cost.
+constexpr std::int64_t kPriceOfByte = 2;         // that is looked at
+constexpr std::int64_t kPriceOfHeader = 20;      // that is parsed
+constexpr std::int64_t kPriceOfCall = 1000;      // to the file system
+constexpr std::int64_t kPriceOfWindow = 30'000;  // that is read for a search
+constexpr std::size_t kSearchedAtOnce = 4096;    // of that window
 constexpr std::uint64_t kLookAtMost = std::uint64_t{64} << 20U;
 constexpr std::uint64_t kLongest = std::numeric_limits<std::uint32_t>::max();
+constexpr std::int64_t kAnyNumber = std::numeric_limits<std::int64_t>::max();
+constexpr std::uint64_t kMostPaid = std::uint64_t{1} << 50U;  // bytes
 constexpr std::int64_t kMostSilenceUs = std::int64_t{10} * 24 * 3600 * 1'000'000;
 
 // A look at what most offsets fail by.
@@ -30,9 +40,12 @@ BlockSalvage::BlockSalvage(std::unique_ptr<ByteSource> source, Layout layout, st
       size_(size),
       lead_(*source_),
       search_(*source_),
-      chain_(*source_),
+      chain_(*source_, kChainWindow),
       copy_(*source_),
-      reads_left_(kMostReads + static_cast<std::int64_t>(size)) {}
+      work_left_(kWorkMore) {
+  const auto stored = source_->stored_size();
+  work_left_ += kWorkForByte * static_cast<std::int64_t>(stored ? std::min(*stored, kMostPaid) : 0);
+}
 
 Result<BlockSalvage::Step> BlockSalvage::next() {
   while (ready_.empty() && !over_) {
@@ -52,13 +65,18 @@ bool BlockSalvage::is_boundary(std::uint64_t offset) const {
   return std::ranges::any_of(pending_, [&](const SalvagedBlock& block) { return block.offset == offset; });
 }
 
-bool BlockSalvage::fits(const BlockHeader& header, std::uint64_t offset) const {
-  return header.length <= size_ - offset - head_;
+bool BlockSalvage::fits(const BlockHeader& header, std::uint64_t offset) {
+  if (header.length > size_ - offset - head_) return false;
+  const std::int64_t calls = stored_.calls();
+  const bool has_hole = stored_.has_hole(offset, offset + head_ + header.length);
+  pay((stored_.calls() - calls) * kPriceOfCall);
+  return !has_hole;
 }
 
 // Nothing where the file ends before.
 Result<std::optional<BlockHeader>> BlockSalvage::header_at(std::uint64_t offset, SourceWindow& window) {
   if (size_ - offset < head_) return std::optional<BlockHeader>{};
+  pay(window.holds(offset, head_) ? kPriceOfHeader : kPriceOfCall);
   const auto bytes = window.view(offset, head_);
   if (!bytes) return bytes.error();
   if (bytes->size() < head_) return make_error(Errc::io, name() + " became shorter while it was read");
@@ -95,6 +113,7 @@ Result<void> BlockSalvage::advance() {
     over_ = true;
     return {};
   }
+  if (stored_.behind_hole(scan_) != scan_) return resync("a hole in the file");
   const auto found = header_at(scan_, lead_);
   if (!found) return found.error();
   if (!*found) return resync("an unfinished block");
@@ -112,13 +131,15 @@ Result<void> BlockSalvage::advance() {
     if (!mended) return mended.error();
     if (*mended) return {};
   }
-  if (fault == HeaderFault::none) return resync("an unfinished block");
+  if (fault == HeaderFault::none)
+    return resync(header.length > size_ - scan_ - head_ ? "an unfinished block"
+                                                        : "a block with a hole in its data");
   return resync(describe(fault, header, last_us()));
 }
 
 // Blocks go on here, but the time goes back: of the two it is the one that does not fit the others.
 Result<bool> BlockSalvage::mend_time(const BlockHeader& header) {
-  const auto chain = follow(scan_, 0, scan_, kMendReads);
+  const auto chain = follow(scan_, 0, scan_, kMendHeaders);
   if (!chain) return chain.error();
   if (!chain->strong) return false;
   const std::int64_t us = header_time_us(header);
@@ -155,8 +176,9 @@ Result<BlockSalvage::Chain> BlockSalvage::follow(std::uint64_t offset, std::int6
   std::size_t blocks = 0;  // with data
   for (std::int64_t us = not_before_us;;) {
     if (offset == size_) return Chain{true, offset};
-    if (size_ - offset < head_) return Chain{blocks > 1, offset};
-    if (--reads_left_ < 0 || --most < 0) return Chain{};
+    // A hole is an end, as it is where a machine stopped before its data was on the disk.
+    if (size_ - offset < head_ || stored_.behind_hole(offset) != offset) return Chain{blocks > 1, offset};
+    if (spent() || --most < 0) return Chain{};
     const auto header = header_at(offset, chain_);
     if (!header) return header.error();
     if (check_header(**header, us) != HeaderFault::none || !fits(**header, offset))
@@ -171,21 +193,28 @@ Result<BlockSalvage::Chain> BlockSalvage::follow(std::uint64_t offset, std::int6
 // The first offset from which blocks go on that reach beyond another.
 Result<std::optional<std::uint64_t>> BlockSalvage::find(std::uint64_t from, std::uint64_t to,
                                                         std::int64_t not_before_us, std::uint64_t beyond) {
-  while (from < to && size_ - from >= head_) {
-    const auto view = search_.view(from, SourceWindow::kSize);
+  while (from < to && size_ - from >= head_ && !spent()) {
+    const std::uint64_t data = stored_.behind_hole(from);
+    // A header may begin in the last bytes of a hole.
+    if (data - from >= head_) from = data - (head_ - 1);
+    if (from >= to || size_ - from < head_) break;
+    if (!search_.holds(from, std::min<std::uint64_t>(kSearchedAtOnce, size_ - from))) pay(kPriceOfWindow);
+    const auto view = search_.view(from, std::min<std::uint64_t>(kSearchedAtOnce, size_ - from));
     if (!view) return view.error();
     if (view->size() < head_) break;
     const std::size_t count = std::min<std::uint64_t>(view->size() - head_ + 1, to - from);
     for (std::size_t i = 0; i < count; ++i) {
+      pay(kPriceOfByte);
       if (!may_be_header(layout_, view->data() + i)) continue;
+      pay(kPriceOfHeader);
       const BlockHeader header = parse_header(layout_, view->data() + i);
       if (check_header(header, not_before_us) != HeaderFault::none || !fits(header, from + i)) continue;
       const std::int64_t later = header_time_us(header) - not_before_us;
       if (later > kMostSilenceUs || (header.length == 0 && later == 0) || is_boundary(from + i)) continue;
-      const auto chain = follow(from + i, not_before_us, beyond, kMostReads);
+      const auto chain = follow(from + i, not_before_us, beyond, kAnyNumber);
       if (!chain) return chain.error();
       if (chain->strong && chain->end > beyond) return std::optional(from + i);
-      if (reads_left_ < 0) return std::optional<std::uint64_t>{};
+      if (spent()) return std::optional<std::uint64_t>{};
     }
     from += count;
   }
@@ -203,7 +232,9 @@ Result<void> BlockSalvage::resync(const std::string& why) {
     if (*resumed) return {};
   }
   emit_pending(pending_.size());
-  lose(scan_, size_ - scan_, why);
+  lose(scan_, size_ - scan_,
+       spent() ? why + "; the search behind it was given up: too much there looks like blocks and is none"
+               : why);
   over_ = true;
   return {};
 }
@@ -265,6 +296,8 @@ Result<bool> BlockSalvage::holds_blocks(ByteSource& source, Layout layout, std::
       return all.read_at(offset, into);
     }
     Result<std::uint64_t> size() override { return all.size(); }
+    Stretch stored(std::uint64_t offset) override { return all.stored(offset); }
+    Result<std::uint64_t> stored_size() override { return all.stored_size(); }
     [[nodiscard]] const std::string& name() const override { return all.name(); }
     ByteSource& all;
   };

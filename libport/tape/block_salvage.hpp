@@ -8,6 +8,7 @@
 
 #include "libport/tape/block.hpp"
 #include "libport/tape/source_window.hpp"
+#include "libport/tape/stored_bytes.hpp"
 
 namespace porttape {
 
@@ -31,7 +32,12 @@ struct LostBytes {
 // Finds the sound blocks of an r or w file, before damage and behind it, in constant memory. A block counts
 // as sound once those behind it are; where they are not, it is looked for where blocks go on, in the data of
 // the last ones too, since a length may be wrong. A time that is out of order becomes that of the block
-// beside it, a length that is too small by less than a block's header what it was. Owns the source.
+// beside it, a length that is too small by less than a block's header what it was. A long hole of the file is
+// lost, and so is a block with one in it. Owns the source.
+//
+// Searches are bounded by prices that are fixed, not by a clock: whatever the file holds, they take less than
+// a microsecond for each byte that is on the disk. What is left when that is spent counts as lost, and says
+// so.
 class BlockSalvage {
  public:
   BlockSalvage(std::unique_ptr<ByteSource> source, Layout layout, std::uint64_t size);
@@ -60,7 +66,9 @@ class BlockSalvage {
 
   Result<void> advance();
   Result<std::optional<BlockHeader>> header_at(std::uint64_t offset, SourceWindow& window);
-  [[nodiscard]] bool fits(const BlockHeader& header, std::uint64_t offset) const;
+  [[nodiscard]] bool fits(const BlockHeader& header, std::uint64_t offset);
+  void pay(std::int64_t price) { work_left_ -= price; }
+  [[nodiscard]] bool spent() const { return work_left_ < 0; }
   void take(const BlockHeader& header, std::int64_t us);
   Result<bool> mend_time(const BlockHeader& header);
   Result<void> resync(const std::string& why);
@@ -92,7 +100,8 @@ class BlockSalvage {
   std::deque<Step> ready_;
   bool mending_ = false;
   bool over_ = false;
-  std::int64_t reads_left_;  // headers that searches may still look at
+  StoredBytes stored_{*source_};
+  std::int64_t work_left_;  // nanoseconds, by the prices
 };
 
 }  // namespace porttape

@@ -32,6 +32,11 @@ Result<void> check_regular(const std::string& name, const struct stat& status) {
 
 }  // namespace
 
+ByteSource::Stretch ByteSource::stored(std::uint64_t offset) {
+  const Result<std::uint64_t> size = this->size();
+  return {offset, size ? std::max(*size, offset) : offset};
+}
+
 Result<std::unique_ptr<FileSource>> FileSource::open(const std::filesystem::path& path) {
   std::string name = path.string();
   struct stat status {};
@@ -69,6 +74,24 @@ Result<std::uint64_t> FileSource::size() {
     return make_error(Errc::io, "cannot tell the size of " + name_ + ": " + errno_text(errno));
   }
   return static_cast<std::uint64_t>(status.st_size);
+}
+
+Result<std::uint64_t> FileSource::stored_size() {
+  constexpr std::uint64_t kBlock = 512;  // of st_blocks, whatever the file system's own are
+  struct stat status {};
+  if (::fstat(fd_.get(), &status) != 0) {
+    return make_error(Errc::io, "cannot tell the size of " + name_ + " on its disk: " + errno_text(errno));
+  }
+  return std::min(static_cast<std::uint64_t>(status.st_size),
+                  static_cast<std::uint64_t>(status.st_blocks) * kBlock);
+}
+
+ByteSource::Stretch FileSource::stored(std::uint64_t offset) {
+  const std::uint64_t end = ByteSource::stored(offset).end;
+  const off_t data = ::lseek(fd_.get(), static_cast<off_t>(offset), SEEK_DATA);
+  if (data < 0) return errno == ENXIO ? Stretch{end, end} : Stretch{offset, end};
+  const off_t hole = ::lseek(fd_.get(), data, SEEK_HOLE);
+  return {static_cast<std::uint64_t>(data), hole < data ? end : static_cast<std::uint64_t>(hole)};
 }
 
 Result<std::size_t> MemorySource::read_at(std::uint64_t offset, std::span<Byte> into) {

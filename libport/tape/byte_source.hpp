@@ -23,6 +23,18 @@ class ByteSource {
   // Bytes there are now; a tape that is being written grows.
   virtual Result<std::uint64_t> size() = 0;
 
+  // The bytes from `begin` up to `end`, of which each takes space on the disk.
+  struct Stretch {
+    std::uint64_t begin = 0;
+    std::uint64_t end = 0;
+  };
+  // The first of those at `offset` or behind it. What lies between two of them is a hole: nobody wrote it,
+  // and it reads as zeros. Nothing but a hole: empty, at the source's end. A source that cannot tell has no
+  // holes.
+  virtual Stretch stored(std::uint64_t offset);
+  // How many bytes take space on the disk.
+  virtual Result<std::uint64_t> stored_size() { return size(); }
+
   // What a person calls it: the path.
   [[nodiscard]] virtual const std::string& name() const = 0;
 };
@@ -35,6 +47,8 @@ class FileSource final : public ByteSource {
 
   Result<std::size_t> read_at(std::uint64_t offset, std::span<Byte> into) override;
   Result<std::uint64_t> size() override;
+  Stretch stored(std::uint64_t offset) override;
+  Result<std::uint64_t> stored_size() override;
   [[nodiscard]] const std::string& name() const override { return name_; }
 
  private:

@@ -20,6 +20,12 @@ Result<bool> EventSalvage::read_line() {
   wrong_.clear();
   bool any = false;
   for (;;) {
+    if (const std::uint64_t data = stored_.behind_hole(offset_); data != offset_) {
+      wrong_ = "a hole in the file";
+      offset_ = data;
+      ++number_;
+      return true;
+    }
     const auto view = window_.view(offset_, EventFile::kMaxLine);
     if (!view) return view.error();
     if (view->empty() || offset_ >= size_) {

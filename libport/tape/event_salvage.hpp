@@ -7,6 +7,7 @@
 
 #include "libport/tape/event.hpp"
 #include "libport/tape/source_window.hpp"
+#include "libport/tape/stored_bytes.hpp"
 
 namespace porttape {
 
@@ -20,7 +21,7 @@ struct LostLines {
 // whose time fits neither those before nor those behind it is bad. Refers to the source.
 class EventSalvage {
  public:
-  EventSalvage(ByteSource& source, std::uint64_t size) : window_(source), size_(size) {}
+  EventSalvage(ByteSource& source, std::uint64_t size) : window_(source), stored_(source), size_(size) {}
 
   struct Line {
     TapeEvent event;
@@ -48,6 +49,7 @@ class EventSalvage {
   static constexpr std::size_t kLookAhead = 3;
 
   SourceWindow window_;
+  StoredBytes stored_;
   std::uint64_t size_;
   std::uint64_t offset_ = 0;
   std::uint64_t number_ = 0;

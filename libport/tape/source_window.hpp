@@ -13,16 +13,21 @@ class SourceWindow {
  public:
   static constexpr std::size_t kSize = std::size_t{256} * 1024;
 
-  explicit SourceWindow(ByteSource& source) : source_(&source) {}
+  // `size`: of the buffer; small where looks jump.
+  explicit SourceWindow(ByteSource& source, std::size_t size = kSize) : source_(&source), size_(size) {}
 
-  // The bytes from `offset` on, at most `most` of them and kSize; fewer where the source ends. Valid until
-  // the next call.
+  // Whether these bytes are in the buffer: view() reads nothing then.
+  [[nodiscard]] bool holds(std::uint64_t offset, std::size_t count) const {
+    return buffer_ && offset >= begin_ && offset + count <= begin_ + filled_;
+  }
+
+  // The bytes from `offset` on, at most `most` of them and the buffer's size; fewer where the source ends.
+  // Valid until the next call.
   Result<ByteView> view(std::uint64_t offset, std::size_t most) {
-    most = std::min(most, kSize);
-    const bool there = buffer_ && offset >= begin_ && offset + most <= begin_ + filled_;
-    if (!there) {
-      if (!buffer_) buffer_ = std::make_unique_for_overwrite<Byte[]>(kSize);
-      const auto got = source_->read_at(offset, {buffer_.get(), kSize});
+    most = std::min(most, size_);
+    if (!holds(offset, most)) {
+      if (!buffer_) buffer_ = std::make_unique_for_overwrite<Byte[]>(size_);
+      const auto got = source_->read_at(offset, {buffer_.get(), size_});
       if (!got) return got.error();
       begin_ = offset;
       filled_ = *got;
@@ -33,6 +38,7 @@ class SourceWindow {
 
  private:
   ByteSource* source_;
+  std::size_t size_;
   std::unique_ptr<Byte[]> buffer_;
   std::uint64_t begin_ = 0;
   std::size_t filled_ = 0;

@@ -74,6 +74,17 @@ TEST_F(UnpackTest, ALinkOutOfItsFolderIsNotPacked) {
   EXPECT_FALSE(fs::exists(dir / "q.tar.zst"));
 }
 
+TEST_F(UnpackTest, ATapeWithAHoleIsNotPacked) {
+  fs::resize_file(tape.read, std::uintmax_t{1} << 40U);
+  const auto source = FileSource::open(tape.read);
+  ASSERT_TRUE(source);
+  if ((*source)->stored(1 << 20U).begin <= 1 << 20U) GTEST_SKIP() << "this file system tells of no holes";
+  const auto packed = make_pack({tape}, dir / "p.tar.zst", {});
+  ASSERT_FALSE(packed);
+  EXPECT_THAT(packed.error().message, HasSubstr("has a hole: a part of it was never written"));
+  EXPECT_FALSE(fs::exists(dir / "p.tar.zst"));
+}
+
 TEST_F(UnpackTest, WhatIsMadeOfATapeIsNotForMorePeople) {
   ASSERT_TRUE(make_pack({tape}, dir / "p.tar.zst", {}));
   ASSERT_EQ(why("p.tar.zst", "out"), "");

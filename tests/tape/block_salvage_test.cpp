@@ -1,14 +1,17 @@
 #include "libport/tape/block_salvage.hpp"
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "tests/support/failing_source.hpp"
+#include "tests/support/holed_source.hpp"
 #include "tests/support/tape_bytes.hpp"
 
 namespace porttape {
@@ -24,8 +27,8 @@ constexpr std::string_view kGarbage =
     "\xff\xfe\xfd\xfc\xfb\xfa\xf9\xf8\xf7\xf6\xf5\xf4\xf3\xf2\xf1\xf0\xef\xee\xed\xec\xeb\xea\xe9\xe8\xe7";
 
 // "5 3@15" for a block of 3 bytes at 5 us whose data is at 15; "lost 5 at 10 from 3: why".
-std::vector<std::string> salvaged(const Bytes& bytes, Layout layout = Layout::big_endian) {
-  BlockSalvage salvage(test::memory("b", bytes), layout, bytes.size());
+std::vector<std::string> salvaged(std::unique_ptr<ByteSource> source, Layout layout, std::uint64_t size) {
+  BlockSalvage salvage(std::move(source), layout, size);
   std::vector<std::string> all;
   for (;;) {
     const auto step = salvage.next();
@@ -39,6 +42,10 @@ std::vector<std::string> salvaged(const Bytes& bytes, Layout layout = Layout::bi
     all.push_back(std::to_string(to_us(step->block->at)) + " " + std::to_string(step->block->length) + "@" +
                   std::to_string(step->block->data_offset));
   }
+}
+
+std::vector<std::string> salvaged(const Bytes& bytes, Layout layout = Layout::big_endian) {
+  return salvaged(test::memory("b", bytes), layout, bytes.size());
 }
 
 // Blocks of 4 bytes each, which take 16 in the file: number n, from 0 on, at (n + 1) ms.
@@ -279,7 +286,7 @@ TEST(BlockSalvage, AFailedReadIsItsErrorWhereverItComes) {
       if (!step->lost && !step->block) break;
     }
   }
-  EXPECT_EQ(failed, 4) << "each time that it reads the file anew";
+  EXPECT_EQ(failed, 3) << "each time that it reads the file anew";
   test::FailingSource source(bytes, 0);
   EXPECT_EQ(BlockSalvage::holds_blocks(source, Layout::big_endian, bytes.size()).error().message,
             "out of order");
@@ -327,6 +334,91 @@ TEST(BlockSalvage, ABlockThatProvesToBeNoneIsLostWithWhatIsAroundIt) {
   ASSERT_EQ(all.size(), 26U);
   EXPECT_THAT(all[10], testing::StartsWith("lost 98 at 160 from 10000: "));
   EXPECT_THAT(all[11], testing::StartsWith("16000 4@"));
+}
+
+constexpr std::uint64_t kTerabyte = std::uint64_t{1} << 40U;
+constexpr std::uint64_t kPlentyForAHole = std::uint64_t{4} << 20U;  // of reading
+
+TEST(BlockSalvage, AHoleIsLostAndNotRead) {
+  const Bytes blocks = test::block_bytes(numbered(20));
+  Bytes behind;
+  for (std::size_t n = 0; n < 20; ++n) {
+    const Bytes one = test::block_bytes({{static_cast<std::int64_t>(n + 21) * 1000, "data"}});
+    behind.insert(behind.end(), one.begin(), one.end());
+  }
+  test::HoledSource::Read read;
+  auto source = std::make_unique<test::HoledSource>(
+      read, kTerabyte, std::map<std::uint64_t, Bytes>{{0, blocks}, {kTerabyte - behind.size(), behind}});
+  const auto all = salvaged(std::move(source), Layout::big_endian, kTerabyte);
+  ASSERT_EQ(all.size(), 41U);
+  EXPECT_EQ(std::vector(all.begin(), all.begin() + 20), told(0, 20));
+  EXPECT_EQ(all[20], "lost " + std::to_string(kTerabyte - behind.size() - blocks.size()) +
+                         " at 320 from 20000: a hole in the file");
+  EXPECT_EQ(all[40], "40000 4@" + std::to_string(kTerabyte - 4));
+  EXPECT_LT(read.bytes, kPlentyForAHole);
+}
+
+TEST(BlockSalvage, AFileThatBeginsWithAHoleIsNoRowOfEmptyBlocks) {
+  const Bytes blocks = test::block_bytes(numbered(20));
+  test::HoledSource::Read read;
+  auto source = std::make_unique<test::HoledSource>(read, kTerabyte,
+                                                    std::map<std::uint64_t, Bytes>{{kTerabyte / 2, blocks}});
+  const auto all = salvaged(std::move(source), Layout::big_endian, kTerabyte);
+  ASSERT_EQ(all.size(), 22U);
+  EXPECT_EQ(all[0], "lost " + std::to_string(kTerabyte / 2) + " at 0 from 0: a hole in the file");
+  EXPECT_THAT(all[21], HasSubstr("a hole in the file"));
+}
+
+TEST(BlockSalvage, ABlockWithAHoleInItsDataIsNone) {
+  Bytes blocks = test::block_bytes(numbered(20));
+  const Bytes header = test::header_bytes(0, 21'000, 3'000'000'000);
+  blocks.insert(blocks.end(), header.begin(), header.end());
+  test::HoledSource::Read read;
+  auto source =
+      std::make_unique<test::HoledSource>(read, kTerabyte, std::map<std::uint64_t, Bytes>{{0, blocks}});
+  const auto all = salvaged(std::move(source), Layout::big_endian, kTerabyte);
+  ASSERT_EQ(all.size(), 21U);
+  EXPECT_THAT(all[20], HasSubstr("at 320 from 20000: a block with a hole in its data"));
+  EXPECT_LT(read.bytes, kPlentyForAHole);
+}
+
+// A copy leaves out zeros that a device has sent.
+TEST(BlockSalvage, AShortHoleIsZeros) {
+  constexpr std::size_t kZeros = 300'000;
+  const Bytes blocks = test::block_bytes(numbered(20));
+  Bytes header = test::header_bytes(0, 21'000, kZeros);
+  const std::uint64_t end = blocks.size() + header.size() + kZeros;
+  const Bytes behind = test::block_bytes({{22'000, "data"}, {23'000, "data"}});
+  test::HoledSource::Read read;
+  auto source = std::make_unique<test::HoledSource>(
+      read, end + behind.size(),
+      std::map<std::uint64_t, Bytes>{{0, blocks}, {blocks.size(), std::move(header)}, {end, behind}});
+  const auto all = salvaged(std::move(source), Layout::big_endian, end + behind.size());
+  ASSERT_EQ(all.size(), 23U);
+  EXPECT_EQ(all[20], "21000 300000@332");
+  EXPECT_EQ(all[22], "23000 4@" + std::to_string(end + 28));
+}
+
+// Headers that each lead to one far away which cannot follow: times go down with the place.
+TEST(BlockSalvage, WhatOnlyLooksLikeBlocksIsGivenUpByWhatItCosts) {
+  constexpr std::size_t kHeaders = 1 << 15U;
+  Bytes bytes = test::block_bytes(numbered(20));
+  std::uint64_t random = 1;
+  for (std::size_t n = 0; n < kHeaders; ++n) {
+    random = random * 6364136223846793005U + 1442695040888963407U;
+    const std::uint64_t left = kHeaders - n;
+    const Bytes header = test::header_bytes(10 + left / 1'000'000, left % 1'000'000,
+                                            12 * (left / 2 + (random >> 33U) % (left / 2 + 1)));
+    bytes.insert(bytes.end(), header.begin(), header.end());
+  }
+  test::append(bytes, kGarbage.substr(0, 5));
+  test::HoledSource::Read read;
+  auto source =
+      std::make_unique<test::HoledSource>(read, bytes.size(), std::map<std::uint64_t, Bytes>{{0, bytes}});
+  const auto all = salvaged(std::move(source), Layout::big_endian, bytes.size());
+  EXPECT_GT(all.size(), 20U);
+  EXPECT_THAT(all, testing::Contains(HasSubstr("was given up")));
+  EXPECT_LT(read.calls, bytes.size() / 2) << "of at most a microsecond each";
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <limits>
 #include <string>
 #include <sys/socket.h>
@@ -14,7 +15,9 @@
 #include <gtest/gtest.h>
 
 #include "libport/tape/source_window.hpp"
+#include "libport/tape/stored_bytes.hpp"
 #include "tests/support/descriptor_limit.hpp"
+#include "tests/support/holed_source.hpp"
 #include "tests/support/tape_bytes.hpp"
 #include "tests/support/temp_dir.hpp"
 
@@ -106,6 +109,40 @@ TEST(FileSource, WithoutADescriptorToBeHadTheFileIsNotToBlame) {
     return FileSource::open(dir / "f");
   }();
   EXPECT_EQ(source.error(), make_error(Errc::io, "cannot read " + (dir / "f") + ": Too many open files"));
+}
+
+TEST(FileSource, TellsWhereItsBytesAre) {
+  const test::TempDir dir;
+  std::ofstream(dir / "f") << std::string(100'000, 'x');
+  std::filesystem::resize_file(dir / "f", 100'000'000);
+  const auto source = FileSource::open(dir / "f");
+  ASSERT_TRUE(source);
+  FileSource& file = **source;
+  if (file.stored(50'000'000).begin == 50'000'000) GTEST_SKIP() << "this file system tells of no holes";
+  EXPECT_EQ(file.stored(7).begin, 7U);
+  EXPECT_GE(file.stored(7).end, 100'000U);
+  EXPECT_LT(file.stored(7).end, 50'000'000U);
+  EXPECT_EQ(file.stored(50'000'000).begin, 100'000'000U);
+  EXPECT_EQ(file.stored(50'000'000).end, 100'000'000U);
+  EXPECT_GE(file.stored_size().value(), 100'000U);
+  EXPECT_LT(file.stored_size().value(), 50'000'000U);
+}
+
+TEST(StoredBytes, OnlyALongHoleCounts) {
+  constexpr std::uint64_t kLong = StoredBytes::kLongHole;
+  test::HoledSource::Read read;
+  test::HoledSource source(read, 10 * kLong,
+                           {{0, Bytes(10)}, {kLong + 10, Bytes(10)}, {5 * kLong, Bytes(10)}});
+  StoredBytes stored(source);
+  EXPECT_EQ(stored.behind_hole(5), 5U);
+  EXPECT_EQ(stored.behind_hole(10), 10U) << "as long as may be";
+  EXPECT_EQ(stored.behind_hole(kLong + 20), 5 * kLong);
+  EXPECT_EQ(stored.behind_hole(4 * kLong), 4 * kLong) << "what is left of it is short";
+  EXPECT_EQ(stored.behind_hole(5 * kLong + 10), 10 * kLong);
+  EXPECT_FALSE(stored.has_hole(0, kLong + 20));
+  EXPECT_TRUE(stored.has_hole(0, 5 * kLong));
+  EXPECT_FALSE(stored.has_hole(kLong + 20, 2 * kLong)) << "it is shorter than a long hole";
+  EXPECT_GT(stored.calls(), 0);
 }
 
 // Counts what is read of it.

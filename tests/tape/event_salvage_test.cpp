@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/tape/event_file.hpp"
+#include "tests/support/holed_source.hpp"
 #include "tests/support/tape_bytes.hpp"
 
 namespace porttape {
@@ -116,6 +117,24 @@ TEST(EventSalvage, ALineOfMoreThan64KiBIsLost) {
     EXPECT_THAT(lines_salvaged(kFirstLine + line_of(size) + mark_at(6)),
                 ElementsAre("lost 2+1: longer than 65536 bytes", "3: 6", "header"))
         << size;
+}
+
+TEST(EventSalvage, AHoleIsOneLineThatIsLost) {
+  constexpr std::uint64_t kHuge = std::uint64_t{1} << 40U;
+  const std::string end = mark_at(20);
+  test::HoledSource::Read read;
+  test::HoledSource source(
+      read, kHuge,
+      {{0, test::bytes_of(kFirstLine + mark_at(10))}, {kHuge - end.size(), test::bytes_of(end)}});
+  EventSalvage salvage(source, kHuge);
+  const auto first = salvage.next();
+  ASSERT_TRUE(first && first->line);
+  EXPECT_EQ(to_us(first->line->event.at), 10);
+  const auto second = salvage.next();
+  ASSERT_TRUE(second && second->lost && second->line);
+  EXPECT_EQ(second->lost->why, "a hole in the file");
+  EXPECT_EQ(to_us(second->line->event.at), 20);
+  EXPECT_LT(read.bytes, std::uint64_t{4} << 20U);
 }
 
 TEST(EventSalvage, WhatComesMeanwhileIsNotRead) {
