@@ -26,6 +26,7 @@ namespace porttape {
 namespace {
 
 constexpr std::uint64_t kFewTicks = 2;  // of 10 ms
+constexpr Nanos kChase = std::chrono::milliseconds(250);
 
 // Opens a process's folder in /proc. The descriptor refers to that process even if another one gets its
 // number.
@@ -71,6 +72,18 @@ bool traced(const ProcessState& process) {
   const std::string status = read_file(open_process(process.number).get(), "status");
   const std::size_t at = status.find(key);
   return at != std::string::npos && status.compare(at + key.size(), 2, "0\n") != 0;
+}
+
+// The children of this process's threads, by the numbers in /proc; where the kernel lists them.
+std::vector<pid_t> children() {
+  std::vector<pid_t> found;
+  const std::unique_ptr<DIR, int (*)(DIR*)> threads(::opendir("/proc/self/task"), ::closedir);
+  while (const dirent* thread = threads ? ::readdir(threads.get()) : nullptr) {
+    const std::string list = std::string(thread->d_name) + "/children";
+    std::istringstream numbers(read_file(::dirfd(threads.get()), list.c_str()));
+    found.insert(found.end(), std::istream_iterator<pid_t>(numbers), std::istream_iterator<pid_t>());
+  }
+  return found;
 }
 
 std::map<pid_t, ProcessState> all_processes(const View& shown) {
@@ -246,15 +259,61 @@ std::vector<ProcessState> CommandFamily::living() const {
   return processes;
 }
 
+// A child keeps its number until it is reaped, so the number is enough.
+bool CommandFamily::is_spared(pid_t child) const {
+  return before_.contains(child) || (looked_through_ && looked_through_->number == child);
+}
+
+std::vector<pid_t> CommandFamily::own_children() const {
+  const View shown = view();
+  if (shown.self == 0 || shown.depth > 0) return {};
+  std::vector<pid_t> own = children();
+  std::erase_if(own, [this](pid_t child) { return is_spared(child); });
+  return own;
+}
+
+bool CommandFamily::chase(int signal, std::map<pid_t, int>& signalled,
+                          std::vector<ProcessState>& ended) const {
+  const Instant until = verb_clock().now() + kChase;
+  for (bool any_new = true; any_new;) {
+    any_new = false;
+    for (const pid_t child : own_children()) {
+      if (::waitpid(child, nullptr, WNOHANG) == child) {
+        signalled.erase(child);
+        continue;
+      }
+      const auto [at, is_new] = signalled.try_emplace(child, 0);
+      if (std::exchange(at->second, signal) == signal) continue;
+      any_new = true;
+      ::kill(child, signal);
+      if (!is_new) continue;
+      const auto process = state_of(open_process(child).get(), 0);
+      const auto alike = [&](const ProcessState& each) { return process && each.name == process->name; };
+      if (process && std::ranges::none_of(ended, alike)) ended.push_back(*process);
+    }
+    if (any_new && verb_clock().now() >= until) return false;
+  }
+  return true;
+}
+
 CommandFamily::Ended CommandFamily::end(Nanos term_limit, Nanos kill_limit) {
   Ended result;
   const auto term_until = verb_clock().now() + term_limit;
   const auto kill_until = term_until + kill_limit;
+  std::map<pid_t, int> chased;
   while (any_child()) {
     const std::vector<ProcessState> processes = living();
-    result.unseen = !others_ && view().self == 0;
-    if (processes.empty()) break;
     const auto now = verb_clock().now();
+    if (processes.empty()) {
+      if (own_children().empty()) {
+        result.unseen = !others_ && any_child();
+        break;
+      }
+      const bool caught = chase(now < term_until ? SIGTERM : SIGKILL, chased, result.ended);
+      if (caught || now < kill_until) continue;
+      result.left = std::exchange(result.ended, {});
+      break;
+    }
     if (now >= kill_until) {
       std::erase_if(result.ended, [&](const ProcessState& each) { return contains(processes, each); });
       result.left = processes;

@@ -64,7 +64,8 @@ class CommandFamily {
 
   // Ends and reaps them all: SIGTERM, after `term_limit` SIGKILL, and `kill_limit` later it gives up. Waits
   // for it; returns at once if this process has no children. A process gets a signal only if it
-  // certainly descends from a command.
+  // certainly descends from a command. Processes that fork and leave, again and again, are caught too: before
+  // they are found in /proc they are gone, but each of them becomes our child.
   struct Ended {
     std::vector<ProcessState> ended;
     std::vector<ProcessState> left;  // still there: another user's, or held by the kernel
@@ -81,6 +82,12 @@ class CommandFamily {
   using Picture = std::map<pid_t, ProcessState>;  // by the numbers in /proc
   [[nodiscard]] bool is_ours(const ProcessState& process, const Picture& everybody, pid_t self) const;
   [[nodiscard]] std::vector<ProcessState> living() const;
+  [[nodiscard]] bool is_spared(pid_t child) const;
+  // Our children now that are the commands' or descend from them, by the numbers in /proc.
+  [[nodiscard]] std::vector<pid_t> own_children() const;
+  // Signals those that were not signalled before, and reaps those that were, until no new one comes. The
+  // result is false if they come for a quarter of a second or longer.
+  bool chase(int signal, std::map<pid_t, int>& signalled, std::vector<ProcessState>& ended) const;
 
   int was_adopting_ = 0;
   bool adopting_ = false;

@@ -405,6 +405,7 @@ void ReplayChannel::check_end(bool failed) {
                 .finished = finished_,
                 .lost_bytes = has_logged("reached nobody"),
                 .made_mistake = made_mistake_,
+                .half_close_may_be_missed = check_.half_close_may_be_missed(),
                 .missed_settings = missed_settings_ || driver_.ended_before_settings(),
                 .item = item_,
                 .written = check_.written(),

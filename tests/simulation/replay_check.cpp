@@ -7,9 +7,10 @@ namespace porttape::simulation {
 namespace {
 
 // What the documents allow beyond the moment at which an answer is due, and what the simulated machine adds.
-constexpr double kLatest = 5e6;         // ns
-constexpr double kLatestPiece = 110e6;  // "none comes more than 100 ms after it was due"
-constexpr double kEarliest = 2e3;       // stamps are whole microseconds
+constexpr double kLatest = 5e6;           // ns
+constexpr double kLatestPiece = 110e6;    // "none comes more than 100 ms after it was due"
+constexpr double kEarliest = 2e3;         // stamps are whole microseconds
+constexpr double kPausedEarliest = 50e3;  // a pause counts from the turn of the loop in which it is asked for
 constexpr Nanos kGatePatience = std::chrono::seconds(1);
 
 }  // namespace
@@ -56,6 +57,8 @@ bool ReplayCheck::gates_are_lenient() const {
   return plan_->strictness() == 0 && plan_->is_gated() &&
          (longest_quiet_ >= std::chrono::milliseconds(50) || patience_may_end);
 }
+
+bool ReplayCheck::half_close_may_be_missed() const { return longest_quiet_ >= kGatePatience; }
 
 bool ReplayCheck::has_come(std::size_t item) const {
   const auto& answers = plan_->answers();
@@ -134,8 +137,9 @@ bool ReplayCheck::is_of_whole_answers(ByteView data) {
 std::optional<double> ReplayCheck::due_of(const Answer& answer) const {
   if (!plan_->is_gated()) return *done_[0] + nanos(answer.at);
   const std::optional<double> done = done_[answer.gate];
+  // The end of the driver's writing may have come too late to be waited for.
   const bool ends = plan_->script().items()[answer.gate].kind == TapeItem::Kind::driver_ends;
-  if (ends && longest_quiet_ >= kGatePatience) return std::nullopt;  // it may have come too late to be waited for
+  if (ends && half_close_may_be_missed()) return std::nullopt;
   if (!done || plan_->timing() == "none") return done;
   return *done + nanos(answer.at - plan_->time_of(answer.gate));
 }
@@ -160,8 +164,8 @@ void ReplayCheck::check_time(std::size_t begin, std::size_t end) {
     }
     // By the recorded clock a step may stand behind what the driver did next.
     const bool step_may_differ = stepped_ && !plan_->is_gated();
-    if (!clock_.paused() && answer.exchange >= hand_until_ && !step_may_differ &&
-        now + kEarliest * clock_.rate() < due)
+    const double early = (pause_ > 0 ? kPausedEarliest : kEarliest) * clock_.highest_rate();
+    if (!clock_.paused() && answer.exchange >= hand_until_ && !step_may_differ && now + early < due)
       world_->wrong("{}: byte {} came {} ms before it was due", name_, std::max(begin, answer.begin),
                     (due - now) / 1e6);
     const bool prompt = plan_->hurries() && !plan_->stalls() && !stepped_ && !clock_.paused();

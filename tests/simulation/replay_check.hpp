@@ -53,6 +53,8 @@ class ReplayCheck {
   [[nodiscard]] Instant last_event() const { return last_event_; }
   // "At strictness 0 […] or the driver has written something and been quiet for 50 ms, or `--patience`".
   [[nodiscard]] bool gates_are_lenient() const;
+  // The loop may have stood, behind another channel's disk, until the patience for it was over.
+  [[nodiscard]] bool half_close_may_be_missed() const;
 
  private:
   void notice_event();

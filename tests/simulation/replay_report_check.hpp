@@ -12,10 +12,11 @@ namespace porttape::simulation {
 
 // What became of a replay, as the driver and the user saw it.
 struct ReplayEnd {
-  bool failed = false;           // the daemon's exit status was not 0
-  bool finished = false;         // the driver did all that it wanted
-  bool lost_bytes = false;       // the log tells of bytes that reached nobody
-  bool made_mistake = false;     // that of the plan
+  bool failed = false;        // the daemon's exit status was not 0
+  bool finished = false;      // the driver did all that it wanted
+  bool lost_bytes = false;    // the log tells of bytes that reached nobody
+  bool made_mistake = false;  // that of the plan
+  bool half_close_may_be_missed = false;
   bool missed_settings = false;  // the line ended before the driver had made them
   std::size_t item = 0;          // that the driver came to
   std::uint64_t written = 0;     // bytes, by the driver

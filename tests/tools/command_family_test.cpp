@@ -1,5 +1,6 @@
 #include "tools/command_family.hpp"
 
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
 #include <functional>
@@ -73,6 +74,48 @@ TEST(CommandFamily, EndsOrphansAndSparesWhatWasThereBefore) {
   EXPECT_TRUE(lives(before));
   ::kill(before, SIGKILL);
   ::waitpid(before, nullptr, 0);
+}
+
+// Forks a program of which no process lives long: each has a child and leaves. The last one after a minute.
+pid_t hopper() {
+  const pid_t pid = ::fork();
+  if (pid != 0) return pid;
+  const auto until = std::chrono::steady_clock::now() + seconds(60);
+  while (std::chrono::steady_clock::now() < until) {
+    if (::fork() != 0) ::_exit(0);
+  }
+  ::_exit(0);
+}
+
+bool any_child_left() { return ::waitpid(-1, nullptr, WNOHANG) >= 0 || errno != ECHILD; }
+
+TEST(CommandFamily, CatchesWhatForksAndLeavesOnAndOn) {
+  for (int round = 0; round < 3; ++round) {
+    CommandFamily family;
+    ASSERT_TRUE(family.adopt().has_value());
+    ::waitpid(hopper(), nullptr, 0);
+    const CommandFamily::Ended done = family.end(seconds(20), seconds(20));
+    EXPECT_TRUE(done.left.empty());
+    EXPECT_FALSE(done.unseen);
+    EXPECT_FALSE(done.ended.empty());
+    EXPECT_FALSE(any_child_left());
+  }
+}
+
+TEST(CommandFamily, WhatIsCaughtIsNoneOfTheOthers) {
+  const pid_t before = shell("exec sleep 1000");
+  CommandFamily family;
+  ASSERT_TRUE(family.adopt().has_value());
+  const pid_t spared = shell("exec sleep 1000");
+  family.spare(spared);
+  ::waitpid(hopper(), nullptr, 0);
+  EXPECT_TRUE(family.end(seconds(20), seconds(20)).left.empty());
+  for (const pid_t other : {before, spared}) {
+    EXPECT_TRUE(lives(other));
+    ::kill(other, SIGKILL);
+    ::waitpid(other, nullptr, 0);
+  }
+  EXPECT_FALSE(any_child_left());
 }
 
 TEST(CommandFamily, ReadsTheNumbersOfAProcess) {
