@@ -5,6 +5,7 @@
 #include <climits>
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <linux/kcmp.h>
 #include <linux/seccomp.h>
 #include <string_view>
 #include <sys/ioctl.h>
@@ -68,6 +69,10 @@ std::optional<std::uint64_t> Call::device_of(int fd) const {
   if (!file) file = duplicate(fd);
   unsigned number = 0;
   return file && ::ioctl(file.get(), TIOCGDEV, &number) == 0 ? device_number(number) : status.st_rdev;
+}
+
+bool Call::has_as(int fd, int ours) const {
+  return ::syscall(SYS_kcmp, ::getpid(), thread_, KCMP_FILE, ours, fd) == 0;
 }
 
 // By a known thread's descriptor it is that thread's, which had the number before the call came and has it

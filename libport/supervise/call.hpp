@@ -42,6 +42,9 @@ class Call {
 
   // A descriptor of ours for that same open file; nothing where that is forbidden, or there is none.
   [[nodiscard]] UniqueFd duplicate(int fd) const;
+  // Whether its thread has as `fd` the open file that we have as `ours`. False also where the kernel does not
+  // say.
+  [[nodiscard]] bool has_as(int fd, int ours) const;
 
   // Its memory, whole or not at all. False: that address is not the program's, or must not be reached.
   bool read(std::uint64_t address, std::span<std::byte> into) const;

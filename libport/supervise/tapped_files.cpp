@@ -33,7 +33,11 @@ TappedFiles::TappedFiles(Loop& loop) : loop_(&loop), timer_(loop, [this] { look(
 std::shared_ptr<TappedFile> TappedFiles::find(const Call& call, int fd, std::uint64_t device, int& error) {
   error = 0;
   used_ = true;
-  if (kept_ && thread_ == call.thread() && number_ == fd) return kept_;
+  if (kept_ && thread_ == call.thread() && number_ == fd) {
+    if (call.has_as(fd, kept_->fd())) return kept_;
+    drop(std::move(kept_));
+    timer_.cancel();
+  }
   UniqueFd file = call.duplicate(fd);
   if (!file) {
     error = errno;

@@ -56,7 +56,8 @@ class WithoutWaiting {
 
 // The files of a program's own device that are read and written for it. While calls come one after the other,
 // the duplicate that served the last one is kept (some ten milliseconds: a last close is to stay the
-// program's own). Loop thread only.
+// program's own). Each time the kernel is asked whether the program still has it as that number: an execve
+// may have closed it, or a thread that nobody has seen. Loop thread only.
 class TappedFiles {
  public:
   explicit TappedFiles(Loop& loop);

@@ -4,6 +4,7 @@
 #include "libport/supervise/tap_calls.hpp"
 
 #include <array>
+#include <cerrno>
 #include <cstdlib>
 #include <fcntl.h>
 #include <fstream>
@@ -27,6 +28,7 @@
 #include "libport/supervise/supervised_command.hpp"
 #include "libport/supervise/waiting_open.hpp"
 #include "tests/support/descriptor_limit.hpp"
+#include "tests/support/refused_calls.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
@@ -370,6 +372,20 @@ TEST_F(TapCallsTest, CopiesAreTheDeviceAndTheLastOnesCloseIsTold) {
 TEST_F(TapCallsTest, WhatComesInItsPlaceIsNotTheDevice) {
   EXPECT_THAT(same({"open", "raw:1:0", "redirect"}), ElementsAre("open 0", "redirect 7 to pipe"));
   EXPECT_EQ(events.written, "to line");
+}
+
+TEST_F(TapCallsTest, WhatComesInItsPlaceAfterAnExecIsNotTheDevice) {
+  EXPECT_THAT(same({"open", "raw:1:0", "become"}), ElementsAre("open 0", "before 6", "became"));
+  EXPECT_EQ(events.written, "before");
+  EXPECT_THAT(events.all, ElementsAre("open", "w before", "close"));
+}
+
+TEST_F(TapCallsTest, WhereNoDescriptorsAreComparedEachCallsIsLookedUp) {
+  EXPECT_TRUE(test::holds_without({{.number = SYS_kcmp, .error = EPERM}}, [this] {
+    EXPECT_THAT(same({"open", "raw:1:0", "write:give ab", "read:1", "read:1", "become"}),
+                ElementsAre("open 0", "write 7", "read 1 a", "read 1 b", "before 6", "became"));
+    EXPECT_THAT(events.all, ElementsAre("open", "w give ab", "r a", "r b", "w before", "close"));
+  }));
 }
 
 TEST_F(TapCallsTest, ItIsOpenedByOtherCallsAndNamesToo) {
