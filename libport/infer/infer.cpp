@@ -166,9 +166,8 @@ std::vector<std::string> proof_text(const Proof& proof, std::span<const SessionT
       proof.bytes, proof.missed_count, counted(proof.inside, "byte")));
   if (proof.given_up)
     lines.emplace_back(
-        "given up: so many rules for so many frames take too long to prove; give shorter tapes, or tapes "
-        "that are "
-        "more alike");
+        "given up: so many rules for so many frames take too long to prove; give shorter tapes, or "
+        "tapes that are more alike");
   for (const Proof::Missed& missed : proof.missed)
     lines.push_back(fmt::format("  not found: {:02x} instead of {:02x} at {}", missed.became, missed.was,
                                 place_text(sessions[missed.tape], missed.at)));

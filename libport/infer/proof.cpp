@@ -33,6 +33,7 @@ class Comparer {
       if (!look(block.size)) return given_up();
       if (!pause_until(now) || !write(now, came.bytes_of(block))) return difference(false);
     }
+    if (looks_.spent()) return given_up();
     Matcher::Step end;
     do {
       budget_.refill();

@@ -200,11 +200,10 @@ std::optional<FoundSorts> find_fixed(std::span<const SessionTape> sessions) {
 }
 
 FoundSorts by_blocks(std::span<const SessionTape> sessions) {
-  const FrameSort sort = block_sort(sessions);
-  const Fit found = fit(sessions, std::span(&sort, 1));
-  return {{sort},
-          fmt::format("no end and no length was found: each of the {} blocks is taken for a frame",
-                      found.frames)};
+  std::size_t blocks = 0;
+  for (const SessionTape& session : sessions) blocks += write_blocks(session).size();
+  return {{block_sort(sessions)},
+          fmt::format("no end and no length was found: each of the {} blocks is taken for a frame", blocks)};
 }
 
 }  // namespace

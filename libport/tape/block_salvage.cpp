@@ -43,8 +43,7 @@ BlockSalvage::BlockSalvage(std::unique_ptr<ByteSource> source, Layout layout, st
       chain_(*source_, kChainWindow),
       copy_(*source_),
       work_left_(kWorkMore) {
-  const auto stored = source_->stored_size();
-  work_left_ += kWorkForByte * static_cast<std::int64_t>(stored ? std::min(*stored, kMostPaid) : 0);
+  work_left_ += kWorkForByte * static_cast<std::int64_t>(std::min(stored_.count(size), kMostPaid));
 }
 
 Result<BlockSalvage::Step> BlockSalvage::next() {
@@ -297,7 +296,6 @@ Result<bool> BlockSalvage::holds_blocks(ByteSource& source, Layout layout, std::
     }
     Result<std::uint64_t> size() override { return all.size(); }
     Stretch stored(std::uint64_t offset) override { return all.stored(offset); }
-    Result<std::uint64_t> stored_size() override { return all.stored_size(); }
     [[nodiscard]] const std::string& name() const override { return all.name(); }
     ByteSource& all;
   };

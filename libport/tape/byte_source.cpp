@@ -76,16 +76,6 @@ Result<std::uint64_t> FileSource::size() {
   return static_cast<std::uint64_t>(status.st_size);
 }
 
-Result<std::uint64_t> FileSource::stored_size() {
-  constexpr std::uint64_t kBlock = 512;  // of st_blocks, whatever the file system's own are
-  struct stat status {};
-  if (::fstat(fd_.get(), &status) != 0) {
-    return make_error(Errc::io, "cannot tell the size of " + name_ + " on its disk: " + errno_text(errno));
-  }
-  return std::min(static_cast<std::uint64_t>(status.st_size),
-                  static_cast<std::uint64_t>(status.st_blocks) * kBlock);
-}
-
 ByteSource::Stretch FileSource::stored(std::uint64_t offset) {
   const std::uint64_t end = ByteSource::stored(offset).end;
   const off_t data = ::lseek(fd_.get(), static_cast<off_t>(offset), SEEK_DATA);

@@ -32,8 +32,6 @@ class ByteSource {
   // and it reads as zeros. Nothing but a hole: empty, at the source's end. A source that cannot tell has no
   // holes.
   virtual Stretch stored(std::uint64_t offset);
-  // How many bytes take space on the disk.
-  virtual Result<std::uint64_t> stored_size() { return size(); }
 
   // What a person calls it: the path.
   [[nodiscard]] virtual const std::string& name() const = 0;
@@ -48,7 +46,6 @@ class FileSource final : public ByteSource {
   Result<std::size_t> read_at(std::uint64_t offset, std::span<Byte> into) override;
   Result<std::uint64_t> size() override;
   Stretch stored(std::uint64_t offset) override;
-  Result<std::uint64_t> stored_size() override;
   [[nodiscard]] const std::string& name() const override { return name_; }
 
  private:

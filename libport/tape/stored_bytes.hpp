@@ -36,6 +36,18 @@ class StoredBytes {
     return false;
   }
 
+  // How many of the first `size` bytes are in no long hole. Blocks of the disk would not tell: a file system
+  // may compress data, and may give those to a new file only later.
+  [[nodiscard]] std::uint64_t count(std::uint64_t size) {
+    std::uint64_t all = 0;
+    for (std::uint64_t at = behind_hole(0); at < size; at = behind_hole(at)) {
+      const std::uint64_t end = std::clamp(known_.end, at + 1, size);
+      all += end - at;
+      at = end;
+    }
+    return all;
+  }
+
   // To the source, so far.
   [[nodiscard]] std::int64_t calls() const { return calls_; }
 

@@ -44,11 +44,6 @@ class HoledSource final : public ByteSource {
       if (offset < begin + bytes.size()) return {std::max(begin, offset), begin + bytes.size()};
     return {size_, size_};
   }
-  Result<std::uint64_t> stored_size() override {
-    std::uint64_t all = 0;
-    for (const auto& [begin, bytes] : pieces_) all += bytes.size();
-    return all;
-  }
   [[nodiscard]] const std::string& name() const override { return name_; }
 
  private:

@@ -124,8 +124,8 @@ TEST(FileSource, TellsWhereItsBytesAre) {
   EXPECT_LT(file.stored(7).end, 50'000'000U);
   EXPECT_EQ(file.stored(50'000'000).begin, 100'000'000U);
   EXPECT_EQ(file.stored(50'000'000).end, 100'000'000U);
-  EXPECT_GE(file.stored_size().value(), 100'000U);
-  EXPECT_LT(file.stored_size().value(), 50'000'000U);
+  EXPECT_GE(StoredBytes(file).count(100'000'000), 100'000U);
+  EXPECT_LT(StoredBytes(file).count(100'000'000), 50'000'000U);
 }
 
 TEST(StoredBytes, OnlyALongHoleCounts) {
@@ -143,6 +143,8 @@ TEST(StoredBytes, OnlyALongHoleCounts) {
   EXPECT_TRUE(stored.has_hole(0, 5 * kLong));
   EXPECT_FALSE(stored.has_hole(kLong + 20, 2 * kLong)) << "it is shorter than a long hole";
   EXPECT_GT(stored.calls(), 0);
+  EXPECT_EQ(stored.count(10 * kLong), kLong + 20 + 10) << "with the short hole";
+  EXPECT_EQ(stored.count(5), 5U);
 }
 
 // Counts what is read of it.
