@@ -167,18 +167,21 @@ void TurnPairs::pair_rest(const Gap& gap) {
 void TurnPairs::pair_events() {
   const auto digest = [](const TurnNote& note) { return note.digest; };
   const auto sampled = [](const TurnNote& note) { return note.sampled ? note.digest : 0; };
-  pair_loose(digest, 0, true, false);
-  pair_loose(sampled, -1, true, false);
-  pair_loose(sampled, 1, true, false);
-  pair_loose(question_of, 0, true, true);
-  pair_loose(digest, 0, false, false);
+  pair_loose(digest, digest, 0, true, false);
+  for (const std::int64_t shift : {-1, 1}) {
+    pair_loose(sampled, digest, shift, true, false);
+    pair_loose(digest, sampled, shift, true, false);
+  }
+  pair_loose(question_of, question_of, 0, true, true);
+  pair_loose(digest, digest, 0, false, false);
 }
 
-// Pairs events with equal keys: behind the same place, or so many further in the first tape; else anywhere,
-// which is to be moved. A key of 0 is none.
-void TurnPairs::pair_loose(const auto& key, std::int64_t shift, bool placed, bool changed) {
+// Pairs events with equal keys, that of the first tape and that of the other: behind the same place, or so
+// many further in the first tape; else anywhere, which is to be moved. A key of 0 is none.
+void TurnPairs::pair_loose(const auto& key, const auto& others_key, std::int64_t shift, bool placed,
+                           bool changed) {
   const std::vector<LooseEvent> mine = loose_events(false, key, shift, placed);
-  const std::vector<LooseEvent> theirs = loose_events(true, key, 0, placed);
+  const std::vector<LooseEvent> theirs = loose_events(true, others_key, 0, placed);
   const auto what = [](const LooseEvent& loose) { return std::pair(loose.key, loose.place); };
   for (std::size_t i = 0, k = 0; i < mine.size() && k < theirs.size();) {
     if (what(mine[i]) == what(theirs[k])) {

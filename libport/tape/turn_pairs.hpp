@@ -89,7 +89,7 @@ class TurnPairs {
   void pair_moved();
   void pair_rest(const Gap& gap);
   void pair_events();
-  void pair_loose(const auto& key, std::int64_t shift, bool placed, bool changed);
+  void pair_loose(const auto& key, const auto& others_key, std::int64_t shift, bool placed, bool changed);
   [[nodiscard]] std::vector<LooseEvent> loose_events(bool of_other, const auto& key, std::int64_t shift,
                                                      bool placed) const;
 

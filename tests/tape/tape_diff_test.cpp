@@ -187,6 +187,13 @@ TEST_F(TapeDiffTest, SampledSettingsMayComeATurnLateAndOthersMayNot) {
   };
   EXPECT_THAT(differences(tape(1, SettingsOrder::sampled), tape(2, SettingsOrder::sampled)), IsEmpty());
   EXPECT_THAT(differences(tape(2, SettingsOrder::sampled), tape(1, SettingsOrder::sampled)), IsEmpty());
+  // A pty that is looked at late by one recorder may be looked at in time by the other.
+  for (const std::size_t behind : {0U, 1U, 2U}) {
+    EXPECT_THAT(differences(tape(1, SettingsOrder::exact), tape(behind, SettingsOrder::sampled)), IsEmpty());
+    EXPECT_THAT(differences(tape(behind, SettingsOrder::sampled), tape(1, SettingsOrder::exact)), IsEmpty());
+    EXPECT_THAT(differences(tape(1, std::nullopt), tape(behind, SettingsOrder::sampled)), IsEmpty());
+  }
+  EXPECT_THAT(differences(tape(1, std::nullopt), tape(1, SettingsOrder::exact)), IsEmpty());
   EXPECT_THAT(differences(tape(0, SettingsOrder::sampled), tape(2, SettingsOrder::sampled)),
               ElementsAre("moved settings settings"));
   EXPECT_THAT(differences(tape(1, SettingsOrder::exact), tape(2, SettingsOrder::exact)),
