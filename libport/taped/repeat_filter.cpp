@@ -22,15 +22,13 @@ bool RepeatFilter::is_new(Side by, const SeenSettings& settings) {
 }
 
 bool RepeatFilter::is_new(FlushQueue queue, Instant now) {
-  bool any = false;
-  const auto flush = [&](FlushQueue other, std::optional<Instant>& since) {
-    if (queue == other || (since && now - *since < kFlushes)) return;
-    since = now;
-    any = true;
+  const auto is_new = [&](FlushQueue other, const std::optional<Instant>& since) {
+    return queue != other && (!since || now - *since >= kFlushes);
   };
-  flush(FlushQueue::out, in_since_);
-  flush(FlushQueue::in, out_since_);
-  return any;
+  if (!is_new(FlushQueue::out, in_since_) && !is_new(FlushQueue::in, out_since_)) return false;
+  if (queue != FlushQueue::out) in_since_ = now;
+  if (queue != FlushQueue::in) out_since_ = now;
+  return true;
 }
 
 }  // namespace porttape

@@ -25,8 +25,8 @@ ReplayCheck::ReplayCheck(World& world, std::string name, const ReplayPlan& plan)
 
 void ReplayCheck::opened(std::size_t item) {
   for (const Answer& answer : plan_->answers()) places_.insert(answer.begin);
-  last_event_ = world_->loop().now();
-  if (item == 0) first_opened_ = last_event_;
+  if (item == 0) first_opened_ = last_event_ = world_->loop().now();
+  notice_event();
   reopened_ = reopened_ || item > 0;
   did(item);
 }

@@ -47,25 +47,39 @@ class ExpectedSettings {
 // FORMAT.md, "Flushes".
 class ExpectedFlushes {
  public:
-  void on_bytes() { in_ = out_ = std::nullopt; }
+  void on_bytes() { maybe_ = {Last{}}; }
 
   Wanted take(FlushQueue queue, Instant at) {
-    Wanted wanted = Wanted::no;
-    if (queue != FlushQueue::out) wanted = std::max(wanted, take(in_, at));
-    if (queue != FlushQueue::in) wanted = std::max(wanted, take(out_, at));
-    return wanted;
+    std::set<Wanted> all;
+    std::set<Last> next;
+    for (const Last& last : maybe_) {
+      const Wanted wanted = of(last, queue, at);
+      all.insert(wanted);
+      if (wanted != Wanted::yes) next.insert(last);
+      if (wanted == Wanted::no) continue;
+      next.insert({queue == FlushQueue::out ? last.first : at, queue == FlushQueue::in ? last.second : at});
+    }
+    maybe_ = std::move(next);
+    return all.size() == 1 ? *all.begin() : Wanted::maybe;
   }
 
  private:
-  static Wanted take(std::optional<Instant>& last, Instant at) {
+  // Those that are on the tape, of the input and of the output.
+  using Last = std::pair<std::optional<Instant>, std::optional<Instant>>;
+
+  static Wanted of(const Last& last, FlushQueue queue, Instant at) {
+    Wanted wanted = Wanted::no;
+    if (queue != FlushQueue::out) wanted = std::max(wanted, of(last.first, at));
+    if (queue != FlushQueue::in) wanted = std::max(wanted, of(last.second, at));
+    return wanted;
+  }
+  static Wanted of(const std::optional<Instant>& last, Instant at) {
     const Nanos since = last ? at - *last : Nanos::max();
     if (since < kFlushes - kNear) return Wanted::no;
-    last = at;
     return since < kFlushes + kNear ? Wanted::maybe : Wanted::yes;
   }
 
-  std::optional<Instant> in_;
-  std::optional<Instant> out_;
+  std::set<Last> maybe_ = {Last{}};  // each that may be so
 };
 
 // What a tape of this port must tell.

@@ -56,6 +56,17 @@ TEST(RepeatFilter, AFlushThatCanDropNothingMoreIsNoNews) {
   EXPECT_TRUE(filter.is_new(FlushQueue::out, now + milliseconds(9)));
 }
 
+// One of the input only, then one of both: that is told for the output, and counts for the input too.
+TEST(RepeatFilter, AFlushOfBothQueuesIsOneOfEach) {
+  RepeatFilter filter;
+  const Instant now{};
+  EXPECT_TRUE(filter.is_new(FlushQueue::in, now));
+  EXPECT_TRUE(filter.is_new(FlushQueue::both, now + milliseconds(9)));
+  EXPECT_FALSE(filter.is_new(FlushQueue::in, now + milliseconds(18)));
+  EXPECT_FALSE(filter.is_new(FlushQueue::out, now + milliseconds(18)));
+  EXPECT_TRUE(filter.is_new(FlushQueue::in, now + milliseconds(19)));
+}
+
 TEST(RepeatFilter, AFloodOfFlushesIsOneEachTenMilliseconds) {
   RepeatFilter filter;
   int news = 0;
