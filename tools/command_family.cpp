@@ -136,6 +136,17 @@ void wait_for_one(const std::vector<ProcessState>& processes, Instant until) {
   (void)::poll(polled.data(), polled.size(), static_cast<int>(std::clamp<std::int64_t>(left, 0, 100)));
 }
 
+// Of one that /proc hides (hidepid) only the number is known.
+std::vector<ProcessState> states_of(const std::vector<pid_t>& numbers) {
+  std::vector<ProcessState> all;
+  for (const pid_t number : numbers) {
+    const UniqueFd folder = open_process(number);
+    const auto process = folder ? state_of(folder.get(), 0) : std::nullopt;
+    all.push_back(process.value_or(ProcessState{.pid = number, .number = number, .name = "?"}));
+  }
+  return all;
+}
+
 bool contains(const std::vector<ProcessState>& list, const ProcessState& process) {
   return std::ranges::any_of(list, [&](const ProcessState& each) {
     return each.number == process.number && each.started == process.started;
@@ -304,19 +315,19 @@ CommandFamily::Ended CommandFamily::end(Nanos term_limit, Nanos kill_limit) {
   while (any_child()) {
     const std::vector<ProcessState> processes = living();
     const auto now = verb_clock().now();
-    if (processes.empty()) {
+    bool caught = true;
+    if (processes.empty()) {  // of those that are to be seen
       if (own_children().empty()) {
         result.unseen = !others_ && any_child();
         break;
       }
-      const bool caught = chase(now < term_until ? SIGTERM : SIGKILL, chased, result.ended);
-      if (caught || now < kill_until) continue;
-      result.left = std::exchange(result.ended, {});
-      break;
+      caught = chase(now < term_until ? SIGTERM : SIGKILL, chased, result.ended);
     }
+    const std::vector<ProcessState> there = processes.empty() ? states_of(own_children()) : processes;
+    if (there.empty()) continue;
     if (now >= kill_until) {
-      std::erase_if(result.ended, [&](const ProcessState& each) { return contains(processes, each); });
-      result.left = processes;
+      std::erase_if(result.ended, [&](const ProcessState& each) { return contains(there, each); });
+      result.left = there;
       break;
     }
     for (const ProcessState& process : processes) {
@@ -329,7 +340,7 @@ CommandFamily::Ended CommandFamily::end(Nanos term_limit, Nanos kill_limit) {
         signal_process(process, SIGCONT);  // a stopped one
       }
     }
-    wait_for_one(processes, now < term_until ? term_until : kill_until);
+    if (caught) wait_for_one(there, now < term_until ? term_until : kill_until);
   }
   return result;
 }

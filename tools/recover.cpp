@@ -21,9 +21,8 @@ constexpr VerbHelp kRecoverHelp{
     "it, every sound line of the events, of the files that are there. Where something is lost a\n"
     "gap event says how much at most, and why; it is told here too. A hole of a file (a part that\n"
     "was never written) is lost, and so is what only looks like blocks where too much does. A tape\n"
-    "that has no end gets none. Exit status: 0 nothing is lost, 3 something is (the new tape is there), 1 a "
-    "file\n"
-    "cannot be read or written, 2 wrong use, or nothing looks like a tape.\n",
+    "that has no end gets none. Exit status: 0 nothing is lost, 3 something is (the new tape is\n"
+    "there), 1 a file cannot be read or written, 2 wrong use, or nothing looks like a tape.\n",
     "  porttape recover laser.log -o mended\n"
     "  porttape verify laser.log || porttape recover laser.log -o mended\n"};
 
