@@ -143,7 +143,7 @@ Result<CommandEnd> watch_command(const CommandVerbLine& line, bool to_stderr, Pr
   const SupervisedCommand::Options options{.command = line.command,
                                            .environment = ChildProcess::environment_with({}),
                                            .output_to_stderr = to_stderr,
-                                           .traps = parts.front()->traps(),
+                                           .traps = Supervisor::traps(parts),
                                            .default_signals = ChildProcess::default_signals()};
   const std::unique_ptr<SupervisedCommand> command = SupervisedCommand::start(
       loop, options,

@@ -26,10 +26,6 @@ Result<std::unique_ptr<SupervisedChild>> SupervisedChild::start(
     Loop& loop, std::vector<std::unique_ptr<CallPart>> parts, const Start& how, std::string& forbidden,
     const std::function<void(const std::string&)>& tell) {
   parts.push_back(std::make_unique<OwnSupervisors>(tell));
-  std::vector<CallTrap> traps;
-  for (const auto& part : parts) {
-    for (CallTrap& trap : part->traps()) traps.push_back(std::move(trap));
-  }
   ChildProcess::Environment environment = how.environment;
   std::function<Result<void>()> prepare;
   if (how.found_as) {
@@ -40,7 +36,7 @@ Result<std::unique_ptr<SupervisedChild>> SupervisedChild::start(
       .command = how.command,
       .environment = ChildProcess::environment_with(environment),
       .output_to_stderr = how.output == ChildProcess::Output::all_to_stderr,
-      .traps = std::move(traps),
+      .traps = Supervisor::traps(parts),
       .prepare = std::move(prepare),
       .default_signals = ChildProcess::default_signals()};
   std::unique_ptr<SupervisedChild> child(new SupervisedChild());

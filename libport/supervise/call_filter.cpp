@@ -34,8 +34,9 @@ struct SmallCall {
   int native;
   int small;
 };
-constexpr std::array kSmallCalls{SmallCall{SYS_ioctl, 54}, SmallCall{SYS_open, 5},
-                                 SmallCall{SYS_openat, 295}};
+constexpr std::array kSmallCalls{SmallCall{SYS_ioctl, 54},   SmallCall{SYS_open, 5},
+                                 SmallCall{SYS_openat, 295}, SmallCall{SYS_tkill, 238},
+                                 SmallCall{SYS_tgkill, 270}, SmallCall{SYS_rt_tgsigqueueinfo, 335}};
 #elif defined(__aarch64__)
 constexpr std::uint32_t kNativeArch = AUDIT_ARCH_AARCH64;
 #elif defined(__riscv) && __riscv_xlen == 64

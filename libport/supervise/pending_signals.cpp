@@ -48,13 +48,14 @@ ThreadStatus thread_status(pid_t thread) {
   constexpr std::string_view kState = "\nState:\t";
   const std::size_t state = text.find(kState);
   if (state == std::string_view::npos || state + kState.size() >= text.size()) return {};
-  const std::uint64_t stopped =
-      number_behind(text, "\nSigBlk:\t", 16) | number_behind(text, "\nSigIgn:\t", 16);
+  const std::uint64_t heard = ~number_behind(text, "\nSigIgn:\t", 16);
   return {.state = text[state + kState.size()],
           .process = static_cast<pid_t>(number_behind(text, "\nTgid:\t", 10)),
           .threads = static_cast<unsigned>(number_behind(text, "\nThreads:\t", 10)),
-          .sent_to_thread = number_behind(text, "\nSigPnd:\t", 16) & ~stopped,
-          .sent_to_process = number_behind(text, "\nShdPnd:\t", 16) & ~stopped};
+          .to_thread = number_behind(text, "\nSigPnd:\t", 16) & heard,
+          .to_process = number_behind(text, "\nShdPnd:\t", 16) & heard,
+          .blocked = number_behind(text, "\nSigBlk:\t", 16),
+          .queued = number_behind(text, "\nSigQ:\t", 10)};
 }
 
 // The end of the one who traces takes the interrupt back, and leaves what it has set.

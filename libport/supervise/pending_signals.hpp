@@ -10,12 +10,16 @@ struct ThreadStatus {
   char state = '\0';  // as of ps(1): T is stopped, Z has ended
   pid_t process = 0;
   unsigned threads = 0;  // of the process
-  // The signals that would interrupt a call of the thread: sent to it, or to its process (where several
-  // threads could take one, each shows it), neither blocked nor ignored. Bit N - 1 is signal N.
-  std::uint64_t sent_to_thread = 0;
-  std::uint64_t sent_to_process = 0;
+  // The signals that wait for the thread alone, and for its process (where each thread shows them), without
+  // those that are ignored; and those that the thread blocks. Bit N - 1 is signal N.
+  std::uint64_t to_thread = 0;
+  std::uint64_t to_process = 0;
+  std::uint64_t blocked = 0;
+  // How many wait for all processes of the thread's user.
+  std::uint64_t queued = 0;
 
-  [[nodiscard]] bool takes_signals() const { return state != '\0' && state != 'Z' && state != 'X'; }
+  [[nodiscard]] bool exists() const { return state != '\0'; }
+  [[nodiscard]] bool takes_signals() const { return exists() && state != 'Z' && state != 'X'; }
 };
 ThreadStatus thread_status(pid_t thread);
 

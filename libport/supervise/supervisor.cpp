@@ -10,8 +10,6 @@
 #include <unistd.h>
 #include <utility>
 
-#include "libport/supervise/pending_signals.hpp"
-
 // Linux 5.14 and 6.6.
 #ifndef SECCOMP_ADDFD_FLAG_SEND
 #define SECCOMP_ADDFD_FLAG_SEND (1UL << 1)
@@ -35,39 +33,34 @@ seccomp_notif_sizes sizes_here() {
 
 }  // namespace
 
-void KeptCall::finish(Outcome outcome) {
-  if (const auto finish = std::exchange(finish_, {})) finish(std::move(outcome));
-}
-
-void KeptCall::call_at(Instant when, std::function<void()> callback) {
-  at_ = when;
-  at_callback_ = std::move(callback);
-  if (reschedule_) reschedule_();
-}
-
 Supervisor::Supervisor(Loop& loop, UniqueFd listener, std::vector<std::unique_ptr<CallPart>> parts)
     : listener_(std::move(listener)),
       parts_(std::move(parts)),
-      loop_(&loop),
       calls_stay_(calls_outlast_signals()),
       told_(sizes_here().seccomp_notif),
       response_(sizes_here().seccomp_notif_resp),
-      watch_(loop, listener_.get(), [this] { on_readable(); }),
-      call_timer_(loop, [this] { call_back_due(); }),
-      look_timer_(
-          loop, [this] { look(); }, Timer::By::machine) {
+      kept_(loop, [this](const Call& call, Outcome outcome) { send(call, std::move(outcome)); }),
+      watch_(loop, listener_.get(), [this] { on_readable(); }) {
   // Only faster, and only from Linux 6.6 on.
   const std::uint64_t flags = SECCOMP_USER_NOTIF_FD_SYNC_WAKE_UP;
   (void)::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_SET_FLAGS, flags);
   watch_.watch_readable(true);
 }
 
-Supervisor::~Supervisor() {
-  for (const auto& kept : kept_) kept->finish_ = {};
+Supervisor::~Supervisor() = default;
+
+std::vector<CallTrap> Supervisor::traps(const std::vector<std::unique_ptr<CallPart>>& parts) {
+  std::vector<CallTrap> traps = KeptCalls::traps();
+  for (const auto& part : parts) {
+    for (CallTrap& trap : part->traps()) traps.push_back(std::move(trap));
+  }
+  return traps;
 }
 
 void Supervisor::on_readable() {
-  for (int taken = 0; taken < kInARow; ++taken) {
+  // Each of these calls goes through all that are kept.
+  const int most = kept_.size() > kManyKept ? 1 : kInARow;
+  for (int taken = 0; taken < most; ++taken) {
     // One whose thread has gone meanwhile is told no more, and to receive it would wait for the next.
     pollfd polled{.fd = listener_.get(), .events = POLLIN, .revents = 0};
     if (::poll(&polled, 1, 0) != 1) return;
@@ -79,9 +72,7 @@ void Supervisor::on_readable() {
 // The programs, and so what was kept of them.
 void Supervisor::all_gone() {
   watch_.watch_readable(false);
-  forget_gone();
-  kept_.clear();
-  schedule();
+  kept_.all_gone();
 }
 
 void Supervisor::take_one() {
@@ -92,6 +83,7 @@ void Supervisor::take_one() {
 }
 
 void Supervisor::handle(const Call& call) {
+  if (kept_.sends(call)) return send(call, outcome::Pass{});
   for (const auto& part : parts_) {
     CallPart::Decision decision = part->decide(*this, call);
     if (std::holds_alternative<CallPart::NotMine>(decision)) continue;
@@ -135,14 +127,7 @@ void Supervisor::send(const Call& call, Outcome outcome) {
   (void)::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_SEND, response);
 }
 
-std::shared_ptr<KeptCall> Supervisor::keep(const Call& call) {
-  auto kept = std::make_shared<KeptCall>(call, loop_->clock());
-  kept->finish_ = [this, call](Outcome outcome) { send(call, std::move(outcome)); };
-  kept->reschedule_ = [this] { schedule(); };
-  kept_.push_back(kept);
-  schedule();
-  return kept;
-}
+std::shared_ptr<KeptCall> Supervisor::keep(const Call& call) { return kept_.add(call); }
 
 std::shared_ptr<KeptCall> Supervisor::keep_until_signal(const Call& call) {
   std::shared_ptr<KeptCall> kept = keep(call);
@@ -150,80 +135,6 @@ std::shared_ptr<KeptCall> Supervisor::keep_until_signal(const Call& call) {
     if (const auto waiting = weak.lock()) waiting->finish(outcome::Refuse{EINTR});
   });
   return kept;
-}
-
-void Supervisor::call_back_due() {
-  const Instant now = loop_->now();
-  for (const auto& kept : std::list(kept_)) {
-    if (kept->over() || !kept->at_ || *kept->at_ > now) continue;
-    kept->at_.reset();
-    if (const auto callback = std::exchange(kept->at_callback_, {})) callback();
-  }
-  std::erase_if(kept_, [](const auto& kept) { return kept->over(); });
-  schedule();
-}
-
-void Supervisor::look() {
-  forget_gone();
-  look_at_signals();
-  std::erase_if(kept_, [](const auto& kept) { return kept->over(); });
-  schedule();
-}
-
-// The error that a signal makes of the call; 0: none does. A signal for a whole process interrupts one of its
-// threads: the kernel takes the first one, unless that blocks it or has ended, else one that is not to be
-// known. Only a thread that looks for signals may be told of one: 512 would reach the program else.
-int Supervisor::interruption_of(KeptCall& kept, std::set<pid_t>& told) {
-  const pid_t thread = kept.call().thread();
-  const ThreadStatus status = thread_status(thread);
-  if (status.sent_to_thread != 0) return KeptCall::kRestart;
-  const bool alone = status.threads <= 1;
-  if (status.sent_to_process == 0) {
-    kept.seen_before_ = false;
-    // It is to stop with the one that has taken the signal for that.
-    const bool looks = !alone && ++kept.looks_ % kStopLook == 0;
-    return looks && thread_status(status.process).state == 'T' ? KeptCall::kRestart : 0;
-  }
-  if (alone) return KeptCall::kRestart;
-  const ThreadStatus first = thread_status(status.process);
-  if (first.takes_signals() && (first.sent_to_process & status.sent_to_process) != 0)
-    return status.process == thread ? KeptCall::kRestart : 0;
-  // Another that can take it has done so by the next look.
-  const bool seen_before = std::exchange(kept.seen_before_, true);
-  if (!seen_before || !told.insert(status.process).second) return 0;
-  return have_signals_looked_for(thread) ? KeptCall::kRestart : EINTR;
-}
-
-void Supervisor::look_at_signals() {
-  std::set<pid_t> told;
-  for (const auto& kept : std::list(kept_)) {
-    const int error = kept->over() ? 0 : interruption_of(*kept, told);
-    if (error == 0) continue;
-    if (const auto gone = std::exchange(kept->on_gone_, {})) gone();
-    kept->finish(outcome::Refuse{error});
-  }
-}
-
-void Supervisor::forget_gone() {
-  for (const auto& kept : std::list(kept_)) {
-    if (kept->over() || kept->call().waits()) continue;
-    kept->finish_ = {};
-    if (const auto gone = std::exchange(kept->on_gone_, {})) gone();
-  }
-}
-
-void Supervisor::schedule() {
-  if (kept_.empty()) look_timer_.cancel();
-  if (!kept_.empty() && !look_timer_.due()) look_timer_.set_after(kSignalLook);
-  std::optional<Instant> next;
-  for (const auto& kept : kept_) {
-    if (!kept->over() && kept->at_) next = std::min(next.value_or(*kept->at_), *kept->at_);
-  }
-  if (next) {
-    call_timer_.set(*next);
-  } else {
-    call_timer_.cancel();
-  }
 }
 
 }  // namespace porttape

@@ -336,15 +336,25 @@ void TapTransfers::on_ready() {
   } while (count == static_cast<int>(events.size()));
 }
 
-// A program that asks itself whether there is something does not need to hear of it here.
+// In a tty, a read waits behind those that came before it.
 void TapTransfers::on_ready_file(const std::shared_ptr<TappedFile>& file) {
+  const auto reads = [&](const auto& transfer) { return !transfer->writes && transfer->file == file; };
   bool is_waited_for = false;
-  for (const auto& transfer : std::list(kept_)) {
-    if (transfer->file != file) continue;
+  for (bool goes_on = true; goes_on;) {
+    const auto first = std::ranges::find_if(kept_, reads);
+    if (first == kept_.end()) break;
     is_waited_for = true;
+    const std::shared_ptr<Transfer> transfer = *first;
     go_on(transfer);
+    const auto waiting = transfer->kept.lock();
+    goes_on = !waiting || waiting->over();
+  }
+  if (!writers_.empty() && writers_.front()->file == file) {
+    is_waited_for = true;
+    go_on(std::shared_ptr(writers_.front()));
   }
   if (is_waited_for) return;
+  // A program that asks itself whether there is something does not need to hear of it here.
   file->watch().armed = false;
   (void)arm(*file, 0);
 }

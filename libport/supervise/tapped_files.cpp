@@ -33,7 +33,7 @@ TappedFiles::TappedFiles(Loop& loop) : loop_(&loop), timer_(loop, [this] { look(
 std::shared_ptr<TappedFile> TappedFiles::find(const Call& call, int fd, std::uint64_t device, int& error) {
   error = 0;
   used_ = true;
-  if (kept_ && thread_ == call.thread() && number_ == fd) {
+  if (kept_) {
     if (call.has_as(fd, kept_->fd())) return kept_;
     drop(std::move(kept_));
     timer_.cancel();
@@ -48,8 +48,6 @@ std::shared_ptr<TappedFile> TappedFiles::find(const Call& call, int fd, std::uin
     return nullptr;
   let_go();
   kept_ = std::make_shared<TappedFile>(std::move(file));
-  thread_ = call.thread();
-  number_ = fd;
   timer_.set_after(kUnused);
   return kept_;
 }

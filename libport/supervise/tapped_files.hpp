@@ -83,8 +83,6 @@ class TappedFiles {
   Timer timer_;
   Workers::Strand closes_;
   std::shared_ptr<TappedFile> kept_;
-  pid_t thread_ = 0;
-  int number_ = -1;
   bool used_ = false;
 };
 

@@ -34,7 +34,7 @@ class ProbeCallsTest : public testing::Test {
         {.command = std::move(command),
          .environment = {"PATH=/usr/bin:/bin"},
          .output_to_stderr = true,
-         .traps = parts.front()->traps()},
+         .traps = Supervisor::traps(parts)},
         [&](int wait_status) { status = wait_status; }, trouble);
     if (!running) return -1;
     const Supervisor supervisor(loop, running->take_listener(), std::move(parts));

@@ -46,12 +46,18 @@ class Sleeps final : public CallPart {
     kept->call_after(length, [weak = std::weak_ptr(kept)] {
       if (const auto waiting = weak.lock()) waiting->finish(outcome::Answer{0});
     });
+    kept->on_gone([this, weak = std::weak_ptr(kept)] {
+      ++gone_;
+      if (const auto waiting = weak.lock()) waiting->finish(outcome::Refuse{EINTR});
+    });
     asked_->push_back(length);
     return Kept{};
   }
+  [[nodiscard]] const int& gone() const { return gone_; }
 
  private:
   std::vector<Nanos>* asked_;
+  int gone_ = 0;  // calls that a signal or their thread's end came before
 };
 
 // Gives a program that opens this path a file, at the lowest descriptor that is free.
@@ -105,7 +111,7 @@ class SupervisorOnAMovedClock : public testing::Test {
         loop,
         {.command = std::move(command),
          .environment = {"PATH=/usr/bin:/bin"},
-         .traps = parts.front()->traps()},
+         .traps = Supervisor::traps(parts)},
         [&](int wait_status) { status = wait_status; }, trouble);
     if (!running) {
       ADD_FAILURE() << trouble.message;
@@ -132,6 +138,25 @@ TEST_F(SupervisorOnAMovedClock, AnHourOfSleepIsOverWhenTheClockHasIt) {
   ASSERT_TRUE(status.has_value());
   EXPECT_TRUE(WIFEXITED(*status) && WEXITSTATUS(*status) == 0) << *status;
   EXPECT_EQ(asked, std::vector<Nanos>{hours(1)});
+}
+
+// An execve() ends all threads but one, and the process goes on.
+TEST_F(SupervisorOnAMovedClock, TheCallOfAThreadThatEndsIsForgotten) {
+  auto sleeps = std::make_unique<Sleeps>(asked);
+  const int& gone = sleeps->gone();
+  const std::string program =
+      "import os, signal, threading, time\n"
+      "signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGUSR1])\n"
+      "threading.Thread(target=time.sleep, args=(3600,)).start()\n"
+      "signal.sigwait([signal.SIGUSR1])\n"
+      "os.execvp('sleep', ['sleep', '1800'])\n";
+  const auto status = run(std::move(sleeps), {"python3", "-c", program}, [&](pid_t command) {
+    ::kill(command, SIGUSR1);
+    run_until(loop, [&] { return gone > 0 && asked.size() > 1; });
+    EXPECT_EQ(gone, 1);
+    ::kill(command, SIGKILL);
+  });
+  ASSERT_TRUE(status.has_value());
 }
 
 // The clock stands, and so would a look for signals that went by it.

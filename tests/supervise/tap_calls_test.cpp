@@ -186,7 +186,7 @@ class TapCallsTest : public testing::Test {
           loop, line,
           TapCalls::Options{.processes = [&] { return processes_of(process); },
                             .tell = [this](const std::string& what) { told.push_back(what); }}));
-      traps = parts.front()->traps();
+      traps = Supervisor::traps(parts);
     }
     SupervisedCommand::Trouble trouble;
     std::optional<int> status;
@@ -334,6 +334,12 @@ TEST_F(TapCallsTest, ASignalOfAProcessInterruptsWhicheverThreadTakesIt) {
 
 TEST_F(TapCallsTest, ASignalEndsAReadOfAProcessWhoseFirstThreadHasEnded) {
   EXPECT_THAT(same({"open", "raw:1:0", "firstends"}), ElementsAre("open 0", "first ends 3"));
+}
+
+// More than one file can be watched for in the kernel (epoll(7): 1000).
+TEST_F(TapCallsTest, ManyThreadsWaitForOneByteEach) {
+  EXPECT_THAT(same({"open", "raw:1:0", "crowd:1500"}), ElementsAre("open 0", "crowd EINTR 1499"));
+  EXPECT_EQ(events.read, std::string(1499, 'x'));
 }
 
 TEST_F(TapCallsTest, AProcessStopsWithAThreadThatReads) {

@@ -20,6 +20,8 @@
 #include <unistd.h>
 #include <vector>
 
+#include "tests/supervise/crowd.hpp"
+
 namespace {
 
 int line = -1;
@@ -309,6 +311,21 @@ void do_two_writes() {
   say("two writes", 0);
 }
 
+// So many threads read a byte each; a signal interrupts one of them, and the others get theirs.
+void do_crowd(int size) {
+  set_alarm(0, false);
+  porttape::test::Crowd crowd(size, [] {
+    char byte = 0;
+    return ::read(line, &byte, 1);
+  });
+  const pthread_t one = crowd.thread(size / 2);
+  const std::string end = crowd.ended_by([one] { ::pthread_kill(one, SIGALRM); });
+  const std::string bytes = "give " + std::string(static_cast<std::size_t>(size) - 1, 'x');
+  if (::write(line, bytes.data(), bytes.size()) != static_cast<ssize_t>(bytes.size())) std::abort();
+  crowd.await_ones(size - 1);
+  say("crowd " + end, size - 1);
+}
+
 bool do_line_step(const std::string& name, const std::string& value) {
   if (name == "open") {
     open_line(0);
@@ -381,6 +398,8 @@ bool do_step(const std::string& name, const std::string& value) {
     do_first_ends();
   } else if (name == "stop") {
     do_stop();
+  } else if (name == "crowd") {
+    do_crowd(std::atoi(value.c_str()));
   } else if (name == "closeunder") {
     do_close_under_read();
   } else if (name == "twowrites") {

@@ -117,7 +117,7 @@ class TtyCallsTest : public testing::Test {
     SupervisedCommand::Trouble trouble;
     bool over = false;
     const auto running = SupervisedCommand::start(
-        loop, {.command = command, .environment = environment_here(), .traps = parts.front()->traps()},
+        loop, {.command = command, .environment = environment_here(), .traps = Supervisor::traps(parts)},
         [&](int wait_status) {
           status = wait_status;
           over = true;
@@ -288,6 +288,10 @@ TEST_F(TtyCallsTest, AWaitForALineEndsWithItsChange) {
 
 TEST_F(TtyCallsTest, ASignalEndsAWait) {
   EXPECT_THAT(run({"alarm:20", "wait"}), ElementsAre("wait -1 EINTR"));
+}
+
+TEST_F(TtyCallsTest, SignalsEndWaitsOfOneOfManyThreadsWhoeverSendsThem) {
+  EXPECT_THAT(run({"crowd:1500"}), ElementsAre("beside 0", "thread EINTR", "timer EINTR", "process EINTR"));
 }
 
 // As the kernel has it, a handler's SA_RESTART or not: a second break would reach the device.

@@ -14,6 +14,8 @@
 #include <termios.h>
 #include <unistd.h>
 
+#include "tests/supervise/crowd.hpp"
+
 static void on_alarm(int number) { (void)number; }
 
 static void change(int fd, const char* step) {
@@ -124,6 +126,39 @@ static void ask_elsewhere(int fd, FILE* out, int children) {
   fprintf(out, "children %d thread %d\n", answered, of_thread != NULL);
 }
 
+// So many threads wait for a line, beside a call that is answered at once. Each way of sending a signal then
+// interrupts one of them.
+static void wait_in_crowd(int fd, FILE* out, int size) {
+  struct sigaction action;
+  memset(&action, 0, sizeof(action));
+  action.sa_handler = on_alarm;
+  sigaction(SIGUSR1, &action, NULL);
+  porttape::test::Crowd crowd(size, [fd] { return ioctl(fd, TIOCMIWAIT, TIOCM_RNG); });
+  int bits = 0;
+  fprintf(out, "beside %d\n", ioctl(fd, TIOCMGET, &bits));
+
+  const pthread_t one = crowd.thread(size / 2);
+  fprintf(out, "thread %s\n", crowd.ended_by([one] { pthread_kill(one, SIGUSR1); }).c_str());
+
+  struct sigevent event;
+  memset(&event, 0, sizeof(event));
+  event.sigev_notify = SIGEV_THREAD_ID;
+  event.sigev_signo = SIGUSR1;
+  event._sigev_un._tid = crowd.number(size / 3);
+  timer_t timer;
+  if (timer_create(CLOCK_MONOTONIC, &event, &timer) != 0) _exit(9);
+  const struct itimerspec soon = {{0, 0}, {0, 1000}};
+  const auto by_timer = [&] { timer_settime(timer, 0, &soon, NULL); };
+  fprintf(out, "timer %s\n", crowd.ended_by(by_timer).c_str());
+
+  // The threads that have ended their wait leave it to those that have not.
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGUSR1);
+  pthread_sigmask(SIG_BLOCK, &signals, NULL);
+  fprintf(out, "process %s\n", crowd.ended_by([] { kill(getpid(), SIGUSR1); }).c_str());
+}
+
 // The number of the tty is that of another file for a moment.
 static void ask_other(int fd, FILE* out) {
   const int kept = dup(fd);
@@ -202,6 +237,8 @@ int main(int count, char** words) {
       ask_other(fd, out);
     } else if (strncmp(step, "children:", 9) == 0) {
       ask_elsewhere(fd, out, atoi(step + 9));
+    } else if (strncmp(step, "crowd:", 6) == 0) {
+      wait_in_crowd(fd, out, atoi(step + 6));
     } else if (strcmp(step, "exec") == 0) {
       setenv("TTY_PROGRAM_GOES_ON", "1", 1);
       words[i] = words[2];

@@ -1,0 +1,114 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <sys/types.h>
+#include <utility>
+#include <vector>
+
+#include "libport/base/time.hpp"
+#include "libport/loop/loop.hpp"
+#include "libport/loop/timer.hpp"
+#include "libport/supervise/call.hpp"
+#include "libport/supervise/call_filter.hpp"
+#include "libport/supervise/kept_call.hpp"
+
+namespace porttape {
+
+// The calls that a supervisor keeps: ends those whose thread has a signal, forgets those whose thread has
+// ended, and calls back those that have asked for a moment.
+//
+// The kernel tells of signals only by /proc, and only who looks. A look at one thread takes some 20 µs, so
+// that all cannot be looked at each millisecond. Each millisecond some 0.2 ms go to looks, in this order:
+//
+// 1. at threads that have just made their call, and at those that a supervised thread sends a signal to: such
+//    calls are trapped (traps());
+// 2. at the first thread of each process, in turn: it shows the signals for the whole process, whether it is
+//    to stop, and whether some of its threads have ended;
+// 3. at the other threads, in turn: signals that somebody else, or a timer, has sent to them alone.
+//
+// A few calls are all looked at each millisecond so. With 2000 threads of one process the first two still
+// are, the third takes a third of a second. While more signals wait for a user's processes than at the last
+// look, the looks go on without a pause until all have been looked at once.
+//
+// Loop thread only.
+class KeptCalls {
+ public:
+  using Finish = std::function<void(const Call& call, Outcome outcome)>;
+
+  // How often looks are begun, by the machine's clock whatever the loop has, and how long they go on.
+  static constexpr Nanos kLook = std::chrono::milliseconds(1);
+  static constexpr Nanos kSlice = std::chrono::microseconds(200);
+
+  // `loop` outlives it.
+  KeptCalls(Loop& loop, Finish finish);
+  ~KeptCalls();
+  KeptCalls(const KeptCalls&) = delete;
+  KeptCalls& operator=(const KeptCalls&) = delete;
+
+  std::shared_ptr<KeptCall> add(const Call& call);
+  // No thread waits any more.
+  void all_gone();
+  [[nodiscard]] std::size_t size() const { return by_thread_.size(); }
+
+  // The calls by which a thread sends a signal to one thread: to be told to sends() before they are passed.
+  static std::vector<CallTrap> traps();
+  // Whether it is one of these.
+  bool sends(const Call& call);
+
+ private:
+  struct Kept {
+    std::shared_ptr<KeptCall> call;
+    pid_t process = 0;  // 0: not looked at yet
+    std::optional<Instant> moment = {};
+  };
+  // A process of which calls are kept.
+  struct Process {
+    std::set<pid_t> threads;  // that wait in them
+    // At the last look: how many threads the process has, how many signals wait for its user's processes,
+    // and which for this one that its first thread does not take.
+    unsigned alive = 0;
+    std::uint64_t queued = 0;
+    std::uint64_t left = 0;
+    pid_t asked_up_to = 0;  // of `threads`, whether it takes these
+  };
+  class Slice;
+
+  void drop(pid_t thread);
+  void leave(std::map<pid_t, Process>::iterator process, pid_t thread);
+  void gone(pid_t thread);
+  void interrupt(pid_t thread, int error);
+  void look();
+  void look_at_sent();
+  template <class Look>
+  static void look_at_all(std::deque<pid_t>& threads, const Slice& slice, const Look& look);
+  bool still_waits(pid_t thread);
+  void look_at_thread(pid_t thread);
+  void look_at_process(pid_t id);
+  void give_to_another(pid_t id, std::uint64_t signals);
+  void schedule_moment();
+  void call_back_due();
+
+  Loop* loop_;
+  Finish finish_;
+  std::map<pid_t, Kept> by_thread_;  // a thread waits in one call
+  std::map<pid_t, Process> processes_;
+  std::set<std::pair<Instant, pid_t>> moments_;
+  std::deque<pid_t> fresh_;            // threads that have just made their call
+  std::deque<pid_t> doubted_;          // threads that may have ended
+  std::map<pid_t, unsigned> sent_to_;  // threads that were sent a signal: how many looks are to follow
+  pid_t last_thread_ = 0;              // that was looked at in its turn
+  pid_t last_process_ = 0;             // the same
+  std::size_t hurried_ = 0;            // looks that are to follow without a pause
+  Timer moment_timer_;
+  Timer look_timer_;
+};
+
+}  // namespace porttape
