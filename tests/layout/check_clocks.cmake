@@ -12,6 +12,8 @@ set(places
   libport/tape/live_tape.cpp
   # The date on which a file was made: verbs that make tapes have no loop.
   libport/tape/tape_header.cpp
+  # How long looks at a program's threads take.
+  libport/supervise/kept_calls.cpp
   # How long the reader of a report's pipe may take.
   libport/taped/report_file.cpp
   # How long a UART takes to send what is left.
