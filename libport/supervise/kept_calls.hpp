@@ -22,21 +22,22 @@
 
 namespace porttape {
 
-// The calls that a supervisor keeps: ends those whose thread has a signal, forgets those whose thread has
-// ended, and calls back those that have asked for a moment.
+// Holds the calls that a supervisor keeps. It ends a call whose thread has a signal, drops a call whose thread
+// has ended, and calls a call back at the moment that it asked for.
 //
-// The kernel tells of signals only by /proc, and only who looks. A look at one thread takes some 20 µs, so
-// that all cannot be looked at each millisecond. Each millisecond some 0.2 ms go to looks, in this order:
+// The kernel shows pending signals only in /proc. To read one thread's status takes some 20 µs, so the status
+// of all threads cannot be read each millisecond. Each millisecond some 0.2 ms are spent on reading, in this
+// order:
 //
-// 1. at threads that have just made their call, and at those that a supervised thread sends a signal to: such
-//    calls are trapped (traps());
-// 2. at the first thread of each process, in turn: it shows the signals for the whole process, whether it is
-//    to stop, and whether some of its threads have ended;
-// 3. at the other threads, in turn: signals that somebody else, or a timer, has sent to them alone.
+// 1. Threads that have just made their call, and threads to which a supervised thread sends a signal. The
+//    calls that send a signal to one thread are trapped for this (traps()).
+// 2. The first thread of each process, in turn. Its status shows the signals for the whole process, whether
+//    the process is to stop, and whether some of its threads have ended.
+// 3. The other threads, in turn. This finds signals that a timer, or a process outside, sends to one thread.
 //
-// A few calls are all looked at each millisecond so. With 2000 threads of one process the first two still
-// are, the third takes a third of a second. While more signals wait for a user's processes than at the last
-// look, the looks go on without a pause until all have been looked at once.
+// A few calls are all looked at each millisecond. With 2000 threads of one process, the first two steps still
+// are, and the third one takes a third of a second. When the number of signals that wait for the processes of
+// a user has grown, the looks go on without a pause until each thread has been looked at once.
 //
 // Loop thread only.
 class KeptCalls {
@@ -58,9 +59,10 @@ class KeptCalls {
   void all_gone();
   [[nodiscard]] std::size_t size() const { return by_thread_.size(); }
 
-  // The calls by which a thread sends a signal to one thread: to be told to sends() before they are passed.
+  // The calls by which a thread sends a signal to one thread.
   static std::vector<CallTrap> traps();
-  // Whether it is one of these.
+  // Returns whether `call` is one of these. The thread that it names is then looked at for a while; the caller
+  // passes the call to the kernel.
   bool sends(const Call& call);
 
  private:
