@@ -176,7 +176,7 @@ void note_next_part(const TapePaths& paths, const TapeReader& tape, Nanos limit,
                     std::ostream& err) {
   const auto header = tape.header();
   if (!header || header->id.empty()) return;
-  const auto next = next_part(paths, header->id, limit);
+  const auto next = next_part(paths, header->id.raw(), limit);
   if (next) note("it goes on as " + *next, out, err);
 }
 

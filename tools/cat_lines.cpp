@@ -51,7 +51,7 @@ std::string TextCatPrinter::head_text(TapeTime at) {
       text = "+" + seconds_number(since.count());
       break;
     case Times::wall:
-      text = later(layout_.zero, at - TapeTime{}).wall;
+      text = later(layout_.zero, at - TapeTime{}).wall.for_line();
       break;
   }
   text.insert(0, text.size() < usual ? usual - text.size() : 0, ' ');

@@ -50,7 +50,7 @@ std::optional<std::string> part_after(const TapePaths& tape, const std::string& 
     const std::string name = entry->path().filename().string();
     if (!name.starts_with(begin) || !name.ends_with('e')) continue;
     const auto header = header_of({.read = {}, .write = {}, .events = entry->path()});
-    if (header && header->previous && header->previous->id == id)
+    if (header && header->previous && header->previous->id.raw() == id)
       return (tape.events.parent_path() / name.substr(0, name.size() - 1)).string();
   }
   return std::nullopt;

@@ -61,7 +61,8 @@ std::string_view word_of(Transport transport) {
 }
 std::string_view word_of(Stamped stamped) { return stamped == Stamped::arrival ? "arrival" : "read"; }
 
-std::optional<std::string_view> text_or_none(std::string_view text) {
+template <class Text>
+std::optional<Text> text_or_none(const Text& text) {
   return text.empty() ? std::nullopt : std::optional(text);
 }
 
@@ -267,9 +268,9 @@ std::string safe(std::string_view text) { return printable_line(text); }
 
 void print_origin(const TapeOrigin& origin, std::ostream& out) {
   constexpr std::size_t shown = 5;
-  label(out, "origin") << safe(origin.by) << " of";
+  label(out, "origin") << origin.by.for_line() << " of";
   for (std::size_t i = 0; i < std::min(origin.tapes.size(), shown); ++i)
-    out << (i == 0 ? " " : ", ") << safe(origin.tapes[i].name);
+    out << (i == 0 ? " " : ", ") << origin.tapes[i].name.for_line();
   if (origin.tapes.size() > shown) out << " and " << origin.tapes.size() - shown << " more";
   if (origin.from && origin.from->count() > 0)
     out << ", from " << seconds_number(origin.from->count()) << " s on";
@@ -277,20 +278,20 @@ void print_origin(const TapeOrigin& origin, std::ostream& out) {
 }
 
 void print_header(const TapeHeader& header, std::ostream& out) {
-  label(out, "recorded") << safe(header.created) << " by " << safe(header.tool) << " on " << safe(header.host)
-                         << '\n';
-  if (!header.id.empty()) label(out, "id") << safe(header.id) << '\n';
+  label(out, "recorded") << header.created.for_line() << " by " << header.tool.for_line() << " on "
+                         << header.host.for_line() << '\n';
+  if (!header.id.empty()) label(out, "id") << header.id.for_line() << '\n';
   if (header.zero) {
-    label(out, "zero") << safe(header.zero->wall) << ", " << seconds_number(header.zero->monotonic_us)
+    label(out, "zero") << header.zero->wall.for_line() << ", " << seconds_number(header.zero->monotonic_us)
                        << " s after the boot";
-    if (!header.zero->boot.empty()) out << ' ' << safe(header.zero->boot);
+    if (!header.zero->boot.empty()) out << ' ' << header.zero->boot.for_line();
     out << '\n';
   }
-  label(out, "device") << safe(header.device) << '\n';
+  label(out, "device") << header.device.for_line() << '\n';
   if (header.identity) label(out, "identity") << safe(to_text(*header.identity)) << '\n';
   if (!header.identity_refused.empty())
-    label(out, "identity") << "refused: " << safe(header.identity_refused) << '\n';
-  label(out, "driver") << safe(header.driver) << '\n';
+    label(out, "identity") << "refused: " << header.identity_refused.for_line() << '\n';
+  label(out, "driver") << header.driver.for_line() << '\n';
   if (header.transport) label(out, "transport") << word_of(*header.transport) << '\n';
   if (header.stamped) {
     label(out, "stamped") << (*header.stamped == Stamped::arrival ? "when bytes arrived"
@@ -298,7 +299,8 @@ void print_header(const TapeHeader& header, std::ostream& out) {
                           << '\n';
   }
   if (header.previous) {
-    label(out, "previous") << safe(header.previous->name) << ' ' << safe(header.previous->id) << '\n';
+    label(out, "previous") << header.previous->name.for_line() << ' ' << header.previous->id.for_line()
+                           << '\n';
   }
   if (header.origin) print_origin(*header.origin, out);
 }
@@ -357,7 +359,7 @@ void print_events(const EventsSummary& events, std::ostream& out) {
   print_settings(events, out);
   print_signals(events, out);
   for (const MarkSummary& mark : events.marks)
-    label(out, "mark") << seconds_number(to_us(mark.at)) << " s  " << safe(mark.text) << '\n';
+    label(out, "mark") << seconds_number(to_us(mark.at)) << " s  " << mark.text.for_line() << '\n';
   if (events.count<event::Mark>() > events.marks.size())
     label(out, "mark") << "… and " << events.count<event::Mark>() - events.marks.size() << " more\n";
   label(out, "ended") << (events.ended ? "yes\n" : "no\n");

@@ -21,7 +21,7 @@
 namespace porttape {
 namespace {
 
-using Facts = std::vector<std::pair<std::string, std::string>>;
+using Facts = std::vector<std::pair<std::string, StrangerText>>;
 
 constexpr VerbHelp kPackHelp{
     "pack", "TAPE... -o FILE",
@@ -72,7 +72,7 @@ Facts agreed_facts(const CommandLine& line, std::ostream& err) {
   if (!can_ask(err)) return {};
   Facts facts = facts_of_system();
   err << "Facts about this machine help with a bug report:\n";
-  for (const auto& [key, value] : facts) err << "  " << key << ": " << printable_line(value) << '\n';
+  for (const auto& [key, value] : facts) err << "  " << key << ": " << value.for_line() << '\n';
   err << "Put them into the pack? [y/N] " << std::flush;
   std::string answer;
   std::getline(std::cin, answer);
@@ -86,8 +86,8 @@ void tell_packed(const PackManifest& pack, const std::string& file, std::ostream
   fmt::print(out, "{}: {} and {}{} of {} bytes\n", printable_line(file), counted(pack.tapes.size(), "tape"),
              counted(pack.files.size() + 1, "file"), packed, pack.bytes());
   for (const PackedTape& tape : pack.tapes)
-    fmt::print(out, "  tape {}: {}\n", printable_line(tape.name), tape.verdict);
-  for (const auto& [key, value] : pack.system) fmt::print(out, "  {}: {}\n", key, printable_line(value));
+    fmt::print(out, "  tape {}: {}\n", printable_line(tape.name), tape.verdict.for_line());
+  for (const auto& [key, value] : pack.system) fmt::print(out, "  {}: {}\n", key, value.for_line());
   if (pack.redaction) return;
   out << "  note  no report of a redaction is in it; `porttape redact` takes secrets off a tape\n";
 }

@@ -92,7 +92,7 @@ void tell_gaps(const TapeSummary& tape, const Voice& voice) {
     tell(voice, fmt::format("{}: {} missing at {} s: {}", tape.name,
                             gap.bytes > 0 ? counted(gap.bytes, "byte") + (gap.bytes == 1 ? " is" : " are")
                                           : "something is",
-                            seconds_number(to_us(gap.from)), gap.why));
+                            seconds_number(to_us(gap.from)), gap.why.for_line()));
   }
 }
 

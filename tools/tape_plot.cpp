@@ -137,12 +137,13 @@ void TapePlot::add_event(const Record& record) {
   }
   Sign sign{.at = record.at, .from = record.at, .look = look_of(*record.event), .text = {}};
   sign.text = name_of(*record.event);
-  if (const auto* const mark = std::get_if<event::Mark>(record.event)) sign.text = mark->text;
-  if (const auto* const lost = std::get_if<event::DeviceLost>(record.event)) sign.text += ": " + lost->why;
+  if (const auto* const mark = std::get_if<event::Mark>(record.event)) sign.text = mark->text.for_line();
+  if (const auto* const lost = std::get_if<event::DeviceLost>(record.event))
+    sign.text += ": " + lost->why.for_line();
   if (const auto* const gap = std::get_if<event::Gap>(record.event)) {
     sign.from = gap->from.value_or(record.at);
     sign.look = "gap";
-    sign.text = fmt::format("gap: {} bytes are missing, {}", gap->bytes, gap->why);
+    sign.text = fmt::format("gap: {} bytes are missing, {}", gap->bytes, gap->why.for_line());
   }
   signs_.push_back(std::move(sign));
 }

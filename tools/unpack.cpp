@@ -26,13 +26,13 @@ constexpr VerbHelp kUnpackHelp{
 
 void tell_unpacked(const PackManifest& pack, const std::string& folder, std::ostream& out) {
   fmt::print(out, "{}: {}, packed {} by {}\n", printable_line(folder), counted(pack.tapes.size(), "tape"),
-             printable_line(pack.created), printable_line(pack.tool));
+             pack.created.for_line(), pack.tool.for_line());
   for (const PackedTape& tape : pack.tapes)
-    fmt::print(out, "  tape {}: {}\n", printable_line(tape.name), printable_line(tape.verdict));
-  if (!pack.driver_version.empty()) fmt::print(out, "  driver: {}\n", printable_line(pack.driver_version));
-  if (!pack.driver_command.empty()) fmt::print(out, "  command: {}\n", printable_line(pack.driver_command));
+    fmt::print(out, "  tape {}: {}\n", printable_line(tape.name), tape.verdict.for_line());
+  if (!pack.driver_version.empty()) fmt::print(out, "  driver: {}\n", pack.driver_version.for_line());
+  if (!pack.driver_command.empty()) fmt::print(out, "  command: {}\n", pack.driver_command.for_line());
   for (const auto& [key, value] : pack.system)
-    fmt::print(out, "  {}: {}\n", printable_line(key), printable_line(value));
+    fmt::print(out, "  {}: {}\n", printable_line(key), value.for_line());
   if (pack.redaction) fmt::print(out, "  redacted: {} tells what\n", kRedactionName);
 }
 

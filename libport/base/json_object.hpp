@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "libport/base/json_text.hpp"
+#include "libport/base/stranger_text.hpp"
 
 namespace porttape {
 
@@ -19,6 +20,10 @@ class JsonList;
 class JsonObject {
  public:
   JsonObject& add(std::string_view key, std::string_view text) { return add_raw(key, json_quote(text)); }
+  template <std::same_as<StrangerText> Text>
+  JsonObject& add(std::string_view key, const Text& text) {
+    return add_raw(key, text.for_json());
+  }
   template <std::integral Number>
   JsonObject& add(std::string_view key, Number number) {
     return add_raw(key, std::to_string(number));

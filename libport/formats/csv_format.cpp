@@ -4,6 +4,7 @@
 #include <array>
 #include <fmt/format.h>
 
+#include "libport/base/json_text.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/formats/byte_text.hpp"
 #include "libport/formats/csv_cells.hpp"
@@ -92,7 +93,7 @@ class CsvImport final : public LineImport {
 std::string row_of(const Record& record) {
   const std::string time = seconds_of_us(to_us(record.at));
   if (record.event != nullptr && std::holds_alternative<event::End>(*record.event)) return time + ",end,\n";
-  if (record.event != nullptr) return fmt::format("{},event,{}\n", time, in_cell(record.event_line));
+  if (record.event != nullptr) return fmt::format("{},event,{}\n", time, in_cell(json_for_terminal(record.event_line)));
   const std::string_view way = record.kind == RecordKind::read ? "r" : "w";
   return fmt::format("{},{},{}\n", time, record.piece_offset > 0 ? "more" : way, to_hex(record.data));
 }
@@ -106,7 +107,7 @@ Result<std::optional<TapeTime>> import_csv(Evidence& from, ImportTape& to, const
 Result<std::vector<std::string>> export_csv(TapeReader& from, NewFile& to, const ConvertProgress& progress) {
   std::string text = std::string(kFirst) + '\n';
   if (const std::string header = from.header_line(); !header.empty())
-    text += ",header," + in_cell(header) + '\n';
+    text += ",header," + in_cell(json_for_terminal(header)) + '\n';
   if (Result<void> added = to.add(text); !added) return added.error();
   const Result<void> all =
       each_record(from, progress, [&](const Record& record) { return to.add(row_of(record)); });

@@ -6,6 +6,7 @@
 #include <boost/json/parse.hpp>
 #include <boost/json/value.hpp>
 
+#include "libport/base/json_text.hpp"
 #include "libport/formats/each_record.hpp"
 #include "libport/formats/line_import.hpp"
 
@@ -92,7 +93,7 @@ class JsonImport final : public LineImport {
 };
 
 std::string line_of(const Record& record) {
-  if (record.event != nullptr) return std::string(record.event_line) + '\n';
+  if (record.event != nullptr) return json_for_terminal(record.event_line) + '\n';
   const char way = record.kind == RecordKind::read ? 'r' : 'w';
   const std::string hex = to_hex(record.data);
   if (record.piece_offset > 0) return fmt::format("{{\"dir\":\"{}\",\"hex\":\"{}\"}}\n", way, hex);
@@ -108,7 +109,7 @@ Result<std::optional<TapeTime>> import_json(Evidence& from, ImportTape& to, cons
 
 Result<std::vector<std::string>> export_json(TapeReader& from, NewFile& to, const ConvertProgress& progress) {
   if (const std::string header = from.header_line(); !header.empty()) {
-    if (Result<void> added = to.add(header + '\n'); !added) return added.error();
+    if (Result<void> added = to.add(json_for_terminal(header) + '\n'); !added) return added.error();
   }
   const Result<void> all =
       each_record(from, progress, [&](const Record& record) { return to.add(line_of(record)); });

@@ -167,10 +167,10 @@ Result<std::vector<std::string>> export_pcapng(TapeReader& from, NewFile& to,
   section.interface = "tape";
   section.comments.push_back(fmt::format("{}{}", rtac::kZeroComment, zero));
   if (header) {
-    if (!header->tool.empty()) section.program = header->tool;
-    if (!header->device.empty()) section.interface = header->device;
+    if (!header->tool.empty()) section.program = header->tool.raw();
+    if (!header->device.empty()) section.interface = header->device.raw();
     section.hardware = hardware_of(*header);
-    section.os = header->host;
+    section.os = header->host.raw();
     add_comment(section.comments, rtac::kHeaderComment, from.header_line());
   }
   if (Result<void> begun = writer.begin(section); !begun) return begun.error();

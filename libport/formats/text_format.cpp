@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <utility>
 
+#include "libport/base/json_text.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/formats/byte_text.hpp"
 #include "libport/formats/each_record.hpp"
@@ -208,7 +209,7 @@ class TextExport {
 
   Result<void> begin(const std::string& header_line) {
     out_ = fmt::format("{}\n{}", kFirstLine, kGuide);
-    if (!header_line.empty()) out_ += "header " + header_line + '\n';
+    if (!header_line.empty()) out_ += "header " + json_for_terminal(header_line) + '\n';
     return flush();
   }
 
@@ -244,7 +245,7 @@ class TextExport {
     } else if (bare == R"({"event":"open"})" || bare == R"({"event":"close"})") {
       out_ += std::holds_alternative<event::Open>(*record.event) ? "open\n" : "close\n";
     } else {
-      out_ += "event " + bare + '\n';
+      out_ += "event " + json_for_terminal(bare) + '\n';
     }
   }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "libport/base/result.hpp"
+#include "libport/base/stranger_text.hpp"
 
 namespace porttape {
 
@@ -22,23 +23,23 @@ struct PackedFile {
 };
 
 struct PackedTape {
-  std::string name{};     // laser.log
-  std::string id{};       // empty: it has no events file
-  std::string verdict{};  // to_string() of its judgement when it was packed
+  std::string name{};      // laser.log
+  StrangerText id{};       // empty: it has no events file
+  StrangerText verdict{};  // to_string() of its judgement when it was packed
   std::vector<std::string> files{};
   friend bool operator==(const PackedTape&, const PackedTape&) = default;
 };
 
 // What a pack's first file says of it; PACK.md has the keys.
 struct PackManifest {
-  std::string created{};  // RFC 3339
-  std::string tool{};     // "porttape VERSION"
+  StrangerText created{};  // RFC 3339
+  StrangerText tool{};     // "porttape VERSION"
   std::vector<PackedTape> tapes{};
   std::vector<PackedFile> files{};
-  std::string driver_version{};  // as the user gives it
-  std::string driver_command{};
-  bool redaction = false;                                     // kRedactionName is among the files
-  std::vector<std::pair<std::string, std::string>> system{};  // what the user has agreed to
+  StrangerText driver_version{};  // as the user gives it
+  StrangerText driver_command{};
+  bool redaction = false;                                      // kRedactionName is among the files
+  std::vector<std::pair<std::string, StrangerText>> system{};  // what the user has agreed to
 
   [[nodiscard]] const PackedFile* file(std::string_view name) const;
   [[nodiscard]] std::uint64_t bytes() const;  // of all files

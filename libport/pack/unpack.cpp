@@ -95,12 +95,13 @@ Result<void> check_tapes(const PackManifest& manifest, const fs::path& folder) {
       return make_error(Errc::io, "its tape " + in_quotes(tape.name) + " is not what was packed: " + why);
     };
     if (!summary) return wrong("it cannot be read");
-    const std::string id = summary->events.header ? summary->events.header->id : std::string();
-    if (to_utf8(id) != tape.id)
-      return wrong("its id was " + in_quotes(tape.id) + ", and is " + in_quotes(id));
+    const std::string id = summary->events.header ? summary->events.header->id.raw() : std::string();
+    if (to_utf8(id) != tape.id.raw())
+      return wrong("its id was " + tape.id.in_quotes() + ", and is " + in_quotes(id));
     const Judgement judgement = judge(*summary);
-    if (to_string(judgement.verdict) == tape.verdict) continue;
-    return wrong("it was " + in_quotes(tape.verdict) + ", and is " + in_quotes(to_string(judgement.verdict)));
+    if (to_string(judgement.verdict) == tape.verdict.raw()) continue;
+    return wrong("it was " + tape.verdict.in_quotes() + ", and is " +
+                 in_quotes(to_string(judgement.verdict)));
   }
   return {};
 }

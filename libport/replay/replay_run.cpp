@@ -18,7 +18,7 @@ constexpr std::size_t kMostGapsTold = 8;
 std::string text_of(const TapeGap& gap, const Roles& roles) {
   const std::string what = gap.bytes > 0 ? std::to_string(gap.bytes) + " bytes are" : "something is";
   return what + " missing on the tape from " + seconds_text(to_us(gap.from)) + " to " +
-         seconds_text(to_us(gap.to)) + (gap.why.empty() ? "" : " (" + gap.why + ")") + ": what " +
+         seconds_text(to_us(gap.to)) + (gap.why.empty() ? "" : " (" + gap.why.for_line() + ")") + ": what " +
          std::string(roles.one) + ' ' + std::string(roles.wrote) + " there was not compared";
 }
 

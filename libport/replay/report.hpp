@@ -78,7 +78,7 @@ struct TapeGap {
   TapeTime from{};
   TapeTime to{};            // where the tape goes on
   std::uint64_t bytes = 0;  // of both directions; 0: unknown, or no bytes
-  std::string why;
+  StrangerText why;
 };
 
 // What was done to the line on purpose in a run, by a wrapper of its port.

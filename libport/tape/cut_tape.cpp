@@ -65,9 +65,9 @@ class RangeWatch {
     if (over_) return Place::behind;
     const auto* mark = record.event == nullptr ? nullptr : std::get_if<event::Mark>(record.event);
     if (mark == nullptr) return begun_ ? Place::inside : Place::before;
-    if (marks_.size() < kMostMarks) marks_.push_back(mark->text);
-    const bool ends = begun_ && range.last && mark->text == *range.last;
-    if (range.first && mark->text == *range.first) begun_ = true;
+    if (marks_.size() < kMostMarks) marks_.push_back(mark->text.raw());
+    const bool ends = begun_ && range.last && mark->text.raw() == *range.last;
+    if (range.first && mark->text.raw() == *range.first) begun_ = true;
     over_ = ends;
     return begun_ ? Place::inside : Place::before;
   }

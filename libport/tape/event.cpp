@@ -64,7 +64,13 @@ std::string_view shortened(std::string_view text) {
 
 void put(JsonObject& line, std::string_view key, std::string_view text) { line.add(key, shortened(text)); }
 
-void put_if(JsonObject& line, std::string_view key, std::string_view text) {
+template <std::same_as<StrangerText> Text>
+void put(JsonObject& line, std::string_view key, const Text& text) {
+  put(line, key, text.raw());
+}
+
+template <class Text>
+void put_if(JsonObject& line, std::string_view key, const Text& text) {
   if (!text.empty()) put(line, key, text);
 }
 

@@ -41,7 +41,7 @@ struct Close {
 
 struct DeviceLost {
   static constexpr std::string_view kName = "device-lost";
-  std::string why;
+  StrangerText why;
   bool hung_up = false;  // the driver's line broke with it
   friend bool operator==(const DeviceLost&, const DeviceLost&) = default;
 };
@@ -104,7 +104,7 @@ struct Drain {
 
 struct Mark {
   static constexpr std::string_view kName = "mark";
-  std::string text;
+  StrangerText text;
   friend bool operator==(const Mark&, const Mark&) = default;
 };
 
@@ -112,7 +112,7 @@ struct Gap {
   static constexpr std::string_view kName = "gap";
   std::uint64_t bytes = 0;       // of both directions together; 0: only events, or unknown
   std::optional<TapeTime> from;  // when it began; the event's own time is where the tape goes on
-  std::string why;
+  StrangerText why;
   friend bool operator==(const Gap&, const Gap&) = default;
 };
 

@@ -42,7 +42,7 @@ Result<PartWriter> PartWriter::begin(const TapeReader& source, const LineState& 
   for (const std::string& line : before.lines()) {
     if (Result<void> put = tape->carried_line(begin, line); !put) return put.error();
   }
-  return PartWriter(std::move(*tape), header.id, later);
+  return PartWriter(std::move(*tape), header.id.raw(), later);
 }
 
 Result<void> PartWriter::copy(const Record& record) {

@@ -124,8 +124,8 @@ std::optional<Micros> since(const TapeZero& first, const TapeZero& zero) {
   if (!first.boot.empty() && first.boot == zero.boot) {
     if (__builtin_sub_overflow(zero.monotonic_us, first.monotonic_us, &apart)) return std::nullopt;
   } else {
-    const auto from = wall_time(first.wall);
-    const auto to = wall_time(zero.wall);
+    const auto from = wall_time(first.wall.raw());
+    const auto to = wall_time(zero.wall.raw());
     if (!from || !to) return std::nullopt;
     apart = (*to - *from).count();
   }
@@ -133,7 +133,7 @@ std::optional<Micros> since(const TapeZero& first, const TapeZero& zero) {
 }
 
 TapeZero later(TapeZero zero, Micros by) {
-  if (const auto wall = wall_time(zero.wall)) zero.wall = rfc3339(*wall + by);
+  if (const auto wall = wall_time(zero.wall.raw())) zero.wall = rfc3339(*wall + by);
   if (__builtin_add_overflow(zero.monotonic_us, by.count(), &zero.monotonic_us)) zero.monotonic_us = 0;
   return zero;
 }

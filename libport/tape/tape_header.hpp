@@ -7,15 +7,16 @@
 
 #include "libport/base/clock.hpp"
 #include "libport/base/port_identity.hpp"
+#include "libport/base/stranger_text.hpp"
 #include "libport/base/time.hpp"
 
 namespace porttape {
 
 // A tape's zero on the clocks of the machine that recorded it.
 struct TapeZero {
-  std::string wall;               // RFC 3339 with microseconds
+  StrangerText wall;              // RFC 3339 with microseconds
   std::int64_t monotonic_us = 0;  // of CLOCK_MONOTONIC, since that boot
-  std::string boot;               // which boot of which machine; empty where it is not known
+  StrangerText boot;              // which boot of which machine; empty where it is not known
 
   friend bool operator==(const TapeZero&, const TapeZero&) = default;
 };
@@ -41,15 +42,15 @@ enum class Stamped : std::uint8_t { arrival, read };
 
 // The tape before this one, of a rotation.
 struct PreviousTape {
-  std::string id;
-  std::string name;
+  StrangerText id;
+  StrangerText name;
 
   friend bool operator==(const PreviousTape&, const PreviousTape&) = default;
 };
 
 // What a tape was made of, by a verb.
 struct TapeOrigin {
-  std::string by;                   // the verb: "cut"
+  StrangerText by;                  // the verb: "cut"
   std::vector<PreviousTape> tapes;  // at least one; those without an events file have no id
   std::optional<Micros> from;       // when it begins on the time of the first of them
 
@@ -59,18 +60,18 @@ struct TapeOrigin {
 // What the header line of the events file says. What is empty is not told; the writer fills in what it knows
 // itself.
 struct TapeHeader {
-  std::string device;  // the port with every option that the user gave
-  std::string driver;
-  std::string created{};  // RFC 3339; written: now
-  std::string host{};     // written: this machine's name
-  std::string tool{};     // written: "porttape VERSION"
-  std::string id{};       // 32 hexadecimal digits, one a tape; written: random ones
+  StrangerText device;  // the port with every option that the user gave
+  StrangerText driver;
+  StrangerText created{};  // RFC 3339; written: now
+  StrangerText host{};     // written: this machine's name
+  StrangerText tool{};     // written: "porttape VERSION"
+  StrangerText id{};       // 32 hexadecimal digits, one a tape; written: random ones
   std::optional<TapeZero> zero{};
   std::optional<Transport> transport{};
   std::optional<Stamped> stamped{};
   std::optional<PreviousTape> previous{};
   std::optional<PortIdentity> identity{};  // of the device; without its location
-  std::string identity_refused{};          // read: why the header's identity is none (check_identity)
+  StrangerText identity_refused{};         // read: why the header's identity is none (check_identity)
   std::optional<TapeOrigin> origin{};
 
   friend bool operator==(const TapeHeader&, const TapeHeader&) = default;

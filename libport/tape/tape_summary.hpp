@@ -40,7 +40,7 @@ struct GapSummary {
   TapeTime from{};
   TapeTime at{};
   std::uint64_t bytes = 0;  // 0: not known, or events only
-  std::string why;
+  StrangerText why;
 };
 
 // From an open to the close behind it; bytes that nobody had the line open for belong to none.
@@ -54,7 +54,7 @@ struct SessionSummary {
 
 struct MarkSummary {
   TapeTime at{};
-  std::string text;
+  StrangerText text;
 };
 
 struct SettingsSummary {

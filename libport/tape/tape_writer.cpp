@@ -86,7 +86,7 @@ struct TapeWriter::Impl {
 // Writes the header line. 0, or the errno: the files are to be closed then.
 int TapeWriter::Impl::begin(TapeHeader header, const TapeWriterOptions& options) {
   header = completed(std::move(header));
-  id = header.id;
+  id = header.id.raw();
   if (const int error = put_line(encode(header)); error != 0) {
     finished = true;
     return error;

@@ -18,7 +18,7 @@ void leave_out(std::string& line, std::string_view part) {
 std::uint64_t event_digest(const Turn& turn) {
   if (std::holds_alternative<event::Drain>(turn.event)) return text_digest(event::Drain::kName);
   if (const auto* gap = std::get_if<event::Gap>(&turn.event))
-    return text_digest("gap " + std::to_string(gap->bytes) + ' ' + gap->why);
+    return text_digest("gap " + std::to_string(gap->bytes) + ' ' + gap->why.raw());
   std::string line = turn.line;
   std::string time = "{\"t_us\":" + std::to_string(to_us(turn.at)) + ',';
   if (!line.starts_with(time)) {

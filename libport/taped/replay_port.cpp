@@ -100,9 +100,9 @@ Result<void> ReplayPort::prepare() {
   const std::optional<TapeHeader> header = schedule_->header();
   identity_ = header ? header->identity : std::nullopt;
   if (header && !header->identity_refused.empty())
-    context_.log->error("{}: its identity is refused: {}", name(), header->identity_refused);
+    context_.log->error("{}: its identity is refused: {}", name(), header->identity_refused.for_line());
   datagrams_ = header && (header->transport ? *header->transport == Transport::datagram
-                                            : header->device.starts_with("udp"));
+                                            : header->device.raw().starts_with("udp"));
   facts.stamped_at_arrival =
       header && header->stamped ? *header->stamped == Stamped::arrival : schedule_->has_events();
   if (datagrams_ && Pieces(options_.config.chunks, 0).cut()) {

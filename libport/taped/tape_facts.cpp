@@ -147,11 +147,11 @@ std::optional<TapeCheck> check_tape(const TapePaths& tape, const GiveUp& give_up
 std::optional<LineSettings> own_settings(const DeviceLine& line, const std::optional<TapeHeader>& header) {
   if (const auto own = line.own()) return own->over(LineSettings{});
   constexpr std::string_view serial = "serial:";
-  if (!header || !header->device.starts_with(serial)) return std::nullopt;
+  if (!header || !header->device.raw().starts_with(serial)) return std::nullopt;
   PortType settings_alone;
   settings_alone.options = line_setting_options();
   OptionValues values;
-  for (const std::string_view token : split_tokens(header->device, ",")) {
+  for (const std::string_view token : split_tokens(header->device.raw(), ",")) {
     const auto [option, value] = split_option(token);
     const bool known =
         std::ranges::find(settings_alone.options, option, &OptionSpec::name) != settings_alone.options.end();

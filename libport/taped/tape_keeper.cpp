@@ -67,7 +67,7 @@ void TapeKeeper::start() {
   if (!options_.group) header.zero = tape_zero(zero_, context_.loop->clock());
   if (options_.describe) options_.describe(header);
   header = completed(std::move(header));
-  id_ = header.id;
+  id_ = header.id.raw();
   LiveTape::Options live{.paths = options_.tape,
                          .header = std::move(header),
                          .writer = {.on_existing = options_.on_existing, .first_number = first_number_},

@@ -66,7 +66,7 @@ class Maker {
 
   TapeHeader header() {
     TapeHeader header;
-    for (std::string* member :
+    for (StrangerText* member :
          {&header.device, &header.driver, &header.created, &header.host, &header.tool, &header.id})
       *member = text();
     if (flag()) header.zero = zero();

@@ -416,7 +416,7 @@ void LiveChannel::check_tape(bool failed) {
         steps.push_back({.what = what, .read = read, .written = written, .carried = carried});
       const auto* gap = record.event == nullptr ? nullptr : std::get_if<event::Gap>(record.event);
       if (gap != nullptr) gaps += gap->bytes;
-      if (gap != nullptr && is_of_disk(gap->why)) disk_gaps += gap->bytes;
+      if (gap != nullptr && is_of_disk(gap->why.raw())) disk_gaps += gap->bytes;
     }
     const Result<TapeSummary> summary = summarize(paths);
     if (!summary) return world().wrong("{}: {}", name(), summary.error().message);

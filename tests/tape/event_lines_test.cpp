@@ -83,7 +83,7 @@ TEST(EventLines, ADigestIs16HexadecimalDigits) {
 
 TEST(EventLines, ALongTextIsCutAt4096BytesAndNeverInACharacter) {
   const auto kept = [](const std::string& text) {
-    return std::get<event::Mark>(decode_event(encode(tape_time_us(1), event::Mark{text}))->what).text;
+    return std::get<event::Mark>(decode_event(encode(tape_time_us(1), event::Mark{text}))->what).text.raw();
   };
   const std::string four = "\U0001f600";
   for (const std::size_t before : {4096U, 4095U, 4094U, 4093U})
@@ -229,7 +229,7 @@ TEST(EventLines, AnIdentityThatCannotBeIsRefusedWithTheReason) {
       {R"("path":"/dev/a","vid":"1","pid":"1","driver":"a b")", "is not a driver's name"}};
   for (const auto& [members, reason] : rows) {
     EXPECT_EQ(header(members).identity, std::nullopt) << members;
-    EXPECT_THAT(header(members).identity_refused, HasSubstr(reason)) << members;
+    EXPECT_THAT(header(members).identity_refused.raw(), HasSubstr(reason)) << members;
   }
   EXPECT_EQ(header(R"("path":"/dev/a")").identity_refused, "");
 }

@@ -209,7 +209,7 @@ TEST_F(RecoverTapeTest, BadLinesOfTheEvents) {
     for (const std::string& line : test::lines_on(made)) {
       const auto event = decode_event(line);
       const auto* mark = event ? std::get_if<event::Mark>(&event->what) : nullptr;
-      if (mark != nullptr) marks.push_back(mark->text + " " + std::to_string(to_us(event->at)));
+      if (mark != nullptr) marks.push_back(mark->text.raw() + " " + std::to_string(to_us(event->at)));
     }
     EXPECT_EQ(done ? done->loss_count : 0, 1U) << from;
     return marks;

@@ -138,7 +138,7 @@ TEST_F(SplitMergeTest, EarlierPartsAreReplacedByAllOrStay) {
   const TapePaths to = literal_tape(dir / "p.log");
   ASSERT_TRUE(split_tape(source, to, options));
   const auto before = files();
-  const std::string id = header_of(part_tape(to, 1))->id;
+  const StrangerText id = header_of(part_tape(to, 1))->id;
   const TapePaths other = tape("u", MemoryTape().open(0).write(1, "c").close(2).open(3).write(4, "d"));
   ASSERT_TRUE(split_tape(other, to, options));
   EXPECT_NE(header_of(part_tape(to, 1))->id, id);

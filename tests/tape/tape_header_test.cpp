@@ -135,9 +135,9 @@ TEST(CompletedHeader, KeepsWhatIsToldAndFillsInTheRest) {
   ASSERT_EQ(::gethostname(host.data(), host.size() - 1), 0);
   EXPECT_EQ(made.host, host.data());
   EXPECT_EQ(made.tool, "porttape " + std::string(version()));
-  EXPECT_THAT(made.id, MatchesRegex("[0-9a-f]{32}"));
+  EXPECT_THAT(made.id.raw(), MatchesRegex("[0-9a-f]{32}"));
   EXPECT_NE(completed(TapeHeader{}).id, made.id);
-  const auto age = apart_by_wall(made.created, completed(TapeHeader{}).created);
+  const auto age = apart_by_wall(made.created.raw(), completed(TapeHeader{}).created.raw());
   ASSERT_TRUE(age);
   EXPECT_GE(*age, Micros(0));
   EXPECT_LT(*age, std::chrono::hours(1));

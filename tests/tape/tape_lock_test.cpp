@@ -34,7 +34,7 @@ Result<TapeWriter> create(const TapePaths& paths, OnExisting on_existing, unsign
 
 std::string id_on_disk(const TapePaths& paths) {
   const auto reader = TapeReader::open(paths);
-  return reader && reader->header() ? reader->header()->id : std::string("no header");
+  return reader && reader->header() ? reader->header()->id.raw() : std::string("no header");
 }
 
 std::ptrdiff_t files_in(const TempDir& dir) {

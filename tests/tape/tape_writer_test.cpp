@@ -193,7 +193,7 @@ TEST(TapeWriter, TheZeroIsOnBothClocks) {
   EXPECT_EQ(now.monotonic_us, 7'200'000'000);
   EXPECT_EQ(past.monotonic_us, 3'600'000'000);
   EXPECT_EQ(now.boot, past.boot);
-  EXPECT_THAT(now.boot, testing::MatchesRegex("[0-9a-f-]{36}"));
+  EXPECT_THAT(now.boot.raw(), testing::MatchesRegex("[0-9a-f-]{36}"));
   EXPECT_EQ(now.wall, "2023-11-15T00:13:20.000000Z");
   EXPECT_EQ(past.wall, "2023-11-14T23:13:20.000000Z");
 }
@@ -257,7 +257,7 @@ TEST(TapeWriter, CreatedIsFilledInAsUtc) {
   const TempDir dir;
   const TapePaths paths = literal_tape(dir / "t.log");
   make_writer(paths);
-  EXPECT_THAT(TapeReader::open(paths)->header()->created,
+  EXPECT_THAT(TapeReader::open(paths)->header()->created.raw(),
               testing::MatchesRegex("[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}\\.[0-9]{6}Z"));
 }
 
