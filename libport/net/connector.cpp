@@ -1,6 +1,5 @@
 #include "libport/net/connector.hpp"
 
-#include <algorithm>
 #include <cerrno>
 #include <fmt/format.h>
 #include <utility>
@@ -53,7 +52,7 @@ void Connector::to_address(const SocketAddress& address) {
 }
 
 void Connector::next_address() {
-  const Nanos left = std::max(Nanos{1}, deadline_ - loop_->now());
+  const Nanos left = deadline_ - loop_->now();
   const auto sharers = static_cast<Nanos::rep>(addresses_.size() - next_);
   timer_.set_after(left / sharers);
   attempt(addresses_[next_++]);

@@ -77,7 +77,7 @@ std::size_t StreamLine::write_some(ByteView data) {
 
 std::size_t StreamLine::unsent() const {
   int queued = 0;
-  const bool known = ::ioctl(fd_.get(), SIOCOUTQ, &queued) == 0 && queued > 0;
+  const bool known = ::ioctl(fd_.get(), SIOCOUTQ, &queued) == 0;
   return outbox_.pending() + (known ? static_cast<std::size_t>(queued) : 0);
 }
 
@@ -159,26 +159,26 @@ void StreamLine::catch_up() {
 
 std::size_t StreamLine::unread() const {
   int bytes = 0;
-  return ::ioctl(fd_.get(), FIONREAD, &bytes) == 0 && bytes > 0 ? static_cast<std::size_t>(bytes) : 0;
+  return ::ioctl(fd_.get(), FIONREAD, &bytes) == 0 ? static_cast<std::size_t>(bytes) : 0;
 }
 
 std::uint64_t StreamLine::read_away() {
   const std::span<Byte> buffer = loop_->read_buffer();
   std::uint64_t bytes = 0;
-  for (ssize_t size = 1; size > 0 && bytes < kMostDiscarded;) {
-    size = ::recv(fd_.get(), buffer.data(), buffer.size(), 0);
-    if (size > 0) bytes += static_cast<std::uint64_t>(size);
+  while (bytes < kMostDiscarded) {
+    const ssize_t size = ::recv(fd_.get(), buffer.data(), buffer.size(), 0);
+    if (size <= 0) break;
+    bytes += static_cast<std::uint64_t>(size);
   }
   return bytes;
 }
 
 void StreamLine::peer_ended() {
-  const bool hung_up = phase_ >= Phase::sending;
   watch_.watch_readable(false);
   // It may still read what is queued; a dead one shows when that is sent.
   if (phase_ == Phase::sending && owner_->look_at_peer(fd_.get()) != PeerState::gone) return;
   const bool sent_all = end_wanted_ && !congested();
-  if (!hung_up && !sent_all && owner_->look_at_peer(fd_.get()) != PeerState::gone) {
+  if (phase_ == Phase::up && !sent_all && owner_->look_at_peer(fd_.get()) != PeerState::gone) {
     // Before it is asked, since the last answer may come from within the question.
     phase_ = Phase::half_closed;
     since_ = loop_->now();

@@ -37,7 +37,7 @@ std::string peer_of(int fd, const SocketAddress& address) {
 
 std::size_t unread(int fd) {
   int bytes = 0;
-  return ::ioctl(fd, FIONREAD, &bytes) == 0 && bytes > 0 ? static_cast<std::size_t>(bytes) : 0;
+  return ::ioctl(fd, FIONREAD, &bytes) == 0 ? static_cast<std::size_t>(bytes) : 0;
 }
 
 std::string bytes_lost(int fd) {

@@ -246,6 +246,7 @@ TEST_F(StreamLineTest, WhereNobodyWantsToAnswerTheEndOfThePeersBytesIsItsClose) 
   EXPECT_EQ(ended, 1);
   EXPECT_EQ(data, "last");
   EXPECT_EQ(over->reason, Reason::closed);
+  EXPECT_EQ(over->error.code, Errc::device_lost);
   EXPECT_EQ(over->error.message, "test has closed the connection");
 }
 
@@ -456,6 +457,174 @@ TEST_F(StreamLineTest, WhatIsQueuedAtACloseIsTold) {
   EXPECT_GT(lost, 0U);
   EXPECT_EQ(why, "they were not sent");
   EXPECT_EQ(got().size(), much.size() - lost);
+}
+
+// The peer's end of the line that is hung up with bytes queued.
+class HungUpLine : public StreamLineTest {
+ protected:
+  void hang_up(PeerState peer_state) {
+    make(StreamLine::Side::accepted);
+    state = peer_state;
+    line->write(much);
+    ASSERT_TRUE(line->congested());
+    ASSERT_TRUE(line->hang_up(true));
+  }
+  const Bytes much = Bytes(std::size_t{1} << 20, Byte{7});
+};
+
+TEST_F(HungUpLine, StillSendsToAPeerThatHasOnlyEndedItsSending) {
+  hang_up(PeerState::reading);
+  ::shutdown(peer.get(), SHUT_WR);
+  settle(loop);
+  EXPECT_FALSE(over);
+  EXPECT_EQ(ended, 0) << "nobody is asked whether to answer";
+  std::size_t bytes = 0;
+  while (drained == 0) {
+    bytes += got().size();
+    settle(loop);
+  }
+  EXPECT_EQ(bytes + got().size(), much.size());
+}
+
+TEST_F(HungUpLine, IsOverWhenThePeerIsGone) {
+  hang_up(PeerState::gone);
+  ::shutdown(peer.get(), SHUT_WR);
+  EXPECT_EQ(until_over(), Nanos(0));
+  EXPECT_EQ(over->reason, Reason::hung_up);
+}
+
+TEST_F(HungUpLine, IsOverWhenItBreaks) {
+  hang_up(PeerState::reading);
+  peer.reset();
+  EXPECT_EQ(until_over(), Nanos(0));
+  EXPECT_EQ(over->reason, Reason::hung_up);
+  EXPECT_EQ(over->error.code, Errc::device_lost);
+  EXPECT_GT(lost, 0U);
+  EXPECT_EQ(why, "they could not be sent");
+}
+
+TEST_F(StreamLineTest, ALineThatBreaksWhileItWaitsForThePeersCloseIsHungUp) {
+  make(StreamLine::Side::connected);
+  line->write(as_bytes("unread"));
+  EXPECT_TRUE(line->hang_up(true));
+  peer.reset();  // with bytes unread: a reset
+  EXPECT_EQ(until_over(), Nanos(0));
+  EXPECT_EQ(over->reason, Reason::hung_up);
+}
+
+TEST_F(StreamLineTest, APeerWhoseCloseIsStillUnderWayIsSeenToBeGoneAMillisecondLater) {
+  half_close(PeerState::reading, Answers::until_hang_up);
+  state = PeerState::gone;
+  EXPECT_EQ(until_over(), milliseconds(1));
+}
+
+TEST_F(StreamLineTest, AHalfClosedPeerIsLookedAtFiftyTimesASecond) {
+  half_close(PeerState::reading, Answers::until_hang_up);
+  (void)let_pass(loop, clock, milliseconds(970));  // looks: after 1 ms, 21, … 961, 981
+  state = PeerState::gone;
+  EXPECT_EQ(until_over(), milliseconds(11));
+}
+
+TEST_F(StreamLineTest, AnUnreadPeerIsLookedAtFourTimesASecond) {
+  make(StreamLine::Side::accepted);
+  state = PeerState::reading;
+  line->set_reading(false);
+  (void)let_pass(loop, clock, milliseconds(300));
+  peer.reset();
+  EXPECT_EQ(until_over(), milliseconds(200));
+}
+
+TEST_F(StreamLineTest, TheTenSecondsForAPeersRestBeginWhenItIsSeenToBeGone) {
+  make(StreamLine::Side::accepted);
+  state = PeerState::reading;
+  rest_wanted = true;
+  line->set_reading(false);
+  send("rest");
+  (void)let_pass(loop, clock, seconds(60));
+  peer.reset();
+  EXPECT_EQ(until_over(), milliseconds(10'250));
+}
+
+TEST_F(StreamLineTest, APeersRestIsKeptAnewAfterSomeOfItWasRead) {
+  make(StreamLine::Side::accepted);
+  rest_wanted = true;
+  line->set_reading(false);
+  send("rest");
+  peer.reset();
+  (void)let_pass(loop, clock, seconds(8));
+  line->set_reading(true);
+  line->set_reading(false);
+  EXPECT_EQ(until_over(), milliseconds(10'250));
+}
+
+TEST_F(StreamLineTest, AnUnreadPeerWhoseRestNobodyWantsAnyMoreIsOverAtTheNextLook) {
+  make(StreamLine::Side::accepted);
+  rest_wanted = true;
+  line->set_reading(false);
+  send("rest");
+  peer.reset();
+  (void)let_pass(loop, clock, seconds(1));
+  EXPECT_FALSE(over);
+  rest_wanted = false;
+  EXPECT_LE(until_over(), milliseconds(250));
+}
+
+TEST_F(StreamLineTest, OneByteCountsAsMuchAsMany) {
+  make(StreamLine::Side::accepted);
+  send("p");
+  line->read_pending();
+  EXPECT_EQ(data, "p");
+  line->set_reading(false);
+  send("u");
+  line->close(true);
+  EXPECT_EQ(lost, 1U);
+}
+
+TEST_F(StreamLineTest, OneUnreadByteOfABrokenLineIsTold) {
+  make(StreamLine::Side::accepted);
+  line->set_reading(false);
+  send("u");
+  line->close(false);
+  EXPECT_EQ(lost, 1U);
+}
+
+TEST_F(StreamLineTest, OneUnreadByteOfADeadPeerIsKeptWhereItIsWanted) {
+  make(StreamLine::Side::accepted);
+  rest_wanted = true;
+  line->set_reading(false);
+  send("u");
+  peer.reset();
+  EXPECT_GE(until_over(), seconds(10));
+}
+
+TEST_F(StreamLineTest, NothingIsToldAfterTheCloseOfALineThatBroke) {
+  make(StreamLine::Side::connected);
+  line->set_reading(false);
+  peer.reset();
+  line->write(as_bytes("nobody"));
+  line->close(false);
+  settle(loop);
+  EXPECT_FALSE(over);
+}
+
+TEST_F(StreamLineTest, ADestroyedLineThatBrokeCallsNobody) {
+  make(StreamLine::Side::connected);
+  line->set_reading(false);
+  peer.reset();
+  line->write(as_bytes("nobody"));
+  line.reset();
+  settle(loop);
+  EXPECT_FALSE(over);
+}
+
+TEST_F(StreamLineTest, ReadingBeginsFromTheLoop) {
+  make(StreamLine::Side::accepted);
+  line->set_reading(false);
+  send("unread");
+  line->set_reading(true);
+  EXPECT_EQ(data, "") << "not from within the call";
+  settle(loop);
+  EXPECT_EQ(data, "unread");
 }
 
 }  // namespace
