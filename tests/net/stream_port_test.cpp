@@ -6,6 +6,7 @@
 #include <string>
 #include <sys/socket.h>
 
+#include "libport/loop/backoff.hpp"
 #include "libport/net/socket_address.hpp"
 #include "tests/net/stream_port_rig.hpp"
 #include "tests/support/manual_clock.hpp"
@@ -278,6 +279,67 @@ TEST_F(RetryingPort, AMissingDeviceIsAFailureWhereItIsNotWaitedFor) {
   });
   EXPECT_EQ(log.events, "failed ");
   EXPECT_EQ(log.error.code, Errc::device_missing);
+}
+
+// A device that does not answer: the kernel holds one connection for it, and takes no more.
+class UnansweredPort : public RetryingPort {
+ protected:
+  UnansweredPort() {
+    deaf.listen(0);
+    first = Socket::connect_to(deaf.port());
+  }
+  // How long until it fails.
+  Nanos limit(const std::string& more) {
+    make(more);
+    port->open();
+    const Instant begin = clock.now();
+    EXPECT_TRUE(let_pass(loop, clock, std::chrono::minutes(1), [this] { return log.events == "failed "; }));
+    return clock.now() - begin;
+  }
+  Socket first;
+};
+
+TEST_F(UnansweredPort, IsGivenUpAfterTenSeconds) { EXPECT_EQ(limit(""), std::chrono::seconds(10)); }
+
+TEST_F(UnansweredPort, ATimeoutIsTheLimit) { EXPECT_EQ(limit(",timeout=3"), std::chrono::seconds(3)); }
+
+TEST_F(UnansweredPort, ATimeoutOfNothingIsNoLimit) {
+  EXPECT_EQ(limit(",timeout=0"), std::chrono::seconds(10));
+}
+
+// A device that takes each connection, and drops it.
+class DroppingPort : public RetryingPort {
+ protected:
+  DroppingPort() {
+    deaf.listen();
+    make(",alwaysopen");
+    port->open();
+    settle(loop);
+    (void)let_pass(loop, clock, Nanos(1));
+  }
+  // Takes the connection, lets it be for that long, and drops it. How long until the next attempt.
+  Nanos drop_after(Nanos time) {
+    (void)let_pass(loop, clock, std::chrono::seconds(6), [this] { return deaf.readable(); });
+    Socket peer = deaf.accept();
+    settle(loop);
+    (void)let_pass(loop, clock, time);
+    peer.close();
+    settle(loop);
+    return next_try();
+  }
+};
+
+TEST_F(DroppingPort, IsCalledAgainEverLater) {
+  EXPECT_EQ(drop_after(Nanos(0)), std::chrono::milliseconds(100));
+  EXPECT_EQ(drop_after(Nanos(0)), std::chrono::milliseconds(200));
+  EXPECT_EQ(drop_after(Nanos(0)), std::chrono::milliseconds(400));
+}
+
+TEST_F(DroppingPort, IsCalledSoonAgainWhereItsLineHeldForASecond) {
+  EXPECT_EQ(drop_after(Nanos(0)), std::chrono::milliseconds(100));
+  EXPECT_EQ(drop_after(kLineHeld - Nanos(1)), std::chrono::milliseconds(200));
+  EXPECT_EQ(drop_after(kLineHeld), std::chrono::milliseconds(100));
+  EXPECT_EQ(drop_after(Nanos(0)), std::chrono::milliseconds(200));
 }
 
 }  // namespace
