@@ -215,5 +215,121 @@ TEST_F(FaultPortTest, OfMoreFaultsThanAnybodyReadsTheNumberIsTold) {
   EXPECT_EQ(inner_told.back(), told.back());
 }
 
+TEST_F(FaultPortTest, AsManyFaultsAsAreToldOneByOneHaveNoNumber) {
+  make("drop:p=1,dir=r");
+  device.send(std::string(FaultPort::kMostTold, 'x'));
+  port->close();
+  EXPECT_EQ(told.size(), 1 + FaultPort::kMostTold);
+  EXPECT_EQ(told.back().kind, "drop");
+}
+
+TEST_F(FaultPortTest, OneFaultMoreIsCounted) {
+  make("drop:p=1,dir=r");
+  device.send(std::string(FaultPort::kMostTold + 1, 'x'));
+  port->close();
+  ASSERT_EQ(told.back().kind, LineFault::kMore);
+  EXPECT_EQ(told.back().count, 1U);
+  port->close();
+  EXPECT_EQ(told.size(), 2 + FaultPort::kMostTold) << "once";
+}
+
+TEST_F(FaultPortTest, WhereNoFaultWasMadeTheCloseTellsNone) {
+  make("drop:p=0");
+  device.send("abc");
+  port->close();
+  EXPECT_EQ(book.text().find("faults made:"), std::string::npos);
+  EXPECT_EQ(kinds(told), "plan ");
+}
+
+TEST_F(FaultPortTest, TheFaultsOfASessionAreToldAtItsEnd) {
+  make("drop:byte=0,dir=r");
+  device.send("abc");
+  port->close();
+  const std::size_t at = book.text().find("faults made: 1 drop");
+  EXPECT_NE(at, std::string::npos);
+  port->open();
+  port->close();
+  EXPECT_EQ(book.text().rfind("faults made:"), at) << "the next one had none";
+}
+
+TEST_F(FaultPortTest, ALineThatIsKeptOpenIsAwayATenthOfASecondAtLeast) {
+  make("replug:byte=0,for=0.02", true);
+  device.send("a");
+  (void)let_pass(loop, clock, milliseconds(100) - Nanos(1));
+  EXPECT_EQ(log.events, "up interrupted ");
+  (void)let_pass(loop, clock, Nanos(1));
+  EXPECT_EQ(log.events, "up interrupted resumed ");
+}
+
+TEST_F(FaultPortTest, ALineThatIsKeptOpenIsAwayAsLongAsIsSaid) {
+  make("replug:byte=0,for=3", true);
+  device.send("a");
+  ASSERT_NE(port->waiting(), nullptr);
+  EXPECT_EQ(port->waiting()->next_due(), clock.now() + milliseconds(3000));
+  (void)let_pass(loop, clock, milliseconds(3000) - Nanos(1));
+  EXPECT_EQ(log.events, "up interrupted ");
+  (void)let_pass(loop, clock, Nanos(1));
+  EXPECT_EQ(log.events, "up interrupted resumed ");
+}
+
+TEST_F(FaultPortTest, AnOpenShortOfTheEndOfAReplugFailsAndSaysHowLong) {
+  make("replug:byte=0,for=2");
+  device.send("a");
+  port->close();
+  (void)let_pass(loop, clock, milliseconds(500));
+  port->open();
+  EXPECT_EQ(log.error.message, "memory: unplugged by a fault, for 1.500 s more");
+  port->close();
+  (void)let_pass(loop, clock, milliseconds(1500) - Nanos(1));
+  port->open();
+  EXPECT_EQ(log.events, "up lost failed failed ");
+}
+
+TEST_F(FaultPortTest, TwoBreaksByTheClockComeInTheirOrder) {
+  make("hangup:at=2;hangup:at=1");
+  (void)let_pass(loop, clock, milliseconds(1000) - Nanos(1));
+  EXPECT_EQ(log.events, "up ");
+  (void)let_pass(loop, clock, Nanos(1));
+  EXPECT_EQ(log.events, "up lost ");
+  EXPECT_EQ(log.error.message, "memory: unplugged by the fault hangup:at=1");
+  port->close();
+  port->open();
+  (void)let_pass(loop, clock, milliseconds(1000) - Nanos(1));
+  EXPECT_EQ(log.events, "up lost up ");
+  (void)let_pass(loop, clock, Nanos(1));
+  EXPECT_EQ(log.events, "up lost up lost ");
+  EXPECT_EQ(kinds(told), "plan hangup plan hangup ");
+}
+
+TEST_F(FaultPortTest, ALineThatBreaksAsItComesUpIsLostAndNeverUp) {
+  make("hangup:at=0");
+  EXPECT_EQ(log.events, "lost ");
+  EXPECT_EQ(kinds(told), "plan hangup ");
+  port->close();
+  port->open();
+  EXPECT_EQ(log.events, "lost up ");
+}
+
+TEST_F(FaultPortTest, TheClockOfAPlanRunsFromTheFirstTimeTheLineIsUp) {
+  make("hangup:at=1");
+  port->close();
+  (void)let_pass(loop, clock, milliseconds(600));
+  port->open();
+  (void)let_pass(loop, clock, milliseconds(400) - Nanos(1));
+  EXPECT_EQ(log.events, "up up ");
+  (void)let_pass(loop, clock, Nanos(1));
+  EXPECT_EQ(log.events, "up up lost ");
+}
+
+TEST_F(FaultPortTest, WhatIsWrittenToALineThatIsNotUpMeetsNoFault) {
+  make("drop:byte=0,dir=w");
+  port->close();
+  port->write(as_bytes("a"));
+  port->open();
+  port->write(as_bytes("xyz"));
+  EXPECT_EQ(kinds(told), "plan plan drop ");
+  EXPECT_TRUE(device.written.ends_with("yz")) << device.written;
+}
+
 }  // namespace
 }  // namespace porttape

@@ -1,5 +1,6 @@
 #include "libport/faults/fault_stream.hpp"
 
+#include <algorithm>
 #include <cstdint>
 #include <random>
 #include <string>
@@ -211,6 +212,160 @@ TEST(FaultStream, WhatIsToldOfAFaultMakesItAgain) {
     EXPECT_EQ(again.bytes, made.bytes) << plan;
     EXPECT_EQ(again.held, made.held) << plan;
   }
+}
+
+// When each byte is due, and in which direction's stream.
+std::vector<Nanos> dues(const std::string& plan_text, const std::string& arrival, Nanos after = Nanos(0)) {
+  const FaultPlan plan = plan_of(plan_text);
+  FaultStream stream(plan, 1, LineDir::r, false);
+  std::vector<Nanos> all;
+  for (const auto& piece : stream.take(as_bytes(arrival), kZero + after, kZero).pieces)
+    all.insert(all.end(), piece.data.size(), piece.due == Instant{} ? Nanos(0) : piece.due - kZero);
+  return all;
+}
+
+TEST(FaultStream, ADelayedByteIsDueAsLongAfterItCameAsIsSaid) {
+  EXPECT_EQ(dues("delay:byte=1,for=2", "abc", seconds(5)),
+            (std::vector<Nanos>{Nanos(0), seconds(7), Nanos(0)}));
+}
+
+TEST(FaultStream, AStallByTheClockEndsAsLongAfterItsMoment) {
+  EXPECT_EQ(dues("stall:at=2,for=3", "ab", seconds(4)), (std::vector<Nanos>{seconds(5), seconds(5)}));
+}
+
+TEST(FaultStream, AStallAtAByteEndsAsLongAfterItCame) {
+  EXPECT_EQ(dues("stall:byte=1,for=3", "abc", seconds(4)),
+            (std::vector<Nanos>{Nanos(0), seconds(7), seconds(7)}));
+}
+
+TEST(FaultStream, OfADelayAndAStallTheLaterEndCounts) {
+  EXPECT_EQ(dues("stall:byte=0,for=3;delay:byte=0,for=5", "ab"),
+            (std::vector<Nanos>{seconds(5), seconds(3)}));
+  EXPECT_EQ(dues("delay:byte=0,for=5;stall:byte=0,for=3", "ab"),
+            (std::vector<Nanos>{seconds(5), seconds(3)}));
+  EXPECT_EQ(dues("stall:byte=0,for=5;stall:byte=1,for=3", "ab"),
+            (std::vector<Nanos>{seconds(5), seconds(5)}));
+}
+
+TEST(FaultStream, AStallHoldsUntilItsEndAndNoLonger) {
+  const FaultPlan plan = plan_of("stall:byte=0,for=3");
+  FaultStream stream(plan, 1, LineDir::r, false);
+  Made made;
+  take(stream, "a", made);
+  take(stream, "b", made, kZero + seconds(3) - Nanos(1));
+  EXPECT_EQ(made.held, "ab");
+  EXPECT_TRUE(stream.take(as_bytes("c"), kZero + seconds(3), kZero).untouched);
+}
+
+TEST(FaultStream, AMomentStrikesTheFirstByteThatComesThenOrLater) {
+  const FaultPlan plan = plan_of("drop:at=2");
+  FaultStream stream(plan, 1, LineDir::r, false);
+  Made made;
+  take(stream, "a", made, kZero + seconds(2) - Nanos(1));
+  take(stream, "bc", made, kZero + seconds(2));
+  take(stream, "d", made, kZero + seconds(3));
+  EXPECT_EQ(made.bytes, "acd");
+}
+
+TEST(FaultStream, AByteAtTheBorderOfTwoArrivalsIsStruck) {
+  EXPECT_EQ(made_of("drop:byte=3", {"abc", "def"}).bytes, "abcef");
+  EXPECT_EQ(made_of("drop:byte=2", {"abc", "def"}).bytes, "abdef");
+  EXPECT_EQ(made_of("drop:byte=1,burst=3", {"abc", "def"}).bytes, "aef");
+}
+
+TEST(FaultStream, WhatTheSeedGivesChangesEachByteAndRepeatsAfterSixtyFour) {
+  const std::string text(200, 'x');
+  const std::string changed = bytes_of("corrupt:byte=0,burst=200", text);
+  ASSERT_EQ(changed.size(), text.size());
+  for (std::size_t at = 0; at < text.size(); ++at) {
+    EXPECT_NE(changed[at], 'x') << at;
+    EXPECT_EQ(changed[at], changed[at % 64]) << at;
+  }
+  EXPECT_NE(changed.substr(0, 32), changed.substr(32, 32));
+}
+
+TEST(FaultStream, WhatIsToldOfAChangeHasItsBytesUpToSixtyFour) {
+  const auto told = [](const std::string& burst) {
+    const std::string spec = made_of("corrupt:byte=0,burst=" + burst, {std::string(100, 'x')}).specs.at(0);
+    return spec.size() - spec.find("xor=") - 4;
+  };
+  EXPECT_EQ(told("1"), 2U);
+  EXPECT_EQ(told("3"), 6U);
+  EXPECT_EQ(told("64"), 128U);
+  EXPECT_EQ(told("65"), 128U);
+}
+
+TEST(FaultStream, OfATruncatedFrameNothingToFifteenBytesStay) {
+  std::string text;
+  for (int n = 0; n < 500; ++n) text += std::string(39, 'x') + "\n";
+  const FaultPlan plan = plan_of("truncate:p=1");
+  FaultStream stream(plan, 1, LineDir::r, false);
+  std::size_t least = 40;
+  std::size_t most = 0;
+  for (std::size_t at = 0; at < text.size(); at += 40) {
+    Made made;
+    take(stream, text.substr(at, 40), made);
+    least = std::min(least, made.bytes.size());
+    most = std::max(most, made.bytes.size());
+  }
+  EXPECT_EQ(least, 0U);
+  EXPECT_EQ(most, 15U);
+}
+
+TEST(FaultStream, SixtyFourKibibytesComeTwice) {
+  const std::string text(FaultStream::kMostDoubled + 10, 'x');
+  EXPECT_EQ(bytes_of("duplicate:byte=0,burst=65536", text).size(), text.size() + 65'536);
+  EXPECT_EQ(bytes_of("duplicate:byte=0,burst=65537", text).size(), text.size() + 65'536);
+}
+
+TEST(FaultStream, AnEndThatBeginsWithinItselfIsFound) {
+  // Of 5 bytes that match, the last 3 are a beginning again.
+  EXPECT_EQ(bytes_of("drop:frame=1,per=frame,end=616261626163", "abababacX"), "X");
+  EXPECT_EQ(bytes_of("drop:frame=1,per=frame,end=616162", "aaabX"), "X");
+  EXPECT_EQ(bytes_of("drop:frame=1,per=frame,end=616261", "abbabaX"), "X");
+  EXPECT_EQ(bytes_of("drop:frame=2,per=frame,end=6161", "aaaaX"), "aaX") << "frames do not overlap";
+}
+
+TEST(FaultStream, FramesOfASizeAreCountedFromTheBeginning) {
+  EXPECT_EQ(bytes_of("drop:frame=1,per=frame,size=1", "abc"), "bc");
+  EXPECT_EQ(bytes_of("drop:frame=2,per=frame,size=3", "abcdefgh"), "abcgh");
+  EXPECT_EQ(bytes_of("drop:frame=1,per=frame,size=3,burst=2", "abcdefgh"), "gh");
+}
+
+TEST(FaultStream, EachDirectionIsStruckByItself) {
+  const FaultPlan plan = *parse_fault_plan("drop:p=0.5", {});
+  FaultStream to_driver(plan, 1, LineDir::r, false);
+  FaultStream to_device(plan, 1, LineDir::w, false);
+  const std::string text = "abcdefghijklmnopqrstuvwxyz";
+  Made one;
+  Made other;
+  take(to_driver, text, one);
+  take(to_device, text, other);
+  EXPECT_NE(one.bytes, other.bytes);
+}
+
+TEST(FaultStream, TwoFaultsOfAPlanStrikeAtPlacesOfTheirOwn) {
+  const std::string text(200, 'x');
+  const std::string dropped = bytes_of("drop:p=0.5", text);
+  const std::string doubled = bytes_of("drop:p=0;duplicate:p=0.5", text);
+  EXPECT_NE(text.size() - dropped.size(), doubled.size() - text.size());
+}
+
+TEST(FaultStream, FaultsAreToldInTheOrderOfTheirBytes) {
+  const Made made = made_of("corrupt:byte=2,xor=20;drop:byte=1", {"abc"});
+  ASSERT_EQ(made.specs.size(), 2U);
+  EXPECT_EQ(made.specs[0], "drop:byte=1:dir=r");
+  EXPECT_EQ(made.specs[1], "corrupt:byte=2:dir=r:xor=20");
+}
+
+TEST(FaultStream, TheFirstBreakOfSeveralCounts) {
+  const FaultPlan plan = plan_of("hangup:byte=3;replug:byte=1");
+  FaultStream stream(plan, 1, LineDir::r, false);
+  const FaultStream::Outcome outcome = stream.take(as_bytes("abcde"), kZero, kZero);
+  ASSERT_NE(outcome.broken, nullptr);
+  EXPECT_EQ(outcome.broken->kind, Fault::Kind::replug);
+  ASSERT_EQ(outcome.faults.size(), 1U);
+  EXPECT_EQ(outcome.faults[0].offset, 1U);
 }
 
 }  // namespace
