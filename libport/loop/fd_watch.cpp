@@ -5,6 +5,7 @@
 #include <poll.h>
 #include <utility>
 
+#include <boost/asio/error.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/posix/basic_stream_descriptor.hpp>
 
@@ -33,7 +34,11 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
               Side{Descriptor::wait_error, std::move(on_hang_up)}} {
     boost::system::error_code refused;
     descriptor.assign(fd, refused);
-    if (refused) look_timer = std::make_unique<Timer>(owner, [this] { look(); });
+    if (refused) look_by_clock();
+  }
+
+  void look_by_clock() {
+    look_timer = std::make_unique<Timer>(*loop, [this] { look(); });
   }
 
   void watch(std::size_t index, bool on) {
@@ -49,10 +54,15 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
       return;
     }
     side.waiting = true;
-    descriptor.async_wait(side.type, [self = shared_from_this(), index](const boost::system::error_code&) {
+    descriptor.async_wait(side.type, [self = shared_from_this(),
+                                      index](const boost::system::error_code& error) {
       Side& ready = self->sides[index];
       ready.waiting = false;
       if (self->gone || !ready.wanted) return;
+      if (error == boost::asio::error::operation_not_supported) {  // a kind without events, as Asio tells it
+        if (!self->look_timer) self->look_by_clock();
+        return self->wait(index);
+      }
       self->loop->came_from(self->number);
       self->loop->within(self->fence, ready.callback);
       if (!self->gone && ready.wanted) self->wait(index);
@@ -76,11 +86,8 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
 
   void stop() {
     gone = true;
-    if (look_timer) {
-      look_timer->cancel();
-    } else {
-      descriptor.release();
-    }
+    if (look_timer) look_timer->cancel();
+    if (descriptor.is_open()) descriptor.release();
   }
 
   Loop* loop;

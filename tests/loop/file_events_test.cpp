@@ -176,6 +176,93 @@ TEST_F(FileEventsTest, AVisitHidesNothingElse) {
   EXPECT_EQ(watch->take(), Events{Event::opened});
 }
 
+TEST_F(FileEventsTest, AVisitThatOpensNothingHidesNothing) {
+  const auto watch = watch_file();
+  watch->unnoticed([] {});
+  EXPECT_EQ(watch->take(), Events{});
+}
+
+TEST_F(FileEventsTest, TwoClosesWithinAVisitAreNoneOfItsOwn) {
+  const auto watch = watch_file();
+  UniqueFd one(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+  UniqueFd other(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+  (void)watch->take();
+  watch->unnoticed([&] {
+    one.reset();
+    other.reset();
+  });
+  EXPECT_EQ(watch->take(), (Events{Event::closed, Event::closed}));
+}
+
+TEST_F(FileEventsTest, WhatIsFoundInAVisitOfAnothersIsCalledForHere) {
+  const auto one = watch_file();
+  const auto other = events().watch_file(file);
+  other->unnoticed([this] { open_and_close(); });
+  settle(loop);
+  EXPECT_EQ(calls, 1);
+}
+
+TEST_F(FileEventsTest, AFolderThatIsWatchedForANameIsNoFileWhoseOpensAreExact) {
+  EXPECT_FALSE(events().watch_folder(dir.path().string(), "any")->exact());
+}
+
+TEST_F(FileEventsTest, TheEndOfTheLastWatchIsTheEndOfAllThatTheKernelDoes) {
+  const std::string other_file = (dir.path() / "other").string();
+  std::ofstream(other_file) << "x";
+  const test::TempDir elsewhere;
+  const std::string far_file = (elsewhere.path() / "file").string();
+  std::ofstream(far_file) << "x";
+  const int before = watched_by_the_kernel();
+  (void)watch_file();
+  EXPECT_EQ(watched_by_the_kernel(), before);
+  auto one = watch_file();
+  const auto far = events().watch_file(far_file);
+  EXPECT_EQ(watched_by_the_kernel(), before + 4);
+  one.reset();
+  EXPECT_EQ(watched_by_the_kernel(), before + 2) << "nothing is remembered of the first";
+}
+
+TEST_F(FileEventsTest, WithoutInotifyTheEndOfTheLastWatchIsTheEndOfTheLooks) {
+  events().refuse();
+  auto watch = watch_file();
+  EXPECT_TRUE(loop.next_timer());
+  watch.reset();
+  EXPECT_FALSE(loop.next_timer());
+}
+
+TEST_F(FileEventsTest, OneMoreFileDoesNotPutTheLookOff) {
+  events().refuse();
+  const auto watch = watch_file();
+  pass(milliseconds(60));
+  const auto other = events().watch_file((dir.path() / "other").string());
+  pass(milliseconds(40));
+  EXPECT_EQ(calls, 1);
+}
+
+TEST_F(FileEventsTest, OneMoreFileDoesNotPutTheQuickLookOff) {
+  events().begin_after(milliseconds(1));
+  const auto watch = watch_file();
+  pass(microseconds(200));
+  const auto other = events().watch_file((dir.path() / "other").string());
+  pass(microseconds(50));
+  EXPECT_EQ(calls, 1);
+}
+
+TEST_F(FileEventsTest, TheTroubleIsThatOfTheFirstFile) {
+  const auto first = events().watch_file((dir.path() / "first").string());
+  const auto second = events().watch_file((dir.path() / "second").string());
+  const std::string trouble = events().take_trouble();
+  EXPECT_NE(trouble.find("first"), std::string::npos) << trouble;
+  EXPECT_EQ(trouble.find("second"), std::string::npos) << trouble;
+}
+
+TEST_F(FileEventsTest, AWatchMayOutliveThem) {
+  auto own = std::make_unique<FileEvents>(loop);
+  const auto watch = own->watch_file(file);
+  own.reset();
+  EXPECT_TRUE(watch->is_watching()) << "it was, and its end harms nobody";
+}
+
 TEST_F(FileEventsTest, AFoldersNameIsToldAsItComesAndGoes) {
   const auto watch = events().watch_folder(dir.path().string(), "new");
   std::ofstream(dir.path() / "other") << "x";
