@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 #include <sys/ioctl.h>
+#include <sys/socket.h>
 #include <unistd.h>
 #include <utility>
 #include <vector>
@@ -28,18 +29,23 @@ constexpr LineSignal kBreak{LineSignal::Name::brk, true};
 constexpr LineSignal kNoBreak{LineSignal::Name::brk, false};
 constexpr LineSignal kRts{LineSignal::Name::rts, true};
 
-// The line is the slave of a pty, whose master is the device that takes nothing until it is read.
+// The settings are those of a pty. The bytes go to a socket, which takes nothing until it is read: a pty
+// hands on what it has when the kernel comes to it.
 class SettingsQueueTest : public testing::Test {
  protected:
   SettingsQueueTest() {
     const int unlocked = 0;
-    EXPECT_EQ(::ioctl(device.get(), TIOCSPTLCK, &unlocked), 0);
-    tty.reset(::ioctl(device.get(), TIOCGPTPEER, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    EXPECT_EQ(::ioctl(master.get(), TIOCSPTLCK, &unlocked), 0);
+    tty.reset(::ioctl(master.get(), TIOCGPTPEER, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    int ends[2];
+    EXPECT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends), 0);
+    line.reset(ends[0]);
+    device.reset(ends[1]);
     EXPECT_TRUE(apply_settings(tty.get(), usual).has_value());
     watch = std::make_unique<FdWatch>(
-        loop, tty.get(), [] {}, [this] { outbox->flush(); });
+        loop, line.get(), [] {}, [this] { outbox->flush(); });
     outbox = std::make_unique<Outbox>(
-        tty.get(), Outbox::Kind::file, *watch, [this] { queue->outbox_drained(); },
+        line.get(), Outbox::Kind::socket, *watch, [this] { queue->outbox_drained(); },
         [](int error_number, std::size_t) { ADD_FAILURE() << error_number; });
     queue = std::make_unique<SettingsQueue>(
         loop, SettingsQueue::Tty{tty.get(), *outbox, Workers::Strand(), calls}, usual,
@@ -82,8 +88,10 @@ class SettingsQueueTest : public testing::Test {
   const LineSettings usual{.baud = 9600};
   ManualClock clock;
   Loop loop{clock};
-  UniqueFd device{::open("/dev/ptmx", O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC)};
+  UniqueFd master{::open("/dev/ptmx", O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC)};
   UniqueFd tty;
+  UniqueFd line;
+  UniqueFd device;
   std::shared_ptr<PlayedLine> calls = std::make_shared<PlayedLine>();
   std::string told;
   std::unique_ptr<FdWatch> watch;
