@@ -612,5 +612,49 @@ TEST_F(FilterPortTest, ADrainThatIsHeldAtACloseReachesTheInnerPortOnce) {
   EXPECT_EQ(device.drains.size(), 1U);
 }
 
+TEST_F(FilterPortTest, ALineThatWasClosedWaitsTenSecondsToBeRead) {
+  port.in = hours(1);
+  device.send("abc");
+  port.set_reading(false);
+  device.down(LineDown::Reason::closed);
+  (void)let_pass(loop, clock, std::chrono::seconds(10) - Nanos(1));
+  EXPECT_EQ(log.events, "");
+  (void)let_pass(loop, clock, Nanos(1));
+  EXPECT_EQ(log.events, "closed ");
+  EXPECT_EQ(log.dropped, 3U);
+  EXPECT_EQ(log.why, "nobody read them before the line broke");
+}
+
+TEST_F(FilterPortTest, AReplaysEndWaitsTenSecondsForAReader) {
+  port.in = hours(1);
+  device.send("abc");
+  port.set_reading(false);
+  device.finish(exit_status::kPass);
+  (void)let_pass(loop, clock, std::chrono::seconds(10) - Nanos(1));
+  EXPECT_EQ(log.events, "");
+  (void)let_pass(loop, clock, Nanos(1));
+  EXPECT_EQ(log.events, "finished0 ");
+}
+
+TEST_F(FilterPortTest, WhereNothingIsHeldAnEndTellsNoLoss) {
+  port.close();
+  port.finish();
+  EXPECT_EQ(log.why, "");
+  port.in = hours(1);
+  device.send("abc");
+  port.close();
+  EXPECT_EQ(log.why, "they were held back when the line was closed");
+}
+
+TEST_F(FilterPortTest, AWriteBehindALineThatWentDownSaysSo) {
+  port.in = hours(1);
+  device.send("abc");
+  port.set_reading(false);
+  device.down(LineDown::Reason::closed);
+  port.write(as_bytes("ask"));
+  EXPECT_EQ(log.why, "the line had gone down");
+  EXPECT_EQ(device.written, "");
+}
+
 }  // namespace
 }  // namespace porttape

@@ -93,5 +93,81 @@ TEST(HelpTable, LinesAreOfEightyCharactersAtMost) {
             std::string(50, 'a') + " " + std::string(28, 'b') + "\n  c d\n");
 }
 
+TEST(Option, ANumberMayBeEitherEndOfItsRange) {
+  EXPECT_EQ(error_of(kLevel, "0"), "good");
+  EXPECT_EQ(error_of(kLevel, "2"), "good");
+  EXPECT_NE(error_of(kPort, "0"), "good");
+  EXPECT_EQ(error_of(kPort, "1"), "good");
+  EXPECT_EQ(error_of(kPort, "65535"), "good");
+  EXPECT_NE(error_of(kPort, "65536"), "good");
+  EXPECT_EQ(error_of(kJitter, "1000000000"), "good");
+  EXPECT_NE(error_of(kJitter, "-0.1"), "good");
+}
+
+TEST(Option, ANumberIsWholeWhereItCountsSomethingAndHasNoExponent) {
+  EXPECT_NE(error_of(kLevel, "1.5"), "good");
+  EXPECT_EQ(error_of(kLevel, "1.0"), "good");
+  EXPECT_EQ(error_of(kJitter, "1.5"), "good");
+  for (const char* const wrong : {"1e3", "inf", "nan", "", " 1", "1 ", "0x1"})
+    EXPECT_NE(error_of(kJitter, wrong), "good") << wrong;
+}
+
+TEST(Option, AFlagHasFourWordsForEachOfItsStates) {
+  for (const char* const on : {"1", "on", "yes", "true"})
+    EXPECT_EQ(check_value(kFlag, on).value(), "1") << on;
+  for (const char* const off : {"0", "off", "no", "false"})
+    EXPECT_EQ(check_value(kFlag, off).value(), "") << off;
+  const std::array options = {kFlag};
+  EXPECT_TRUE(check_values(options, {{"once", "off"}}, "")->empty()) << "as if it were not there";
+  EXPECT_EQ(check_values(options, {{"once", "on"}}, "")->at("once"), "1");
+}
+
+TEST(Option, UpToFourNumbersAreEachTold) {
+  EXPECT_EQ(value_name({"four", Kind::integer, "", "", 1, 4}), "1|2|3|4");
+  EXPECT_EQ(value_name({"five", Kind::integer, "", "", 1, 5}), "N");
+  EXPECT_EQ(value_name({"some", Kind::number, "", "", 1, 2}), "N");
+  EXPECT_EQ(value_name({"text"}), "TEXT");
+  EXPECT_EQ(value_name({.name = "wait", .kind = Kind::number, .unit = "s"}), "SEC");
+  EXPECT_EQ(value_name({.name = "wait", .kind = Kind::number, .unit = "us"}), "US");
+}
+
+TEST(Option, ARangeWithoutALimitHasNoUpperEnd) {
+  const auto help = [](double max) {
+    return help_of({.name = "n", .kind = Kind::integer, .help = "many", .min = 2, .max = max});
+  };
+  EXPECT_EQ(help(1e9), "many [2 or more]");
+  EXPECT_EQ(help(1e9 - 1), "many [2 to 999999999]");
+  EXPECT_EQ(accepted_by({.name = "n", .kind = Kind::number, .max = 1e15}), "a number, 0 or more");
+  EXPECT_EQ(accepted_by({.name = "n", .kind = Kind::integer, .max = 1e14}),
+            "a whole number, 0 to 100000000000000");
+}
+
+TEST(Option, UnitsHaveSeveralNames) {
+  const OptionSpec seconds{.name = "wait", .kind = Kind::number, .max = 1e9, .unit = "s"};
+  const auto meant = [&seconds](std::string_view value) {
+    const std::string error = error_of(seconds, value);
+    return error.substr(error.rfind(';'));
+  };
+  EXPECT_EQ(meant("2min"), "; did you mean '120'?");
+  EXPECT_EQ(meant("2sec"), "; did you mean '2'?");
+  EXPECT_EQ(meant("1500ms"), "; did you mean '1.5'?");
+  EXPECT_EQ(meant("5µs"), "; did you mean '0.000005'?");
+}
+
+TEST(HelpTable, ALeftColumnIsAtMostTwentyFourWide) {
+  const std::array fits = {HelpRow{std::string(24, 'a'), "x"}, HelpRow{"b", "y"}};
+  EXPECT_EQ(help_table(fits), "  " + std::string(24, 'a') + "  x\n  b" + std::string(25, ' ') + "y\n");
+  const std::array wide = {HelpRow{std::string(25, 'a'), "x"}, HelpRow{"b", "y"}};
+  EXPECT_EQ(help_table(wide), "  " + std::string(25, 'a') + "\n     x\n  b  y\n");
+}
+
+TEST(HelpTable, ALineOfEightyCharactersIsNotWrapped) {
+  EXPECT_EQ(help_text(std::string(40, 'a') + ' ' + std::string(39, 'b'), 2),
+            std::string(40, 'a') + ' ' + std::string(39, 'b') + '\n');
+  EXPECT_EQ(help_text(std::string(40, 'a') + ' ' + std::string(40, 'b'), 2),
+            std::string(40, 'a') + "\n  " + std::string(40, 'b') + '\n');
+  EXPECT_EQ(help_text("a  ", 2), "a\n");
+}
+
 }  // namespace
 }  // namespace porttape

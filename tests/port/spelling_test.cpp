@@ -139,5 +139,28 @@ TEST(SplitTokens, LeavesOutWhatIsEmpty) {
   EXPECT_EQ(split_option("key="), (std::pair<std::string, std::string>("key", "")));
 }
 
+TEST_F(Spelling, APortIsOfDigitsFromNoughtToNine) {
+  EXPECT_EQ(values("net-listen:1090")["port"], "1090");
+  EXPECT_EQ(values("net-listen:10/0")["wrong"], refused("net-listen:10/0"));
+  EXPECT_EQ(values("net-listen:10:")["ip"], "10");
+  EXPECT_EQ(values("net-listen:1a")["ip"], "1a");
+}
+
+TEST_F(Spelling, ATypeByItsOtherNameIsAnsweredWithOurs) {
+  EXPECT_THAT(refused("tty:/dev/ttyUSB0"), testing::EndsWith("unknown type 'tty'; did you mean 'serial'?"));
+  EXPECT_THAT(refused("seriel:/dev/ttyUSB0"), testing::EndsWith("; did you mean 'serial'?"));
+  EXPECT_THAT(refused("elephant:x"), testing::EndsWith("unknown type 'elephant'; accepted: net, serial"));
+  EXPECT_EQ(refused("type=,port=7"), "port 'type=,port=7': option 'type' is missing; accepted: net, serial");
+  EXPECT_THAT(refused(" , "), testing::StartsWith("a port is missing; name one as TYPE:MAIN"));
+}
+
+TEST_F(Spelling, FlagsAreSpelledWithoutAValueAndAMainPartThatIsMissingIsLeftOut) {
+  const auto spelled = [this](const std::string& text) { return parse_options(all, text)->spelled(); };
+  EXPECT_EQ(spelled("type=net,ip=h,port=7,listen"), "net-listen:h:7");
+  EXPECT_EQ(spelled("type=net,ip=h"), "net:h:20000");
+  EXPECT_EQ(spelled("type=net"), "net:127.0.0.1:20000");
+  EXPECT_EQ(spelled("net:h,listen=off"), "net:h:20000");
+}
+
 }  // namespace
 }  // namespace porttape

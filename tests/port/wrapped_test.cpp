@@ -105,5 +105,18 @@ TEST_F(WrappedTest, ItsOptionsAreCheckedWhenTheSpecIsRead) {
   EXPECT_FALSE(parse_port(types, "plain:there,noise=x").has_value());
 }
 
+TEST_F(WrappedTest, WhatEveryPortHasIsReadWithItsOptions) {
+  const auto common = [this](const std::string& spelled) { return parse_port(types, spelled)->common(); };
+  EXPECT_EQ(common("plain:x").timeout, std::nullopt) << "for ever";
+  EXPECT_EQ(common("plain:x,timeout=0").timeout, Nanos{0});
+  EXPECT_EQ(common("plain:x,timeout=1.5").timeout, Nanos{1'500'000'000});
+  EXPECT_TRUE(common("plain:x").reads);
+  EXPECT_TRUE(common("plain:x").writes);
+  EXPECT_FALSE(common("plain:x").always_open);
+  EXPECT_FALSE(common("plain:x,writeonly").reads);
+  EXPECT_FALSE(common("plain:x,readonly").writes);
+  EXPECT_TRUE(common("plain:x,alwaysopen").always_open);
+}
+
 }  // namespace
 }  // namespace porttape
