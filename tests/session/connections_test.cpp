@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/manual_clock.hpp"
 #include "tests/support/memory_port.hpp"
 #include "tests/support/quiet_log.hpp"
 
@@ -54,6 +55,7 @@ class Devices final : public DeviceGroup {
     std::deque<MemoryPort::Peer> peers;  // of each connection
     std::optional<unsigned> ends_after;
     unsigned most = 10;
+    unsigned left_over = 0;
     bool must_not_fail = false;
     int status = 0;  // of finish()
     bool finishes = true;
@@ -73,6 +75,7 @@ class Devices final : public DeviceGroup {
     test_->came = came;
     if (test_->finishes) done(test_->status);
   }
+  [[nodiscard]] unsigned left_over(unsigned) const override { return test_->left_over; }
   [[nodiscard]] bool must_not_fail() const override { return test_->must_not_fail; }
   [[nodiscard]] std::optional<unsigned> ends_after() const override { return test_->ends_after; }
 
@@ -347,6 +350,60 @@ TEST_F(ConnectionsTest, APortWithoutConnectionsIsAUsageError) {
   const Result<void> started = connections->start();
   ASSERT_FALSE(started.has_value());
   EXPECT_EQ(started.error().code, Errc::usage);
+}
+
+TEST_F(ConnectionsTest, WhereNobodyIsThereARequestIsRefused) {
+  start();
+  const Result<void> asked = connections->request(RecorderRequest::next_tape());
+  ASSERT_FALSE(asked.has_value());
+  EXPECT_EQ(asked.error().message, "listening: no connection is there");
+  EXPECT_EQ(devices.requests, 1) << "the group may have something to do";
+}
+
+// How long an end takes whose tapes are never completed, by a clock that is moved.
+class ConnectionsTimeTest : public testing::Test {
+ protected:
+  void begin(unsigned left_over) {
+    devices.finishes = false;
+    devices.left_over = left_over;
+    connections = std::make_unique<Connections>(
+        PortContext{&loop, book.log()}, std::make_unique<Listening>(), std::make_unique<Devices>(devices),
+        [this](int status) { end_status = status; },
+        EndLimits{.completing = std::chrono::seconds(10), .at_once = std::chrono::milliseconds(500)});
+    ASSERT_TRUE(connections->start().has_value());
+    connections->stop();
+  }
+  bool ends_within(Nanos time) {
+    return let_pass(loop, clock, time, [this] { return end_status.has_value(); });
+  }
+
+  ManualClock clock;
+  Loop loop{clock};
+  LogBook book;
+  Devices::Test devices;
+  std::optional<int> end_status;
+  std::unique_ptr<Connections> connections;
+};
+
+TEST_F(ConnectionsTimeTest, AnEndHasTheTimeOfOneTapeWhereNoneIsLeft) {
+  begin(0);
+  EXPECT_FALSE(ends_within(std::chrono::milliseconds(9'999)));
+  EXPECT_TRUE(ends_within(std::chrono::milliseconds(1)));
+  EXPECT_EQ(end_status, exit_status::kRuntime);
+}
+
+TEST_F(ConnectionsTimeTest, AnEndHasThatTimeForEachTapeThatIsLeft) {
+  begin(3);
+  EXPECT_FALSE(ends_within(std::chrono::milliseconds(29'999)));
+  EXPECT_TRUE(ends_within(std::chrono::milliseconds(1)));
+}
+
+TEST_F(ConnectionsTimeTest, AfterASecondStopItHasHalfASecond) {
+  begin(3);
+  EXPECT_FALSE(ends_within(std::chrono::seconds(1)));
+  connections->stop();
+  EXPECT_FALSE(ends_within(std::chrono::milliseconds(499)));
+  EXPECT_TRUE(ends_within(std::chrono::milliseconds(1)));
 }
 
 }  // namespace

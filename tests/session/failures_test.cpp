@@ -1,5 +1,8 @@
 #include "libport/session/failures.hpp"
 
+#include <algorithm>
+#include <array>
+
 #include <gtest/gtest.h>
 
 namespace porttape {
@@ -72,6 +75,73 @@ TEST(Failures, WhatIsTriedNowAndThenIsOpenedAtOnce) {
     failures.failed(now, "missing");
     EXPECT_LE(failures.may_open(), now + Failures::kFirstWait);
   }
+}
+
+TEST(Failures, ALineThatHeldALittleLessHasNotWorked) {
+  Failures failures;
+  EXPECT_TRUE(failures.failed(kStart, "lost"));
+  failures.up(kStart);
+  EXPECT_FALSE(failures.failed(kStart + kLineHeld - Nanos(1), "lost"));
+}
+
+TEST(Failures, HowLongItWasUpCountsOnce) {
+  Failures failures;
+  failures.up(kStart);
+  EXPECT_TRUE(failures.failed(kStart + kLineHeld, "lost"));
+  EXPECT_FALSE(failures.failed(kStart + 2 * kLineHeld, "lost")) << "it has not come up again";
+}
+
+// Fails so often, each time when it may be opened; gives how long it waits then.
+Nanos wait_after(Failures& failures, int times) {
+  Instant now = kStart;
+  for (int n = 0; n < times; ++n) {
+    now = std::max(now, failures.may_open());
+    failures.failed(now, "missing");
+  }
+  return failures.may_open() - now;
+}
+
+TEST(Failures, TheFirstIsOpenedAtOnceAndThenTheWaitDoubles) {
+  const std::array waits = {milliseconds(0), milliseconds(10), milliseconds(20), milliseconds(40)};
+  for (int times = 1; times <= 4; ++times) {
+    Failures failures;
+    EXPECT_EQ(wait_after(failures, times), waits.at(static_cast<std::size_t>(times - 1))) << times;
+  }
+}
+
+TEST(Failures, ALineThatHasWorkedIsOpenedAtOnceAndItsWaitsBeginAnew) {
+  Failures failures;
+  (void)wait_after(failures, 8);
+  failures.worked();
+  EXPECT_LE(failures.may_open(), kStart);
+  EXPECT_FALSE(failures.in_a_row());
+  EXPECT_FALSE(failures.repeats());
+  EXPECT_EQ(wait_after(failures, 2), milliseconds(10));
+}
+
+TEST(Failures, WhoComesASecondAfterItMightHaveBeenOpenedDoesNotWaitForLong) {
+  Failures failures;
+  (void)wait_after(failures, 5);
+  Failures sooner = failures;
+  const Instant later = failures.may_open() + Failures::kLongestWait;
+  failures.failed(later, "missing");
+  EXPECT_EQ(failures.may_open() - later, Failures::kFirstWait);
+  sooner.failed(later - Nanos(1), "missing");
+  EXPECT_GT(sooner.may_open() - later, Failures::kFirstWait);
+}
+
+TEST(Failures, OneThatWasToldIsNoRepetition) {
+  Failures failures;
+  EXPECT_FALSE(failures.in_a_row());
+  failures.failed(kStart, "missing");
+  EXPECT_TRUE(failures.in_a_row());
+  EXPECT_FALSE(failures.repeats());
+  failures.failed(kStart, "missing");
+  EXPECT_TRUE(failures.repeats());
+  failures.worked();
+  failures.failed(kStart, "missing");
+  failures.worked();
+  EXPECT_EQ(failures.take_untold(), 1U) << "of both rows";
 }
 
 }  // namespace

@@ -79,5 +79,35 @@ TEST(SessionEnd, AFailedOneHasItsLimitWhateverIsRead) {
   EXPECT_EQ(end.completing_limit(), seconds(1));
 }
 
+TEST(SessionEnd, AStepIsTakenOnceAndAnEarlierOneNotAtAll) {
+  SessionEnd end(kLimits);
+  EXPECT_TRUE(end.begin());
+  EXPECT_TRUE(end.send(Instant{}));
+  EXPECT_FALSE(end.send(Instant{} + seconds(1)));
+  EXPECT_FALSE(end.begin());
+  EXPECT_TRUE(end.waits_on(Instant{} + seconds(4), std::nullopt));
+  EXPECT_FALSE(end.waits_on(Instant{} + seconds(5), std::nullopt)) << "the first counts";
+  EXPECT_TRUE(end.leave());
+  EXPECT_FALSE(end.leave());
+}
+
+TEST(SessionEnd, BeforeItSendsNothingIsWaitedFor) {
+  SessionEnd end(kLimits);
+  EXPECT_FALSE(end.waits_on(Instant{}, 1));
+  end.begin();
+  EXPECT_FALSE(end.waits_on(Instant{}, 1));
+}
+
+TEST(SessionEnd, ASecondStopShortensAFailedOneToo) {
+  SessionEnd end(kLimits);
+  end.fail();
+  end.begin();
+  EXPECT_EQ(end.completing_limit(), seconds(1));
+  end.stop();
+  EXPECT_EQ(end.completing_limit(), seconds(1));
+  end.stop();
+  EXPECT_EQ(end.completing_limit(), seconds(0));
+}
+
 }  // namespace
 }  // namespace porttape

@@ -224,5 +224,71 @@ TEST_F(SessionTimeTest, ADriversHalfCloseIsPassedOnWhereTheDeviceIsThere) {
   EXPECT_EQ(driver.end(), PortListener::Answers::until_hang_up);
 }
 
+TEST_F(SessionTimeTest, AnEndLooksAtItsPeersEachFiftyMilliseconds) {
+  driver.up();
+  driver.congested = true;
+  driver.unread = 10;
+  session->stop();
+  pass(milliseconds(60));
+  --*driver.unread;
+  EXPECT_FALSE(ends_within(milliseconds(5'030)));
+  EXPECT_TRUE(ends_within(milliseconds(20))) << "five seconds after it was seen to read";
+}
+
+TEST_F(SessionTimeTest, WhatADriverHasReadAtItsEndIsNoLoss) {
+  driver.up();
+  driver.congested = true;
+  driver.unread = 0;
+  session->stop();
+  EXPECT_TRUE(ends_within(seconds(6)));
+  EXPECT_FALSE(told("reached nobody"));
+  EXPECT_EQ(session->counters().dropped_bytes, 0U);
+}
+
+TEST_F(SessionTimeTest, WhatThePortsNeverCompleteHasItsLimit) {
+  device.completes = false;
+  session->stop();
+  EXPECT_FALSE(ends_within(milliseconds(10'499)));
+  EXPECT_TRUE(ends_within(milliseconds(1)));
+  EXPECT_EQ(end_status, exit_status::kRuntime);
+}
+
+TEST_F(SessionTimeTest, AfterASecondStopWhatIsNotCompleteHasHalfASecond) {
+  device.completes = false;
+  session->stop();
+  pass(seconds(1));
+  session->stop();
+  EXPECT_FALSE(ends_within(milliseconds(499)));
+  EXPECT_TRUE(ends_within(milliseconds(1)));
+  EXPECT_EQ(end_status, exit_status::kRuntime);
+}
+
+TEST_F(SessionTimeTest, CountsBytesOpensAndLosses) {
+  driver.up();
+  driver.send("ask");
+  device.send("answer");
+  device.down(Reason::lost, "gone");
+  driver.down(Reason::hung_up);
+  device.send("to nobody");
+  const Channel::Counters counters = session->counters();
+  EXPECT_EQ(counters.from_driver_bytes, 3U);
+  EXPECT_EQ(counters.to_driver_bytes, 6U);
+  EXPECT_EQ(counters.opens, 1U);
+  EXPECT_EQ(counters.device_losses, 1U);
+  EXPECT_EQ(counters.dropped_bytes, 9U);
+}
+
+TEST_F(SessionTimeTest, DriversOfADeviceThatFailsAgainAndAgainAreNoNews) {
+  driver.up();
+  EXPECT_TRUE(told("driver: a driver has opened it"));
+  driver.down(Reason::closed);
+  EXPECT_TRUE(told("driver: the driver has closed it"));
+  fail(1);
+  const std::size_t length = book.text().size();
+  driver.up();
+  driver.down(Reason::closed);
+  EXPECT_EQ(book.text().substr(length).find("a driver has opened it"), std::string::npos) << book.text();
+}
+
 }  // namespace
 }  // namespace porttape
