@@ -7,71 +7,14 @@
 
 #include "libport/replay/diagnosis.hpp"
 #include "libport/replay/report.hpp"
-#include "tests/replay/rig.hpp"
-#include "tests/support/memory_tape.hpp"
+#include "tests/replay/cause_rig.hpp"
 
-namespace porttape {
+namespace porttape::test::causes {
 namespace {
 
-using test::MemoryTape;
-using test::Rig;
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::StartsWith;
-
-constexpr std::int64_t kPace = 100'000;
-
-// A request every 100 ms, each answered 20 ms later.
-MemoryTape tape_of(const std::vector<std::string>& requests) {
-  MemoryTape tape;
-  for (std::size_t i = 0; i < requests.size(); ++i) {
-    const auto at = static_cast<std::int64_t>(i) * kPace;
-    tape.write(at, requests[i]).read(at + 20'000, "answer " + std::to_string(i + 1) + "\n");
-  }
-  return tape;
-}
-
-MemoryTape laser() { return tape_of({"VV\n", "PP\n", "II\n", "BM\n", "GD0044\n", "QT\n"}); }
-
-ReplayConfig config(int strictness = 1) {
-  ReplayConfig config;
-  config.strictness = strictness;
-  config.on_mismatch = OnMismatch::fail;
-  return config;
-}
-
-void look(RunReport& report, const MemoryTape& tape) {
-  test::MemorySource source(tape);
-  if (const auto place = place_of_fault(report))
-    report.excerpt = std::make_shared<const TapeExcerpt>(read_excerpt(source, *place, kFrameGap).value());
-  diagnose(report);
-}
-
-// A driver that writes so, each once the last was answered; what follows a mismatch is in one piece.
-RunReport after(const MemoryTape& tape, const std::vector<std::string>& writes, bool answered = false) {
-  Rig rig(tape, config());
-  rig.open();
-  std::string followed;
-  for (const std::string& write : writes) {
-    if (rig.report) followed += write;
-    rig.write(write).wait(kPace);
-  }
-  if (!rig.report) rig.close();
-  RunReport report = rig.report.value();
-  if (report.mismatch) {
-    const ByteView more = as_bytes(followed);
-    report.mismatch->came.insert(report.mismatch->came.end(), more.begin(), more.end());
-    report.mismatch->answered = answered;
-  }
-  look(report, tape);
-  return report;
-}
-
-Cause cause(const RunReport& report) { return report.diagnosis.cause.value_or(Cause{.text = "none"}); }
-
-std::string text(const MemoryTape& tape, const std::vector<std::string>& writes) {
-  return cause(after(tape, writes)).text;
-}
 
 TEST(CauseOfData, ARequestThatIsLeftOut) {
   const Cause found = cause(after(laser(), {"VV\n", "PP\n", "BM\n", "GD0044\n"}));
@@ -89,7 +32,7 @@ TEST(CauseOfData, WhatPrecedesAPartIsNoneOfIt) {
   Rig rig(tape, part);
   rig.open().write("VV\n").wait(kPace);
   RunReport report = rig.report.value();
-  test::MemorySource source(tape);
+  MemorySource source(tape);
   TapeExcerpt excerpt = read_excerpt(source, *place_of_fault(report), kFrameGap).value();
   begin_at(excerpt, report.playback.start);
   EXPECT_EQ(excerpt.place, 0U);
@@ -177,13 +120,6 @@ TEST(CauseOfData, ARequestThatTheTapeDoesNotHave) {
             "one write more at the end: \"RS\\n\", where the tape has nothing more");
   EXPECT_EQ(text(laser(), {"VV\n", "PP\n", "II\n", "BM\n", "GD0044\n", "QT\n", "\n"}),
             "1 byte more at the end: \"\\n\", where the tape has nothing more");
-}
-
-// Modbus: address, function, register, count, CRC.
-MemoryTape modbus() {
-  return tape_of({std::string("\x01\x03\x00\x00\x00\x02\xc4\x0b", 8),
-                  std::string("\x01\x03\x00\x10\x00\x01\x85\xcf", 8),
-                  std::string("\x01\x06\x00\x01\x00\x17\x98\x04", 8)});
 }
 
 TEST(CauseOfData, AChecksumIsToldFromItsBytes) {
@@ -357,18 +293,18 @@ TEST(Excerpt, StaysBoundedAndKnowsItsPlace) {
   MemoryTape tape;
   for (std::int64_t i = 0; i < 1000; ++i)
     tape.write(i * 1000, "x" + std::to_string(100 + i % 900) + "\n").read(i * 1000 + 500, "y");
-  test::MemorySource source(tape);
+  MemorySource source(tape);
   const TapeExcerpt excerpt = read_excerpt(source, 5 * 500 + 2, kFrameGap).value();
   EXPECT_LE(excerpt.steps.size(), 2 * TapeExcerpt::kReach + 2);
   EXPECT_EQ(excerpt.steps.at(excerpt.place).frame.exchange, 501U);
   EXPECT_FALSE(excerpt.from_start);
   EXPECT_FALSE(excerpt.to_end);
-  test::MemorySource again(tape);
+  MemorySource again(tape);
   EXPECT_EQ(read_excerpt(again, 999'999, kFrameGap)->place, TapeExcerpt::kReach);
-  test::MemorySource stopped(tape);
+  MemorySource stopped(tape);
   EXPECT_FALSE(read_excerpt(stopped, 999'999, kFrameGap, [] { return true; }) &&
                stopped.calls() > 2 * kRecordsBetweenLooks);
 }
 
 }  // namespace
-}  // namespace porttape
+}  // namespace porttape::test::causes

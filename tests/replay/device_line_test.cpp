@@ -64,5 +64,29 @@ TEST_F(DeviceLineTest, OneThatLiesWithoutEndTakesBoundedMemory) {
   EXPECT_EQ(taken_for(20'000), 0U);
 }
 
+TEST_F(DeviceLineTest, SixtyFourAnswersAreKept) {
+  for (unsigned baud = 1; baud <= 65; ++baud) driver(1000 + baud).device(2000 + baud);
+  EXPECT_EQ(taken_for(1064), 2064U);
+  EXPECT_EQ(taken_for(1065), 0U);
+}
+
+TEST_F(DeviceLineTest, DrainsAreOfWhatIsPlayedAndTheFirstOfVeryMany) {
+  played = false;
+  tell(event::Drain{.took = Micros{1}});
+  EXPECT_TRUE(line.drains().empty());
+  played = true;
+  for (int i = 0; i < 65'536; ++i) tell(event::Drain{.took = Micros{2}});
+  tell(event::Drain{.took = Micros{3}});
+  EXPECT_EQ(line.drains().size(), 65'536U);
+  EXPECT_EQ(line.drains().back(), Micros{2});
+}
+
+TEST_F(DeviceLineTest, MarksDrainsAndSignalsComeBetweenAQuestionAndItsAnswer) {
+  driver(300).tell(event::Mark{}).tell(event::Drain{}).device(301);
+  EXPECT_EQ(taken_for(300), 301U);
+  driver(600).tell(event::Modem{.line = LineSignal::Name::dtr, .on = true, .by = Side::driver}).device(601);
+  EXPECT_EQ(taken_for(600), 601U);
+}
+
 }  // namespace
 }  // namespace porttape

@@ -210,5 +210,38 @@ TEST_F(SettingsCheckTest, AFloodOnOneSideLosesNothingOfTheOther) {
   EXPECT_EQ(report.missing.size(), SettingsReport::kMostMissing);
 }
 
+TEST_F(SettingsCheckTest, FiftyMillisecondsAreEnoughToBeSeen) {
+  wait().taped(baud(1)).wait(50'000).taped(baud(2));
+  make({2});
+  EXPECT_EQ(result(), "1/2 1");
+}
+
+TEST_F(SettingsCheckTest, LessThanFiftyMillisecondsAreNot) {
+  wait().taped(baud(1)).wait(49'999).taped(baud(2));
+  make({2});
+  EXPECT_EQ(result(), "1/1");
+}
+
+TEST_F(SettingsCheckTest, SixtyFourThatAreMissingAreListedAndAllAreCounted) {
+  std::vector<unsigned> rates;
+  for (unsigned rate = 1; rate <= 65; ++rate) rates.push_back(rate);
+  tape(rates);
+  const SettingsReport report = check.report(Reach::all, 0);
+  EXPECT_EQ(report.recorded, 65U);
+  EXPECT_EQ(report.made, 0U);
+  ASSERT_EQ(report.missing.size(), 64U);
+  EXPECT_EQ(report.missing.back().what, LineView::of(baud(64)));
+}
+
+TEST_F(SettingsCheckTest, AWriteThatStandsWhereTheSettingDoesIsBehindIt) {
+  tape({1});
+  pass(RecordKind::write, "abc");
+  tape({2});
+  EXPECT_EQ(result(Reach::written, 0), "0/0");
+  EXPECT_EQ(result(Reach::written, 1), "0/1 1");
+  EXPECT_EQ(result(Reach::written, 3), "0/1 1") << "the second is behind all three";
+  EXPECT_EQ(result(Reach::written, 4), "0/2 1 2");
+}
+
 }  // namespace
 }  // namespace porttape
