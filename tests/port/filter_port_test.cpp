@@ -656,5 +656,20 @@ TEST_F(FilterPortTest, AWriteBehindALineThatWentDownSaysSo) {
   EXPECT_EQ(device.written, "");
 }
 
+TEST_F(FilterPortTest, APortThatIsReadAgainIsNotReadWhileItsShareIsHeld) {
+  port.in = hours(1);
+  device.send(std::string(FilterPort::kMostWaiting, 'a'));
+  port.set_reading(false);
+  port.set_reading(true);
+  EXPECT_FALSE(device.reading);
+}
+
+TEST_F(FilterPortTest, BehindReadPendingWhatComesIsHeldAgain) {
+  port.in = hours(1);
+  port.read_pending();
+  device.send("abc");
+  EXPECT_EQ(log.data, "");
+}
+
 }  // namespace
 }  // namespace porttape

@@ -129,5 +129,20 @@ TEST_F(LaneTest, WhatItCallsMayDropAll) {
   EXPECT_EQ(told, "a");
 }
 
+TEST_F(LaneTest, ThatThereIsLessIsToldOnce) {
+  put("a", hours(1));
+  lane.let_go();
+  EXPECT_EQ(told, "a|");
+  lane.run();
+  EXPECT_EQ(told, "a|");
+}
+
+TEST_F(LaneTest, WhatIsDroppedIsNotToldAsLess) {
+  put("a", hours(1));
+  EXPECT_EQ(lane.drop(), 1U);
+  lane.run();
+  EXPECT_EQ(told, "");
+}
+
 }  // namespace
 }  // namespace porttape

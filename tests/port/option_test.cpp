@@ -1,8 +1,13 @@
+#include <algorithm>
 #include <array>
+#include <span>
+#include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
 #include "libport/port/help_table.hpp"
+#include "libport/port/port_options.hpp"
 #include "libport/port/port_type.hpp"
 #include "tests/support/help_width.hpp"
 
@@ -167,6 +172,69 @@ TEST(HelpTable, ALineOfEightyCharactersIsNotWrapped) {
   EXPECT_EQ(help_text(std::string(40, 'a') + ' ' + std::string(40, 'b'), 2),
             std::string(40, 'a') + "\n  " + std::string(40, 'b') + '\n');
   EXPECT_EQ(help_text("a  ", 2), "a\n");
+}
+
+TEST(Option, AnUnknownOneIsAnErrorOfUse) { EXPECT_EQ(unknown_option("x", {}).code, Errc::usage); }
+
+TEST(Option, ALimitThatNobodyReachesIsNotToldWithAUnitEither) {
+  EXPECT_EQ(accepted_by({.name = "n", .kind = Kind::number, .max = 1e15, .unit = "s"}), "seconds, 0 or more");
+  EXPECT_EQ(accepted_by({.name = "n", .kind = Kind::integer, .max = 9, .unit = "ms"}),
+            "whole milliseconds, 0 to 9");
+}
+
+// "5 6 7 8": those of these values that the option takes.
+std::string taken(std::span<const OptionSpec> options, std::string_view name,
+                  const std::vector<std::string>& values) {
+  std::string out;
+  for (const std::string& value : values) {
+    const auto option = std::ranges::find(options, name, &OptionSpec::name);
+    if (option != options.end() && check_value(*option, value)) out += (out.empty() ? "" : " ") + value;
+  }
+  return out;
+}
+
+TEST(LineSettingOptions, TakeWhatALineCanBe) {
+  const std::vector<OptionSpec> options = line_setting_options();
+  EXPECT_EQ(taken(options, "baud", {"0", "1", "9600.5", "4294967295", "4294967296"}), "1 4294967295");
+  EXPECT_EQ(taken(options, "databits", {"4", "5", "7.5", "8", "9"}), "5 8");
+  EXPECT_EQ(taken(options, "stopbits", {"0", "1", "1.5", "2", "3"}), "1 2");
+  EXPECT_EQ(taken(options, "parity", {"none", "even", "odd", "mark", ""}), "none even odd");
+  EXPECT_EQ(taken(options, "hwflowctrl", {"on", "2"}), "on");
+  EXPECT_EQ(taken(options, "swflowctrl", {"on", "2"}), "on");
+}
+
+TEST(LineSettingOptions, AreReadIntoALine) {
+  PortType type{"serial", {"device"}, "a tty"};
+  type.options = line_setting_options();
+  const PortTypes types({type});
+  const auto line = [&types](const std::string& spelled) {
+    return line_settings(parse_options(types, spelled).value());
+  };
+  EXPECT_EQ(line("type=serial"), LineSettings{});
+  EXPECT_EQ(line("type=serial,parity=even").parity, Parity::even);
+  EXPECT_EQ(line("type=serial,parity=odd").parity, Parity::odd);
+  EXPECT_EQ(line("type=serial,parity=none").parity, Parity::none);
+  EXPECT_EQ(
+      line("type=serial,baud=250000,databits=7,stopbits=2,hwflowctrl,swflowctrl"),
+      (LineSettings{.baud = 250'000, .data_bits = 7, .stop_bits = 2, .hw_flow = true, .sw_flow = true}));
+}
+
+TEST(CommonOptionsOfPorts, TakeWhatFlexiportsDo) {
+  const std::vector<OptionSpec> options = with_common({});
+  EXPECT_EQ(taken(options, "debug", {"-1", "0", "1.5", "9", "10"}), "0 9");
+  EXPECT_EQ(taken(options, "timeout", {"-2", "-1", "0.5", "1000000000", "1000000001"}), "-1 0.5 1000000000");
+  for (const char* const flag : {"readonly", "writeonly", "readwrite", "alwaysopen"})
+    EXPECT_EQ(taken(options, flag, {"on", "2"}), "on") << flag;
+}
+
+TEST(HelpTable, CharactersCountAndNotTheirBytes) {
+  const std::string line = std::string(40, 'a') + ' ' + std::string(37, 'b') + "µ…";
+  EXPECT_EQ(help_text(line, 2), line + '\n') << "80 characters";
+}
+
+TEST(HelpTable, WhereAllIsWideTheTextIsIndentedByTwiceTwo) {
+  const std::array wide = {HelpRow{std::string(25, 'a'), "x"}};
+  EXPECT_EQ(help_table(wide), "  " + std::string(25, 'a') + "\n    x\n");
 }
 
 }  // namespace

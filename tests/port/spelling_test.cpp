@@ -162,5 +162,13 @@ TEST_F(Spelling, FlagsAreSpelledWithoutAValueAndAMainPartThatIsMissingIsLeftOut)
   EXPECT_EQ(spelled("net:h,listen=off"), "net:h:20000");
 }
 
+TEST_F(Spelling, AnAddressWithoutBracketsIsAnsweredWithTheForm) {
+  EXPECT_THAT(refused("net:a:b:c"), testing::HasSubstr("accepted: HOST, HOST:PORT, [IPv6]:PORT"));
+}
+
+TEST_F(Spelling, AnOptionThatHasNoNumberIsNought) {
+  EXPECT_EQ(parse_options(all, "net:h")->number("seed"), 0);
+}
+
 }  // namespace
 }  // namespace porttape

@@ -118,5 +118,9 @@ TEST_F(WrappedTest, WhatEveryPortHasIsReadWithItsOptions) {
   EXPECT_TRUE(common("plain:x,alwaysopen").always_open);
 }
 
+TEST_F(WrappedTest, AFlagIsSpelledWithoutAValue) {
+  EXPECT_EQ(parse_options(types, "plain:x,readonly=yes,debug=3")->spelled(), "plain:x,debug=3,readonly");
+}
+
 }  // namespace
 }  // namespace porttape
