@@ -32,10 +32,10 @@ std::optional<std::size_t> behind_payload(ByteView frame) {
   return frame[1] + (frame[0] == 0xfd ? std::size_t{10} : std::size_t{6});
 }
 
-// Of the message in a frame of MAVLink 1 or 2.
+// Of the message in a frame of MAVLink 1 or 2 that has its checksum.
 std::optional<Byte> extra_of(ByteView frame) {
-  if (frame.size() > 5 && frame[0] == 0xfe) return mavlink_crc_extra(frame[5]);
-  if (frame.size() > 9 && frame[0] == 0xfd) {
+  if (frame[0] == 0xfe) return mavlink_crc_extra(frame[5]);
+  if (frame[0] == 0xfd) {
     return mavlink_crc_extra(frame[7] | static_cast<std::uint32_t>(frame[8]) << 8 |
                              static_cast<std::uint32_t>(frame[9]) << 16);
   }

@@ -147,6 +147,23 @@ TEST(RedactStreamTest, AMatchThatMayGoOnIsAnError) {
   EXPECT_THAT(redact(book, "ab=12345678.").error, HasSubstr("a match at byte 2 may go on beyond 8 bytes"));
 }
 
+TEST(RedactStreamTest, AMatchThatMayGoOnIsNamedByItsPlaceInTheWholeStream) {
+  const RedactBook book = book_of("[[redact]]\nname='long'\npattern='=(\\w+)'\nlongest=8\n");
+  const std::string text = std::string(100'000, '-') + "=12345678.";
+  EXPECT_THAT(redact(book, text, Of::reads, 1000).error,
+              HasSubstr("a match at byte 100000 may go on beyond 8 bytes"));
+}
+
+TEST(RedactStreamTest, WhereTheGroupOfAPatternIsNotPartOfAMatchAllOfItIsTheSecret) {
+  const RedactBook book = book_of("[[redact]]\nname='x'\npattern='x(y)?'\nwith='*'\n");
+  EXPECT_EQ(redact(book, "x-xy-y").text, "*-x*-y");
+}
+
+TEST(RedactStreamTest, AnEmptyMatchHidesNothing) {
+  const RedactBook book = book_of("[[redact]]\nname='a'\npattern='a*'\nwith='*'\n");
+  EXPECT_EQ(redact(book, "baab").text, "b**b");
+}
+
 TEST(RedactStreamTest, ExpressionsSeeWhatStandsAround) {
   const RedactBook book = book_of("[[redact]]\nname='word'\npattern='\\bpin\\b'\nwith='-'\n");
   for (std::size_t cut = 1; cut < 20; ++cut)

@@ -1,5 +1,6 @@
 #include "libport/rules/rules_reader.hpp"
 
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -106,6 +107,43 @@ TEST(RulesReaderTest, ReadsEveryKey) {
   EXPECT_EQ(rules->rules[2].length, (Rule::Length{1, 5}));
   EXPECT_TRUE(rules->rules[4].optional && rules->rules[4].repeated);
   EXPECT_EQ(rules->replies.front().to.capture, "^\\xAA(..)");
+}
+
+TEST(RulesReaderTest, WhatIsLeftOutIsAsTheDocumentSays) {
+  const Result<RuleSet> rules = read_rules(
+      "[[frame]]\nname='a'\nkind='length'\nlength={at=3}\nchecksum={kind='CRC-16/MODBUS'}\n"
+      "[[frame]]\nname='b'\nkind='delimited'\nend='x'\nchecksum={kind='CRC-16/MODBUS',hex=true}\n"
+      "[[frame]]\nname='c'\nkind='fixed'\nsize=5000\n"
+      "[[frame]]\nprotocol='nmea'\nlongest=80\n"
+      "[[frame]]\nprotocol='ubx'\nname='d'\n"
+      "[[rule]]\nname='r'\ncolumn=0\ncounter=true\n"
+      "[[redact]]\nname='s'\npattern='x'\n",
+      "my.rules");
+  ASSERT_TRUE(rules) << rules.error().message;
+  ASSERT_EQ(rules->frames.size(), 6U);
+  EXPECT_EQ(rules->frames[0].length, (LengthField{.at = 3, .size = 1, .order = ByteOrder::big, .adds = 0}));
+  EXPECT_EQ(rules->frames[0].checksum, (ChecksumField{.kind = "CRC-16/MODBUS", .at = -2, .from = 0}));
+  EXPECT_EQ(rules->frames[0].longest, 4096U);
+  EXPECT_EQ(rules->frames[0].start, Bytes());
+  EXPECT_EQ(rules->frames[1].checksum->at, -4) << "two digits a byte";
+  EXPECT_EQ(rules->frames[1].trailer, 0U);
+  EXPECT_EQ(rules->frames[2].longest, 5000U) << "a frame of a fixed size is never too long";
+  EXPECT_EQ(rules->frames[3].longest, 80U);
+  EXPECT_EQ(rules->frames[4].longest, 80U);
+  EXPECT_EQ(rules->frames[3].name, "nmea");
+  EXPECT_EQ(rules->frames[5].name, "d");
+  EXPECT_EQ(rules->frames[5].protocol, "ubx");
+  EXPECT_EQ(rules->frames[5].longest, 4096U);
+  EXPECT_EQ(rules->rules[0].place, (Place{.by = Place::By::column, .at = 0, .column = 0, .separator = ","}));
+  EXPECT_EQ(rules->rules[0].counter.modulo, 0U);
+  EXPECT_EQ(rules->rules[0].type, NumberType::unsigned_);
+  EXPECT_EQ(rules->rules[0].order, ByteOrder::big);
+  EXPECT_FALSE(rules->rules[0].optional || rules->rules[0].repeated);
+  EXPECT_EQ(rules->rules[0].with_answer, std::nullopt);
+  EXPECT_EQ(rules->redactions[0].longest, 1024U);
+  EXPECT_EQ(rules->redactions[0].filler, FillerKind::like);
+  EXPECT_TRUE(rules->redactions[0].events);
+  EXPECT_EQ(rules->redactions[0].direction, std::nullopt);
 }
 
 TEST(RulesReaderTest, WhatIsWrittenIsReadAsTheSame) {

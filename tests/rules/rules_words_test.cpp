@@ -100,6 +100,29 @@ TEST(RulesWordsTest, TheLastThatIsAcceptedOfEachBoundIs) {
     EXPECT_EQ(of_rule(keys), "") << keys;
 }
 
+TEST(RulesWordsTest, ALengthAndAChecksumHaveTheirBounds) {
+  const auto length = [](const std::string& keys) {
+    return of_frame("kind='length'\nlength={" + keys + "}\n");
+  };
+  const auto checksum = [](const std::string& keys) {
+    return of_frame("kind='fixed'\nsize=8\nchecksum={kind='XOR'," + keys + "}\n");
+  };
+  for (const char* const keys :
+       {"at=0,size=1,adds=-65535,signed_at=0", "at=1024,size=4,adds=65535,signed_at=1024"})
+    EXPECT_EQ(length(keys), "") << keys;
+  for (const char* const keys :
+       {"at=-1", "at=1,from=-65535,to=-65535", "at=65535,from=65535,to=65535", "at=-65535"})
+    EXPECT_EQ(checksum(keys), "") << keys;
+  for (const char* const keys : {"at=-1", "at=1025", "at=0,size=0", "at=0,size=5", "at=0,adds=-65536",
+                                 "at=0,adds=65536", "at=0,signed_at=-1", "at=0,signed_at=1025"})
+    EXPECT_THAT(length(keys), HasSubstr("; accepted: a whole number from ")) << keys;
+  for (const char* const keys :
+       {"at=-65536", "at=65536", "from=-65536", "from=65536", "to=-65536", "to=65536"})
+    EXPECT_THAT(checksum(keys), HasSubstr("; accepted: a whole number from -65535 to 65535")) << keys;
+  EXPECT_EQ(length("size=1"),
+            "f:4: 'length' of [[frame]] 'f' has no 'at': where the number stands in the frame");
+}
+
 TEST(RulesWordsTest, OfARule) {
   const std::string in = " of [[rule]] 'r' ";
   const std::vector<std::pair<std::string, std::string>> known = {
