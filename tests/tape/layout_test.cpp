@@ -125,5 +125,20 @@ TEST(Layout, RandomBytesAreNotATape) {
   }
 }
 
+// A first block that is not whole is all there is to go by.
+TEST(Layout, TheOnlyBlockMayClaim64MebibytesAndATimeOf31Bits) {
+  constexpr std::uint64_t kMost = std::uint64_t{64} << 20;
+  constexpr std::uint64_t kLatest = (std::uint64_t{1} << 31) - 1;
+  const auto detected = [](std::uint64_t seconds, std::uint64_t length) {
+    Bytes torn = test::header_bytes(seconds, 26, length);
+    test::append(torn, "abc");
+    return detect(torn, {});
+  };
+  EXPECT_EQ(detected(1, kMost), "big-endian");
+  EXPECT_EQ(detected(kLatest, 4), "big-endian");
+  EXPECT_NE(detected(1, kMost + 1), "big-endian");
+  EXPECT_NE(detected(kLatest + 1, 4), "big-endian");
+}
+
 }  // namespace
 }  // namespace porttape

@@ -2,6 +2,7 @@
 // writer does with batches.
 
 #include <cerrno>
+#include <cstdint>
 #include <memory>
 #include <new>
 #include <string>
@@ -12,6 +13,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "libport/tape/disks.hpp"
 #include "libport/tape/event_file.hpp"
 #include "libport/tape/live_tape.hpp"
 #include "tests/support/refused_calls.hpp"
@@ -339,6 +341,28 @@ TEST_F(TapeBatches, OneThatIsWrittenEndsAFailure) {
   EXPECT_FALSE(writer.failing());
   EXPECT_EQ(writer.bytes_lost(), 4U);
   EXPECT_EQ(writer.bytes_written(), 4U);
+}
+
+TEST(DisksTest, ADiskThatWasSlowOnceIsSlowForAllWhoAsk) {
+  Disks disks;
+  const auto asked_before = disks.slow(7);
+  EXPECT_FALSE(*asked_before);
+  disks.note_slow(7);
+  EXPECT_TRUE(*asked_before);
+  EXPECT_TRUE(*disks.slow(7));
+  EXPECT_FALSE(*disks.slow(8));
+}
+
+TEST(DisksTest, AllQueuesTogetherHave256MebibytesOfRoom) {
+  constexpr std::uint64_t most = std::uint64_t{256} << 20;
+  Disks disks;
+  EXPECT_FALSE(disks.reserve(most + 1));
+  EXPECT_TRUE(disks.reserve(most - 1));
+  EXPECT_TRUE(disks.reserve(1));
+  EXPECT_FALSE(disks.reserve(1));
+  disks.release(2);
+  EXPECT_TRUE(disks.reserve(2));
+  EXPECT_FALSE(disks.reserve(1));
 }
 
 }  // namespace
