@@ -73,7 +73,8 @@ void TapeKeeper::start() {
                          .writer = {.on_existing = options_.on_existing, .first_number = first_number_},
                          .queue_bytes = options_.queue_bytes,
                          .on_news = ending_.news(),
-                         .make = options_.make};
+                         .make = options_.make,
+                         .disk_clock = options_.disk_clock};
   made_told_ = slow_told_ = sync_told_ = silence_told_ = failing_ = failure_told_ = false;
   tape_ = std::make_unique<LiveTape>(context_.loop->workers(), context_.disks, std::move(live));
   watch_timer_.set_after(kWatchEvery);

@@ -34,6 +34,8 @@ class TapeKeeper final : public LineObserver {
     unsigned connection = 1;
     // Makes the writer of each tape; empty: on files.
     std::function<Result<TapeWriter>(const LiveTape::Options&)> make = {};
+    // By which the disk's silence is measured, as LiveTape::Options has it.
+    const Clock* disk_clock = nullptr;
     // What is known of the recorded device only when it is open; asked for each tape.
     std::function<void(TapeHeader&)> describe = {};
     std::function<void(const TapePaths&)> on_ended = {};  // each tape that was made, at its end

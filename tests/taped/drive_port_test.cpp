@@ -90,6 +90,19 @@ TEST_F(DrivePortTest, TheLineIsSetAsTheRecordedDriverFoundItAndThenAsItSetIt) {
   EXPECT_EQ(log.settings.baud, 115'200U);
 }
 
+TEST_F(DrivePortTest, TheRecordedDriversFlushesAreOfTheirQueues) {
+  using Queue = event::Flush::Queue;
+  const auto flush = [](std::int64_t us, std::optional<Queue> queue) {
+    return encode(tape_time_us(us), event::Flush{queue});
+  };
+  make_tape(flush(100, Queue::in) + flush(200, Queue::out) + flush(300, Queue::both) +
+            flush(400, std::nullopt));
+  start();
+  device_comes_up();
+  wait_for_question();
+  EXPECT_EQ(log.events, "up flush_in flush_out flush_both flush_both ");
+}
+
 TEST_F(DrivePortTest, TheRecordedDriversSignalsAreMade) {
   make_tape(encode(tape_time_us(100), signal_event({Side::driver, {LineSignal::Name::rts, false}})) +
             encode(tape_time_us(150), signal_event({Side::device, {LineSignal::Name::cts, false}})) +

@@ -175,6 +175,40 @@ TEST_F(RedactEndsTest, UsesAreCountedByRuleWithTheirBytesAndTheFirst) {
   EXPECT_EQ(done->follows.count, 0U);
 }
 
+TEST_F(RedactEndsTest, WhatIsHiddenIsOfTheBlockInWhichItBegins) {
+  const std::vector<std::int64_t> begins = {10, 20};
+  for (std::size_t block = 0; block < 2; ++block) {
+    const std::string first = block == 0 ? "of secret" : "before ";
+    const auto done = redact(tape(MemoryTape().read(10, first).read(20, "secret"), 30));
+    ASSERT_TRUE(done);
+    ASSERT_TRUE(done->rules[0].first.has_value());
+    EXPECT_EQ(to_us(done->rules[0].first->at), begins[block]);
+  }
+}
+
+TEST_F(RedactEndsTest, ABlockWithoutAByteStaysWhereverItIs) {
+  ASSERT_TRUE(redact(
+      tape(MemoryTape().read(1, "").read(2, "a sec").read(3, "").read(4, "ret").read(5, "").read(6, ""), 7)));
+  EXPECT_THAT(test::lines_on(made), ElementsAre("r 1 ", "r 2 a ***", "r 3 ", "r 4 ***", "r 5 ", "r 6 "));
+}
+
+// What may be the beginning of a secret is held back, and with it all that comes behind it.
+TEST_F(RedactEndsTest, AMillionBlocksWithoutAByteWaitAndOneMoreIsTooMany) {
+  constexpr std::size_t most = std::size_t{1} << 20;
+  const Bytes empty = test::block_bytes({{0, ""}});
+  Bytes blocks = test::block_bytes({{0, "se"}});
+  for (std::size_t i = 0; i + 1 < most; ++i) blocks.insert(blocks.end(), empty.begin(), empty.end());
+  const TapePaths paths = literal_tape(dir / "many");
+  test::write_file(paths.read, blocks);
+  EXPECT_TRUE(redact(paths));
+  blocks.insert(blocks.end(), empty.begin(), empty.end());
+  test::write_file(paths.read, blocks);
+  const auto done = redact(paths);
+  ASSERT_FALSE(done);
+  EXPECT_EQ(done.error().code, Errc::usage);
+  EXPECT_EQ(done.error().message, "it has more than a million blocks without a byte in a row");
+}
+
 TEST_F(RedactEndsTest, ChecksumsThatFollowAndThoseThatWereWrongAreCounted) {
   const std::string good = "$GPGLL,5057.970,N,00146.110,E,142451,A*27\r\n";
   const std::string wrong = "$GPGLL,5057.970,N,00146.110,E,142451,A*28\r\n";

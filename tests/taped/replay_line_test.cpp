@@ -151,6 +151,26 @@ TEST_F(SignalsOfATape, ADrainLastsAsLongAsItsRecordedOne) {
   EXPECT_EQ(sent, 2) << "the tape has no other";
 }
 
+TEST_F(SignalsOfATape, EachRunHasTheRecordedDrainsFromTheFirstOn) {
+  start();
+  int sent = 0;
+  for (const int run : {0, 1}) {
+    port->drain([&sent] { ++sent; });
+    EXPECT_EQ(sent, run) << "it lasts";
+    port->close();
+    port->open();
+  }
+  EXPECT_EQ(sent, 2);
+}
+
+TEST_F(SignalsOfATape, WithoutTimingADrainIsOverAtOnce) {
+  timing = Timing::none;
+  start();
+  bool sent = false;
+  port->drain([&sent] { sent = true; });
+  EXPECT_TRUE(sent);
+}
+
 TEST_F(SignalsOfATape, ADrainEndsWithTheLine) {
   start();
   int sent = 0;

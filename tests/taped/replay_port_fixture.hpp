@@ -26,6 +26,8 @@ class ReplayPortTest : public testing::Test {
     options.config.on_mismatch = on_mismatch;
     options.config.match = match;
     options.config.chunks = chunks;
+    options.config.timing = timing;
+    options.config.at_end = at_end;
     options.report_file = report;
     options.once = once;
     options.ends_with_run = ends_with_run;
@@ -74,6 +76,8 @@ class ReplayPortTest : public testing::Test {
   std::uint64_t session = 0;
   Match match = Match::sequence;
   Chunks chunks = Chunks::automatic;
+  Timing timing = ReplayConfig{}.timing;
+  AtEnd at_end = ReplayConfig{}.at_end;
   std::unique_ptr<ReplayPort> port;
 };
 

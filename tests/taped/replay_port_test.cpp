@@ -7,7 +7,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "libport/replay/budget.hpp"
 #include "libport/replay/replay_clock.hpp"
 #include "libport/tape/event.hpp"
 #include "tests/support/tape_bytes.hpp"
@@ -129,6 +128,22 @@ TEST_F(ReplayPortTest, ADamagedTapeLeavesAReportWithoutACause) {
   EXPECT_EQ(port->report()->verdict, Verdict::data_mismatch);
   (void)finish();
   EXPECT_EQ(log.status, 3);
+}
+
+TEST_F(ReplayPortTest, DamageEndsTheLineBehindWhatIsBeforeIt) {
+  Bytes damaged = test::block_bytes({{0, "one"}});
+  const Bytes header = test::header_bytes(0, 2'000'000, 3);  // no time has so many microseconds
+  damaged.insert(damaged.end(), header.begin(), header.end());
+  test::append(damaged, "two");
+  test::write_file(dir / "t.logr", damaged);
+  start();
+  run_until(loop, [this] { return log.events == "up lost "; });
+  EXPECT_EQ(log.data, "one");
+  EXPECT_TRUE(log.after_reading);
+  EXPECT_EQ(log.error.code, Errc::damaged_tape);
+  EXPECT_THAT(log.error.message, HasSubstr("t.logr"));
+  (void)finish();
+  EXPECT_EQ(log.status, 1);
 }
 
 TEST_F(ReplayPortTest, FilesThatAreNotWhatTheEndTellsAreNotPlayed) {
@@ -450,41 +465,6 @@ TEST_F(TapeOfEmptyBlocks, IsCountedForSomeSecondsWhereTheRunItselfIsTheEnd) {
   expect_not_counted();
 }
 
-// More at once than is looked at in a turn: whoever writes waits, and is told when he may go on, however the
-// rest comes to nothing.
-TEST_F(ReplayPortTest, TheEndOfItsCongestionIsTold) {
-  const std::string much(std::size_t{4} << 20, 'x');
-  test::write_file(dir / "t.logw", test::block_bytes({{0, much}}));
-  start();
-  write(much);
-  ASSERT_TRUE(port->congested());
-  EXPECT_THAT(log.events, Not(HasSubstr("drained")));
-  run_until(loop, [this] { return !port->congested(); });
-  EXPECT_THAT(log.events, HasSubstr("drained"));
-  const std::size_t first = log.events.find("drained");
-  EXPECT_EQ(log.events.find("drained", first + 1), std::string::npos) << log.events;
-  (void)finish();
-}
-
-// What one turn left is the next one's, all of it.
-TEST_F(ReplayPortTest, TheEndOfItsCongestionIsToldWhereAllTheRestGoesAtOnce) {
-  constexpr std::size_t kBlock = std::size_t{32} << 10;
-  const std::string block(kBlock, 'x');
-  Bytes blocks;
-  std::string much;
-  while (much.size() < Budget::kBytes + 3 * kBlock) {
-    const Bytes next = test::block_bytes({{0, block}});
-    blocks.insert(blocks.end(), next.begin(), next.end());
-    much += block;
-  }
-  test::write_file(dir / "t.logw", blocks);
-  start();
-  write(much);
-  run_until(loop, [this] { return !port->congested(); });
-  EXPECT_THAT(log.events, HasSubstr("drained")) << "it was congested for the moment";
-  (void)finish();
-}
-
 // Tapes whose zeros were 40 s apart, each with a read an hour after its zero.
 TEST_F(ReplayPortTest, TapesOfOneProgramPlayByItsClock) {
   const auto clock = std::make_shared<ReplayClock>(1);
@@ -514,42 +494,6 @@ TEST_F(ReplayPortTest, TapesOfOneProgramPlayByItsClock) {
   EXPECT_TRUE(clock->runs());
   second->close();
   EXPECT_FALSE(clock->runs());
-}
-
-// What is due waits for a driver that does not read; what comes next waits for its question.
-class FlushOfATape : public ReplayPortTest {
- protected:
-  std::string left_after(FlushQueue queue) {
-    log.data.clear();
-    flush_unread(queue);
-    return log.data;
-  }
-};
-
-TEST_F(FlushOfATape, DropsWhatIsDueAndUnreadAndNothingElse) {
-  EXPECT_EQ(left_after(FlushQueue::in), "new");
-  EXPECT_EQ(left_after(FlushQueue::both), "new");
-  EXPECT_EQ(left_after(FlushQueue::out), "oldnew");
-}
-
-TEST_F(FlushOfATape, AFloodOfThemLogsNothing) {
-  test::write_file(dir / "t.logr", test::block_bytes({{1, "old"}}));
-  test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{})));
-  start();
-  const std::string before = book.text();
-  for (int i = 0; i < 10'000; ++i) port->peer_flushed(FlushQueue::both);
-  EXPECT_EQ(book.text(), before);
-}
-
-TEST_F(ReplayPortTest, AFlushOfATapeWithoutEventsDropsNothingThatItsDriverRead) {
-  test::write_file(dir / "t.logw", test::block_bytes({{0, "ask"}}));
-  test::write_file(dir / "t.logr", test::block_bytes({{1, "old"}}));
-  start();
-  port->set_reading(false);
-  write("ask");
-  port->peer_flushed(FlushQueue::both);
-  port->set_reading(true);
-  run_until(loop, [this] { return log.data == "old"; });
 }
 
 }  // namespace

@@ -64,7 +64,8 @@ class TapeFactsTest : public testing::Test {
 };
 
 TEST_F(TapeFactsTest, OfAWholeTapeAreOfAllItsSessions) {
-  const TapeFacts all = facts(tape(sessions(), {.zero = TapeZero{"2024-05-06T07:08:09.000000Z", 5, "boot"}}));
+  const TapeFacts all = facts(tape(
+      sessions(), {.device = {}, .driver = {}, .zero = TapeZero{"2024-05-06T07:08:09.000000Z", 5, "boot"}}));
   EXPECT_EQ(all.facts.opens, 3U);
   EXPECT_THAT(hang_ups(all), ElementsAre(300, 1350));
   EXPECT_THAT(gaps(all), ElementsAre(std::pair(900, 1300)));

@@ -144,6 +144,15 @@ TEST_F(TapeGroupTest, OverwriteTouchesNothingWhereATapeIsNotOfTheGroup) {
   }
 }
 
+TEST_F(TapeGroupTest, OverwriteReplacesATapeThatSaysNothingOfItself) {
+  file("laser.logr");
+  file("laser.logw");
+  make(OnExisting::overwrite);
+  EXPECT_TRUE(group->check().has_value());
+  ASSERT_TRUE(tape(1, 1).has_value());
+  EXPECT_EQ(tapes(), Names{"laser.log"});
+}
+
 TEST_F(TapeGroupTest, AGroupThatIsBeingWrittenIsNotReplaced) {
   make(OnExisting::refuse);
   ASSERT_TRUE(tape(1, 1).has_value());

@@ -1,9 +1,7 @@
-// The keeper of a tape whose disk does not answer at the end, or is full.
+// The keeper of a tape whose disk does not answer at the end.
 
 #include "libport/taped/tape_keeper.hpp"
 
-#include <atomic>
-#include <cerrno>
 #include <functional>
 #include <future>
 #include <memory>
@@ -77,49 +75,6 @@ TEST_F(TapeKeeperTest, GivenUpWithoutAnEndItTellsThatToo) {
   keeper->block(Direction::read, loop.now(), as_bytes("seven b"));
   keeper->give_up();
   EXPECT_NE(book.text().find("7 bytes and the end are not on it"), std::string::npos) << book.text();
-}
-
-// A disk that can be full.
-class FullSink final : public TapeSink {
- public:
-  explicit FullSink(std::shared_ptr<std::atomic<bool>> full) : full_(std::move(full)) {}
-  Appended append(ByteView head, ByteView body) override {
-    if (*full_) return {0, ENOSPC};
-    return {head.size() + body.size(), 0};
-  }
-  int truncate(std::uint64_t) override { return 0; }
-  Sync syncer() override {
-    return [] { return 0; };
-  }
-  int close() override { return 0; }
-
- private:
-  std::shared_ptr<std::atomic<bool>> full_;
-};
-
-TEST(TapeKeeperOnAFullDisk, RefusesAMarkThatCannotBeWritten) {
-  const auto full = std::make_shared<std::atomic<bool>>(false);
-  Loop loop;
-  LogBook book;
-  const auto make = [full](const LiveTape::Options& tape) {
-    return TapeWriter::on_sinks({std::make_unique<FullSink>(full), std::make_unique<FullSink>(full),
-                                 std::make_unique<FullSink>(full)},
-                                tape.header, tape.writer);
-  };
-  TapeKeeper keeper(
-      PortContext{&loop, book.log()},
-      TapeKeeper::Options{
-          .tape = literal_tape("x.log"), .header = {.device = "memory", .driver = "test"}, .make = make},
-      [] {});
-  keeper.opened(loop.now());
-  run_until(loop, [&book] { return book.text().find("recording to") != std::string::npos; });
-  keeper.block(Direction::read, loop.now(), as_bytes("direct from here"));
-  *full = true;
-  const Result<bool> marked = keeper.request(loop.now(), RecorderRequest::mark("lost"));
-  ASSERT_FALSE(marked);
-  EXPECT_EQ(marked.error().message, "tape x.log: nothing can be written on it now: No space left on device");
-  *full = false;
-  EXPECT_TRUE(keeper.request(loop.now(), RecorderRequest::mark("there is room again")));
 }
 
 }  // namespace

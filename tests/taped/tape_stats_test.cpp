@@ -93,6 +93,12 @@ TEST(TapeStatsTest, TheBusiestSecondOfADirection) {
   EXPECT_EQ(stats.read.busiest, tape_time_us(6'000'000));
 }
 
+TEST(TapeStatsTest, OfSecondsThatAreAsBusyTheFirstIsTold) {
+  const TapeStats stats = stats_of_tape(MemoryTape().read(1'999'999, "ab").read(2'000'000, "cd"));
+  EXPECT_EQ(stats.read.busiest_bytes, 2U);
+  EXPECT_EQ(stats.read.busiest, tape_time_us(1'000'000));
+}
+
 TEST(TapeStatsTest, FramesOfBothSides) {
   TapeStatsOptions options;
   options.formats = protocol_formats("nmea");
@@ -152,6 +158,18 @@ TEST(TapeStatsTest, AnyNumberOfCommandsInBoundedMemory) {
   EXPECT_THAT(stats.write.commands, SizeIs(kMaxCommands + 1));
   EXPECT_EQ(stats.write.commands.front().command, kOtherCommands);
   EXPECT_EQ(stats.write.commands.front().count, 3000U - kMaxCommands);
+}
+
+TEST(TapeStatsTest, ACommandThatIsKnownIsCountedAsItselfThoughThereIsRoomForNoOther) {
+  MemoryTape tape;
+  for (std::size_t i = 0; i <= kMaxCommands; ++i) {
+    const auto at = static_cast<std::int64_t>(i) * 10;
+    tape.write(at, "C" + std::to_string(i % kMaxCommands) + "\n").read(at + 5, "ok\n");
+  }
+  const TapeStats stats = stats_of_tape(tape);
+  EXPECT_THAT(stats.write.commands, SizeIs(kMaxCommands));
+  EXPECT_EQ(stats.write.commands.front().command, "C0");
+  EXPECT_EQ(stats.write.commands.front().count, 2U);
 }
 
 TEST(TapeStatsTest, ExchangesWithoutALetterBehindTheirFirst64BytesAreToldApartByThese) {

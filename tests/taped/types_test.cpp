@@ -39,7 +39,7 @@ ReplayPort::Options options_of(const std::string& more) {
   EXPECT_TRUE(options) << more << ": " << options.error().message;
   return options ? *options : ReplayPort::Options{};
 }
-std::string refused(const std::string& more) {
+std::string refusal_of(const std::string& more) {
   const Result<ReplayPort::Options> options = read_options(more);
   EXPECT_FALSE(options) << more;
   if (options) return {};
@@ -161,10 +161,10 @@ TEST(ReplayOptions, WhatContradictsIsRefusedWithWhy) {
       {"junit=t.loge", "report 't.loge' is a file of the tape; name another file"},
       {"junit=./t.loge", "report './t.loge' is a file of the tape; name another file"},
   };
-  for (const auto& [more, why] : known) EXPECT_EQ(refused("," + more), why);
+  for (const auto& [more, why] : known) EXPECT_EQ(refusal_of("," + more), why);
   EXPECT_EQ(options_of(",start=2,end=2.000001").config.end, tape_time_us(2'000'001));
   EXPECT_EQ(options_of(",on-mismatch=resync,loops=1").config.loops, 1U);
-  EXPECT_THAT(refused(",rules=/no/such.rules"), HasSubstr("rules file '/no/such.rules': No such file"));
+  EXPECT_THAT(refusal_of(",rules=/no/such.rules"), HasSubstr("rules file '/no/such.rules': No such file"));
   Result<PortOptions> none = parse_options(replay_types(), "type=logreader,file=");
   ASSERT_TRUE(none) << none.error().message;
   EXPECT_EQ(PortSpec::read(*none).error().message, "option 'file' is empty; accepted: the name of a tape");

@@ -1,0 +1,275 @@
+// When the keeper of a tape tries again, and when it tells of a disk that fails or does not answer.
+
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <functional>
+#include <future>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "libport/taped/tape_keeper.hpp"
+#include "tests/support/manual_clock.hpp"
+#include "tests/support/port_log.hpp"
+#include "tests/support/quiet_log.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace porttape {
+namespace {
+
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using testing::HasSubstr;
+
+class KeeperTimes : public testing::Test {
+ protected:
+  using Make = std::function<Result<TapeWriter>(const LiveTape::Options&)>;
+
+  void keep(Make make, bool fail_closed = false) {
+    keeper =
+        std::make_unique<TapeKeeper>(PortContext{&loop, book.log()},
+                                     TapeKeeper::Options{.tape = literal_tape(dir / "x.log"),
+                                                         .header = {.device = "memory", .driver = "test"},
+                                                         .fail_closed = fail_closed,
+                                                         .make = std::move(make),
+                                                         .disk_clock = &clock},
+                                     [this] { ++must_ends; });
+  }
+  // Without waiting for other threads.
+  void pass(Nanos time) {
+    clock.pass(time);
+    loop.clock_moved();
+    loop.restart();
+    while (loop.poll_one()) {
+    }
+  }
+  void run_until_told(std::string_view text) {
+    run_until(loop, [this, text] { return book.text().find(text) != std::string::npos; });
+  }
+  [[nodiscard]] int told(std::string_view text) const {
+    const std::string all = book.text();
+    int count = 0;
+    for (std::size_t at = all.find(text); at != std::string::npos; at = all.find(text, at + 1)) ++count;
+    return count;
+  }
+
+  test::TempDir dir;
+  ManualClock clock;
+  Loop loop{clock, clock};
+  LogBook book;
+  int must_ends = 0;
+  std::unique_ptr<TapeKeeper> keeper;
+};
+
+// The disk hangs while the tape's files are made.
+class KeeperOfAHungDisk : public KeeperTimes {
+ protected:
+  ~KeeperOfAHungDisk() override { disk->goes_on.set_value(); }
+  void open(bool fail_closed = false) {
+    keep(
+        [disk = disk](const LiveTape::Options&) -> Result<TapeWriter> {
+          disk->reached.set_value();
+          disk->goes_on.get_future().wait();
+          return make_error(Errc::io, "a test wants it");
+        },
+        fail_closed);
+    keeper->opened(loop.now());
+    disk->reached.get_future().wait();
+  }
+
+  struct Disk {
+    std::promise<void> reached;
+    std::promise<void> goes_on;
+  };
+  std::shared_ptr<Disk> disk = std::make_shared<Disk>();
+};
+
+TEST_F(KeeperOfAHungDisk, TellsOfItOnceAfterASecond) {
+  open();
+  keeper->block(Direction::read, loop.now(), as_bytes("seven b"));
+  for (int looks = 0; looks < 3; ++looks) pass(milliseconds(250));
+  EXPECT_EQ(book.text(), "");
+  pass(milliseconds(250));
+  EXPECT_THAT(book.text(), HasSubstr("x.log: its disk does not answer; 7 bytes wait for it"));
+  for (int looks = 0; looks < 8; ++looks) pass(milliseconds(250));
+  EXPECT_EQ(told("does not answer"), 1);
+  EXPECT_EQ(must_ends, 0);
+  keeper->give_up();
+}
+
+TEST_F(KeeperOfAHungDisk, FailClosedEndsTheLineWithinTwoSeconds) {
+  open(true);
+  pass(milliseconds(250));
+  pass(milliseconds(250));
+  EXPECT_EQ(must_ends, 0);
+  pass(milliseconds(250));
+  EXPECT_EQ(must_ends, 1);
+  EXPECT_EQ(told("does not answer"), 0) << "that is told after a second";
+  keeper->give_up();
+}
+
+// Fails at first; the error has the attempt's number.
+class KeeperWithoutATape : public KeeperTimes {
+ protected:
+  void open(int failures) {
+    keep([this, failures](const LiveTape::Options& tape) -> Result<TapeWriter> {
+      const int attempt = ++attempts;
+      if (attempt <= failures || fails) return make_error(Errc::io, "attempt " + std::to_string(attempt));
+      return TapeWriter::create(tape.paths, tape.header, tape.writer);
+    });
+    keeper->opened(loop.now());
+  }
+  // How long it waits after that attempt.
+  Nanos wait_after(int attempt) {
+    run_until_told("attempt " + std::to_string(attempt) + ";");
+    const std::optional<Instant> next = loop.next_timer();
+    return next ? *next - clock.now() : Nanos{};
+  }
+
+  std::atomic<int> attempts = 0;
+  std::atomic<bool> fails = false;
+};
+
+TEST_F(KeeperWithoutATape, TriesAgainAfterASecondAndThenEachTimeTwiceAsLateUpToHalfAMinute) {
+  open(8);
+  int attempt = 1;
+  for (const int due : {1, 2, 4, 8, 16, 30, 30}) {
+    EXPECT_EQ(wait_after(attempt), seconds(due)) << attempt;
+    pass(seconds(due));
+    ++attempt;
+  }
+  EXPECT_EQ(wait_after(attempt), seconds(30));
+}
+
+TEST_F(KeeperWithoutATape, BeginsWithASecondAgainOnceATapeWasMade) {
+  open(2);
+  for (const int attempt : {1, 2}) pass(wait_after(attempt));
+  run_until_told("recording to");
+  fails = true;
+  EXPECT_TRUE(keeper->request(loop.now(), RecorderRequest::next_tape()));
+  EXPECT_EQ(wait_after(4), seconds(1));
+}
+
+TEST_F(KeeperTimes, WithoutADriverNothingIsMissedAndNothingTold) {
+  keep({});
+  keeper->block(Direction::read, loop.now(), as_bytes("before any driver"));
+  std::optional<bool> complete;
+  keeper->finish(loop.now(), [&complete](bool all) { complete = all; });
+  EXPECT_EQ(complete, true);
+  EXPECT_EQ(book.text(), "");
+}
+
+TEST_F(KeeperWithoutATape, WhereNoBytesPassedTheReasonAloneIsTold) {
+  open(1);
+  (void)wait_after(1);
+  EXPECT_EQ(keeper->recording()->state, RecordingStatus::State::not_made);
+  EXPECT_EQ(keeper->recording()->why, "attempt 1");
+  EXPECT_EQ(keeper->recording()->lost_bytes, 0U);
+  keeper->block(Direction::read, loop.now(), as_bytes("lost"));
+  keeper->block(Direction::write, loop.now(), as_bytes("too"));
+  EXPECT_EQ(keeper->recording()->lost_bytes, 7U);
+  keeper->give_up();
+  EXPECT_EQ(told("7 bytes passed and are on no tape: attempt 1"), 1);
+}
+
+TEST_F(KeeperWithoutATape, OneThatHasAllOfItIsGivenUpSilently) {
+  open(0);
+  run_until_told("recording to");
+  keeper->block(Direction::read, loop.now(), as_bytes("kept"));
+  run_until(loop, [this] { return keeper->recording()->queued_bytes == 0; });
+  keeper->give_up();
+  EXPECT_EQ(told("did not answer"), 0);
+}
+
+// A disk that can be full.
+class FullSink final : public TapeSink {
+ public:
+  explicit FullSink(std::shared_ptr<std::atomic<bool>> full) : full_(std::move(full)) {}
+  Appended append(ByteView head, ByteView body) override {
+    if (*full_) return {0, ENOSPC};
+    return {head.size() + body.size(), 0};
+  }
+  int truncate(std::uint64_t) override { return 0; }
+  Sync syncer() override {
+    return [] { return 0; };
+  }
+  int close() override { return 0; }
+
+ private:
+  std::shared_ptr<std::atomic<bool>> full_;
+};
+
+// Which is nearly full: it takes one block, and not the next.
+class KeeperOfAFullDisk : public KeeperTimes {
+ protected:
+  void open(bool fail_closed = false) {
+    keep(
+        [full = full](const LiveTape::Options& tape) {
+          return TapeWriter::on_sinks({std::make_unique<FullSink>(full), std::make_unique<FullSink>(full),
+                                       std::make_unique<FullSink>(full)},
+                                      tape.header, tape.writer);
+        },
+        fail_closed);
+    keeper->opened(loop.now());
+    run_until_told("recording to");
+    block(false);
+  }
+  void block(bool is_full) {
+    *full = is_full;
+    keeper->block(Direction::read, loop.now(), as_bytes("x"));
+    pass(Nanos{});
+  }
+
+  std::shared_ptr<std::atomic<bool>> full = std::make_shared<std::atomic<bool>>(false);
+};
+
+TEST_F(KeeperOfAFullDisk, IsToldOnceASecondThatItIsFull) {
+  open();
+  block(true);
+  EXPECT_EQ(told("x.log: No space left on device; the line stays up, the loss is counted"), 1);
+  EXPECT_EQ(keeper->recording()->state, RecordingStatus::State::failing);
+  EXPECT_EQ(keeper->recording()->why, "No space left on device");
+  block(false);
+  EXPECT_EQ(told("x.log is being written again; "), 1);
+  EXPECT_EQ(keeper->recording()->state, RecordingStatus::State::recording);
+  pass(seconds(1) - microseconds(1));
+  block(true);
+  EXPECT_EQ(told("No space left on device"), 1);
+  block(false);
+  EXPECT_EQ(told("is being written again"), 1) << "of what was not told nothing is taken back";
+  pass(microseconds(1));
+  block(true);
+  EXPECT_EQ(told("No space left on device"), 2);
+  block(false);
+  EXPECT_EQ(told("is being written again"), 2);
+  EXPECT_EQ(must_ends, 0);
+}
+
+TEST_F(KeeperOfAFullDisk, RefusesAMarkThatCannotBeWritten) {
+  open();
+  *full = true;
+  const Result<bool> marked = keeper->request(loop.now(), RecorderRequest::mark("lost"));
+  ASSERT_FALSE(marked);
+  EXPECT_EQ(marked.error().message,
+            "tape " + (dir / "x.log") + ": nothing can be written on it now: No space left on device");
+  *full = false;
+  EXPECT_TRUE(keeper->request(loop.now(), RecorderRequest::mark("there is room again")));
+}
+
+TEST_F(KeeperOfAFullDisk, FailClosedEndsTheLineAtTheFirstLoss) {
+  open(true);
+  EXPECT_EQ(must_ends, 0);
+  block(true);
+  EXPECT_GE(must_ends, 1);
+  EXPECT_EQ(told("No space left on device; ending, as --fail-closed asks"), 1);
+}
+
+}  // namespace
+}  // namespace porttape
