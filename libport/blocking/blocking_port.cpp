@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <fmt/format.h>
+#include <thread>
 #include <utility>
 
 #include <spdlog/logger.h>
@@ -56,6 +57,41 @@ class Remaining {
   Instant end_;
 };
 
+// Finds the first such byte in the input while it grows; looks at each byte once. Begins again where other
+// calls have taken bytes away.
+class Search {
+ public:
+  Search(const InputBuffer& input, Byte wanted) : input_(input), wanted_(wanted) {}
+  std::optional<std::size_t> operator()() {
+    if (std::exchange(removed_, input_.removed()) != input_.removed()) {
+      searched_ = 0;
+      found_.reset();
+    }
+    if (!found_) found_ = input_.find(wanted_, searched_);
+    searched_ = input_.size();
+    return found_;
+  }
+
+ private:
+  const InputBuffer& input_;
+  Byte wanted_;
+  std::uint64_t removed_ = input_.removed();
+  std::size_t searched_ = 0;
+  std::optional<std::size_t> found_;
+};
+
+// True while a scope runs, which may wait or throw.
+class During {
+ public:
+  explicit During(bool& flag) : flag_(flag) { flag_ = true; }
+  ~During() { flag_ = false; }
+  During(const During&) = delete;
+  During& operator=(const During&) = delete;
+
+ private:
+  bool& flag_;
+};
+
 }  // namespace
 
 Result<std::unique_ptr<BlockingPort>> BlockingPort::create(std::string_view spec,
@@ -99,15 +135,23 @@ Result<void> BlockingPort::make() {
 }
 
 Result<void> BlockingPort::open() {
-  if (open_) return make_error(Errc::usage, "the port is already open");
+  const LoopWait::Call call(wait_);
+  if (completing_) (void)wait_.until([this] { return !completing_; }, kForever);
+  if (open_) return usage_error("the port is already open");
+  if (opening_) return usage_error("the port is being opened");
+  const std::uint64_t line = ++line_;
+  writer_ = std::this_thread::get_id();
   input_.clear();
   down_.reset();
   up_ = came_up_ = ended_ = reopen_owed_ = false;
   reading_ = true;
   if (Result<void> made = make(); !made) return made;
   port_->set_reading(true);
+  const During opening(opening_);
   port_->open();
-  if (wait_.until([this] { return came_up_ || down_; }, kForever) == LoopWait::End::stalled) {
+  const LoopWait::End end = wait_.until([&] { return came_up_ || down_ || line_ != line; }, kForever);
+  if (line_ != line) return usage_error("the port was closed while it was being opened");
+  if (end == LoopWait::End::stalled) {
     Error error = make_error(Errc::io, port_->name() + " does not come up");
     release();
     return error;
@@ -122,26 +166,35 @@ Result<void> BlockingPort::open() {
 }
 
 void BlockingPort::close() {
+  const LoopWait::Call call(wait_);
+  close_line();
+}
+
+void BlockingPort::close_line() {
   open_ = false;
   input_.clear();
   release();
 }
 
-// Ports with a tape go on with it at the next open(); the others let go of all they have.
+// Ports with a tape go on with it at the next open(); the others let go of all they have. What other threads
+// wait for on this line is over.
 void BlockingPort::release() {
+  ++line_;
   retry_.cancel();
   up_ = false;
   if (!port_) return;
-  port_->close();
+  if (!completing_) port_->close();
   if (!has_tape(spec_)) {
     (void)complete();
   }
   wait_.poll();
 }
 
-// Finishes the port and lets it go.
+// Finishes the port and lets it go. Where another thread does that, waits until it is done.
 int BlockingPort::complete() {
+  if (completing_) (void)wait_.until([this] { return !completing_; }, kForever);
   if (!port_) return 0;
+  const During completing(completing_);
   complete_.reset();
   port_->finish();
   (void)wait_.until([this] { return complete_.has_value(); }, kForever);
@@ -150,10 +203,17 @@ int BlockingPort::complete() {
 }
 
 int BlockingPort::finish() {
-  close();
+  const LoopWait::Call call(wait_);
+  close_line();
   const int status = complete();
   wait_.poll();
   return status;
+}
+
+bool BlockingPort::readable() const {
+  if (open_) return true;
+  const LoopWait::Call call(wait_);
+  return !input_.empty();
 }
 
 void BlockingPort::on_up() {
@@ -227,16 +287,33 @@ Result<void> BlockingPort::check_write() const {
   return {};
 }
 
+// The port may keep as much as the largest of the reads that wait.
+class BlockingPort::Room {
+ public:
+  Room(BlockingPort& port, std::size_t room) : port_(port) {
+    ++port_.waiting_reads_;
+    port_.input_limit_ = std::max(port_.input_limit_, room);
+    port_.consumed();
+  }
+  ~Room() {
+    if (--port_.waiting_reads_ == 0) port_.input_limit_ = kInputLimit;
+  }
+  Room(const Room&) = delete;
+  Room& operator=(const Room&) = delete;
+
+ private:
+  BlockingPort& port_;
+};
+
 Result<Transfer> BlockingPort::wait_for_input(const Condition& enough, std::size_t room, Micros timeout) {
   if (Result<void> may = check_read(); !may) return may.error();
   if (enough()) return Transfer{};
   reopen();
-  input_limit_ = std::max(kInputLimit, room);
-  consumed();
-  const LoopWait::End end =
-      wait_.until_or_quiet([&] { return enough() || down_ || ended_ || !open_; }, timeout);
-  input_limit_ = kInputLimit;
+  const std::uint64_t line = line_;
+  const LoopWait::End end = wait_on_line(enough, room, timeout);
   if (enough()) return Transfer{};
+  if (line_ != line)
+    return Transfer{0, Transfer::End::closed};  // another call has seen its end, or closed it
   if (down_ && down_->error.code == Errc::damaged_tape) {
     Error error = down_->error;
     line_ended();
@@ -245,15 +322,33 @@ Result<Transfer> BlockingPort::wait_for_input(const Condition& enough, std::size
   if (down_ || ended_) return line_ended();
   if (!open_) return Transfer{0, Transfer::End::closed};
   if (end == LoopWait::End::timed_out) return Transfer{0, Transfer::End::timed_out};
-  WaitingCalls* const calls = port_->waiting();
-  const std::string awaited = calls == nullptr ? std::string() : calls->awaits();
+  const std::string awaited = awaits();
   if (awaited.empty()) return line_ended();  // a tape at its end
   return make_error(Errc::io, "reading would wait for ever: " + awaited);
+}
+
+LoopWait::End BlockingPort::wait_on_line(const Condition& enough, std::size_t room, Micros timeout) {
+  const std::uint64_t line = line_;
+  const Condition over = [&] { return enough() || down_ || ended_ || !open_ || line_ != line; };
+  const Room kept(*this, room);
+  for (;;) {
+    const LoopWait::End end = wait_.until_or_quiet(over, timeout);
+    const bool another_may_write = writer_ != std::this_thread::get_id();
+    if (end != LoopWait::End::stalled || !another_may_write || awaits().empty()) return end;
+    wait_.until_next_call(over);
+  }
+}
+
+// What the caller has to do so that anything can come.
+std::string BlockingPort::awaits() {
+  WaitingCalls* const calls = port_->waiting();
+  return calls == nullptr ? std::string() : calls->awaits();
 }
 
 Transfer BlockingPort::line_ended() {
   if (!open_) return {0, Transfer::End::closed};
   if (always_open_) {
+    ++line_;
     reopen_owed_ = true;
     down_.reset();
     up_ = ended_ = false;
@@ -282,6 +377,7 @@ void BlockingPort::consumed() {
 }
 
 Result<Transfer> BlockingPort::read(std::span<Byte> into) {
+  const LoopWait::Call call(wait_);
   if (input_.size() < into.size() && open_) wait_.poll();
   const Result<Transfer> waited =
       wait_for_input([&] { return !input_.empty() || into.empty(); }, into.size(), timeout_);
@@ -290,6 +386,7 @@ Result<Transfer> BlockingPort::read(std::span<Byte> into) {
 }
 
 Result<Transfer> BlockingPort::read_string(std::string& into) {
+  const LoopWait::Call call(wait_);
   if (open_) wait_.poll();
   const Result<Transfer> waited = wait_for_input([&] { return !input_.empty(); }, 1, timeout_);
   if (!waited || !waited->done()) return waited;
@@ -298,6 +395,7 @@ Result<Transfer> BlockingPort::read_string(std::string& into) {
 }
 
 Result<Transfer> BlockingPort::read_full(std::span<Byte> into) {
+  const LoopWait::Call call(wait_);
   const Result<Transfer> waited =
       wait_for_input([&] { return input_.size() >= into.size(); }, into.size(), kForever);
   if (!waited || !waited->done()) return waited;
@@ -305,37 +403,33 @@ Result<Transfer> BlockingPort::read_full(std::span<Byte> into) {
 }
 
 Result<Transfer> BlockingPort::read_until(std::span<Byte> into, Byte end) {
-  std::size_t searched = 0;
-  std::optional<std::size_t> found;
-  const auto enough = [&] {
-    if (!found) found = input_.find(end, searched);
-    searched = input_.size();
-    return found || input_.size() >= into.size();
-  };
+  const LoopWait::Call call(wait_);
+  Search found(input_, end);
+  const auto enough = [&] { return found() || input_.size() >= into.size(); };
   const Result<Transfer> waited = wait_for_input(enough, into.size(), timeout_);
   if (!waited || !waited->done()) return waited;
-  return take(std::min(found ? *found + 1 : into.size(), into.size()), into);
+  const std::optional<std::size_t> at = found();
+  return take(std::min(at ? *at + 1 : into.size(), into.size()), into);
 }
 
 Result<Transfer> BlockingPort::read_string_until(std::string& into, char end) {
-  std::size_t searched = 0;
-  std::optional<std::size_t> found;
-  const auto enough = [&] {
-    if (!found) found = input_.find(static_cast<Byte>(end), searched);
-    searched = input_.size();
-    return found || input_.size() >= kLongestLine;
-  };
+  const LoopWait::Call call(wait_);
+  Search found(input_, static_cast<Byte>(end));
+  const auto enough = [&] { return found() || input_.size() >= kLongestLine; };
   const Result<Transfer> waited = wait_for_input(enough, kLongestLine, timeout_);
   if (!waited || !waited->done()) return waited;
-  if (!found) return make_error(Errc::io, fmt::format("no end of line in {} bytes", kLongestLine));
-  into.resize(*found + 1);
+  const std::optional<std::size_t> at = found();
+  if (!at) return make_error(Errc::io, fmt::format("no end of line in {} bytes", kLongestLine));
+  into.resize(*at + 1);
   return take(into.size(), {reinterpret_cast<Byte*>(into.data()), into.size()});
 }
 
 Result<Transfer> BlockingPort::skip(std::size_t count) {
+  const LoopWait::Call call(wait_);
+  const Micros timeout = timeout_;
   std::size_t skipped = 0;
   while (skipped < count) {
-    const Result<Transfer> waited = wait_for_input([&] { return !input_.empty(); }, 1, timeout_);
+    const Result<Transfer> waited = wait_for_input([&] { return !input_.empty(); }, 1, timeout);
     if (!waited || !waited->done()) return waited;
     const std::size_t piece = std::min(input_.size(), count - skipped);
     input_.consume(piece);
@@ -347,9 +441,11 @@ Result<Transfer> BlockingPort::skip(std::size_t count) {
 }
 
 Result<Transfer> BlockingPort::skip_until(Byte end, unsigned times) {
+  const LoopWait::Call call(wait_);
+  const Micros timeout = timeout_;
   std::size_t skipped = 0;
   while (times > 0) {
-    const Result<Transfer> waited = wait_for_input([&] { return !input_.empty(); }, 1, timeout_);
+    const Result<Transfer> waited = wait_for_input([&] { return !input_.empty(); }, 1, timeout);
     if (!waited || !waited->done()) return waited;
     const std::optional<std::size_t> found = input_.find(end);
     const std::size_t piece = found ? *found + 1 : input_.size();
@@ -363,12 +459,14 @@ Result<Transfer> BlockingPort::skip_until(Byte end, unsigned times) {
 }
 
 Result<std::size_t> BlockingPort::bytes_available() {
+  const LoopWait::Call call(wait_);
   if (Result<void> may = check_read(); !may) return may.error();
   wait_.poll();
   return input_.front_size();
 }
 
 Result<Transfer> BlockingPort::bytes_available_wait() {
+  const LoopWait::Call call(wait_);
   if (open_) wait_.poll();
   const Result<Transfer> waited = wait_for_input([&] { return !input_.empty(); }, 1, timeout_);
   if (!waited || !waited->done()) return waited;
@@ -392,16 +490,24 @@ std::size_t BlockingPort::unsent() {
 }
 
 Result<Transfer> BlockingPort::write(ByteView data) {
+  const LoopWait::Call call(wait_);
+  return write(data, timeout_);
+}
+
+Result<Transfer> BlockingPort::write(ByteView data, Micros timeout) {
   if (Result<void> may = check_write(); !may) return may.error();
   if (port_->keeps_datagrams() && data.size() > Port::kLargestDatagram) {
     return make_error(Errc::usage, fmt::format("{} bytes do not fit a datagram, which holds at most {}",
                                                data.size(), Port::kLargestDatagram));
   }
+  writer_ = std::this_thread::get_id();
   reopen();
-  const Remaining left(loop_.clock(), timeout_);
+  const Remaining left(loop_.clock(), timeout);
   wait_.poll();
+  const std::uint64_t line = line_;
+  const auto over = [&] { return down_ || line_ != line; };
   std::size_t sent = 0;
-  while (!down_ && !data.empty()) {
+  while (!over() && !data.empty()) {
     if (up_ && !port_->congested()) {
       if (sent == data.size()) break;
       const ByteView rest = data.subspan(sent);
@@ -411,11 +517,14 @@ Result<Transfer> BlockingPort::write(ByteView data) {
       sent += taken;
       if (taken == piece.size()) continue;
     }
-    const auto can_go_on = [&] { return down_ || (up_ && drained_ && !port_->congested()); };
+    const auto can_go_on = [&] { return over() || (up_ && drained_ && !port_->congested()); };
     if (wait_.until(can_go_on, left()) != LoopWait::End::ready) break;
   }
   wait_.poll();  // a line that broke while it took the bytes
   written_bytes_ += sent;
+  // Another call has seen the end of the line, or closed it.
+  if (line_ != line && open_) return Transfer{sent, Transfer::End::closed};
+  if (line_ != line && !down_ && sent == 0) return usage_error("the port is not open");
   if (!down_) return sent > 0 || data.empty() ? Transfer{sent} : Transfer{0, Transfer::End::timed_out};
   if (sent == data.size() && down_->after_reading)
     return Transfer{sent};  // an orderly end, after these bytes
@@ -427,9 +536,11 @@ Result<Transfer> BlockingPort::write(ByteView data) {
 }
 
 Result<Transfer> BlockingPort::write_full(ByteView data) {
+  const LoopWait::Call call(wait_);
+  const Micros timeout = timeout_;
   std::size_t sent = 0;
   while (sent < data.size()) {
-    const Result<Transfer> step = write(data.subspan(sent));
+    const Result<Transfer> step = write(data.subspan(sent), timeout);
     if (!step || step->end == Transfer::End::closed) return step;
     sent += step->bytes;
     if (step->done()) continue;
@@ -441,6 +552,7 @@ Result<Transfer> BlockingPort::write_full(ByteView data) {
 }
 
 Result<void> BlockingPort::flush() {
+  const LoopWait::Call call(wait_);
   if (!open_) return usage_error("the port is not open");
   wait_.poll();
   if (!port_) return {};
@@ -451,11 +563,14 @@ Result<void> BlockingPort::flush() {
 }
 
 Result<Transfer> BlockingPort::drain() {
+  const LoopWait::Call call(wait_);
   if (!open_) return usage_error("the port is not open");
   // The kernel does not tell when its queue is empty.
-  const auto empty = [this] { return down_ || (!port_->congested() && unsent() == 0); };
+  const std::uint64_t line = line_;
+  const auto over = [&] { return down_ || line_ != line; };
+  const auto empty = [&] { return over() || (!port_->congested() && unsent() == 0); };
   if (wait_.until_seen(empty, timeout_) != LoopWait::End::ready) return Transfer{0, Transfer::End::timed_out};
-  if (!down_) return Transfer{};
+  if (!over()) return Transfer{};
   return Transfer{0, Transfer::End::closed};
 }
 
@@ -472,7 +587,8 @@ Result<void> BlockingPort::set_line(unsigned baud) {
 }
 
 Result<void> BlockingPort::set_baud(unsigned baud) {
-  if (port_) {
+  const LoopWait::Call call(wait_);
+  if (port_ && !completing_) {
     if (Result<void> set = set_line(baud); !set) return set;
   }
   if (plays_tape()) return {};
@@ -487,13 +603,15 @@ Result<void> BlockingPort::set_baud(unsigned baud) {
 }
 
 std::string BlockingPort::status() const {
-  const std::string waits = timeout_ < Micros{0}
+  const LoopWait::Call call(wait_);
+  const Micros timeout = timeout_;
+  const std::string waits = timeout < Micros{0}
                                 ? "for ever"
-                                : fmt::format("{:.6f} s", std::chrono::duration<double>(timeout_).count());
+                                : fmt::format("{:.6f} s", std::chrono::duration<double>(timeout).count());
   const std::string_view state = !open_ ? "not open" : up_ ? "open" : down_ ? "down" : "being opened again";
-  std::string out =
-      fmt::format("{}\nState: {}\nTimeout: {}\nPermissions: {}{}{}\n", spec_.name(), state, waits,
-                  can_read_ ? "read" : "", can_read_ && can_write_ ? ", " : "", can_write_ ? "write" : "");
+  std::string out = fmt::format("{}\nState: {}\nTimeout: {}\nPermissions: {}{}{}\n", spec_.name(), state,
+                                waits, can_read() ? "read" : "", can_read() && can_write() ? ", " : "",
+                                can_write() ? "write" : "");
   if (always_open_) out += "Always open\n";
   for (const auto& [option, value] : spec_.written().values) out += fmt::format("{}: {}\n", option, value);
   return out + fmt::format("Bytes read: {}, written: {}, waiting to be read: {}\n", read_bytes_,

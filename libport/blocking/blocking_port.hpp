@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -8,6 +9,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <thread>
 
 #include <spdlog/fwd.h>
 
@@ -38,8 +40,14 @@ struct Transfer {
 // A port for programs that wait in their calls: any port that an option string names, hardware, socket or
 // tape, with nothing of the event loop to be seen. Owns the port and the loop it lives on.
 //
-// Drive it: create(), open(), read and write, close(); then open() again, or let it go. One thread at a time;
-// nothing happens between calls, except in the kernel.
+// Drive it: create(), open(), read and write, close(); then open() again, or let it go. Nothing happens
+// between calls, except in the kernel.
+//
+// *Threads*: any thread may call any function at any time, but finish() and the destructor, for which all
+// other calls must have returned. Calls that wait do not hold up those of other threads; each has the timeout
+// that was set when it began. Several readers share what comes: each read takes its bytes in one piece, skips
+// do not. The bytes of several writers may be mixed where a write has to wait. The end of a line, and
+// close(), end all calls that wait on that line.
 //
 // *Timeouts* are in microseconds of the monotonic clock: kForever waits for ever, 0 does not wait. A call
 // that reads up to some end times out when nothing has come for so long, the others after so long in all. The
@@ -49,7 +57,8 @@ struct Transfer {
 // *Errors*: using a port that is not open, or against its permissions, is Errc::usage; a device that cannot
 // be opened Errc::device_missing; one that went away Errc::device_lost. A write that the tape of a logreader
 // refuses (strictness 1 and 2) is Errc::io with the offset, what was expected and what came; the line is then
-// down. `on-mismatch=warn` lets such writes pass. A wait that nothing can ever end is Errc::io too.
+// down. `on-mismatch=warn` lets such writes pass. A wait that only a write can end is Errc::io too, in the
+// thread that wrote last (or opened the port, before the first write); in others it waits for that write.
 //
 // *When the line goes down* what came before it can still be read; then one call ends as `closed` and the
 // port is no longer open. With `alwaysopen` it stays open, and calls wait, within their timeout, until the
@@ -79,7 +88,7 @@ class BlockingPort final : private PortListener {
   void close();  // drops what was not read; nothing to do when not open
   [[nodiscard]] bool is_open() const { return open_; }
   // Also true when the line is down and something that came before it is left.
-  [[nodiscard]] bool readable() const { return open_ || !input_.empty(); }
+  [[nodiscard]] bool readable() const;
 
   // What is there, at least one byte, at most `into`.
   Result<Transfer> read(std::span<Byte> into);
@@ -133,6 +142,7 @@ class BlockingPort final : private PortListener {
 
  private:
   using Condition = LoopWait::Condition;
+  class Room;
 
   void on_up() override;
   void on_data(ByteView data) override;
@@ -147,16 +157,20 @@ class BlockingPort final : private PortListener {
   [[nodiscard]] bool plays_tape() const;
   Result<void> set_line(unsigned baud);
   Result<void> make();
+  void close_line();
   void release();
   int complete();
   Result<void> check_read() const;
   Result<void> check_write() const;
 
+  Result<Transfer> write(ByteView data, Micros timeout);
   std::size_t write_some(ByteView data);
   [[nodiscard]] std::size_t unsent();
 
   // Waits for the condition, or for an end of the line with too little left to fulfil it.
   Result<Transfer> wait_for_input(const Condition& enough, std::size_t room, Micros timeout);
+  LoopWait::End wait_on_line(const Condition& enough, std::size_t room, Micros timeout);
+  std::string awaits();
   Transfer take(std::size_t count, std::span<Byte> into);
   void consumed();
   Transfer line_ended();
@@ -164,21 +178,26 @@ class BlockingPort final : private PortListener {
   void reopen();
 
   Loop loop_;
-  LoopWait wait_{loop_};
+  mutable LoopWait wait_{loop_};  // whose turn guards everything but the atomic members
   std::shared_ptr<spdlog::logger> log_;
   PortSpec spec_;
   std::unique_ptr<Port> port_;
   InputBuffer input_;
   std::size_t input_limit_ = kInputLimit;
+  unsigned waiting_reads_ = 0;
+  std::uint64_t line_ = 0;  // changes with each line that is opened, closed or found to have ended
+  std::thread::id writer_;  // of the last write or open()
   std::optional<LineDown> down_;
   std::optional<int> complete_;  // the port's exit status, once finish() is done
   Timer retry_;
   Nanos retry_after_{};
-  Micros timeout_ = kForever;
-  bool can_read_ = true;
-  bool can_write_ = true;
+  std::atomic<Micros> timeout_ = kForever;
+  std::atomic<bool> can_read_ = true;
+  std::atomic<bool> can_write_ = true;
   bool always_open_ = false;
-  bool open_ = false;
+  std::atomic<bool> open_ = false;
+  bool opening_ = false;     // open() waits
+  bool completing_ = false;  // complete() waits
   bool up_ = false;
   bool came_up_ = false;  // since open()
   bool drained_ = false;

@@ -16,6 +16,7 @@ void InputBuffer::append(ByteView data, bool message) {
 
 void InputBuffer::consume(std::size_t count) {
   begin_ += count;
+  removed_ += count;
   while (count > 0 && !messages_.empty()) {
     const std::size_t taken = std::min(count, messages_.front());
     count -= taken;
@@ -26,6 +27,7 @@ void InputBuffer::consume(std::size_t count) {
 }
 
 void InputBuffer::clear() {
+  removed_ += size();
   bytes_.clear();
   begin_ = 0;
   messages_.clear();

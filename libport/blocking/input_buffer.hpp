@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <deque>
 #include <optional>
 
@@ -21,12 +22,16 @@ class InputBuffer {
   [[nodiscard]] ByteView view() const { return ByteView(bytes_).subspan(begin_); }
   // Bytes that one read may give: all, or what is left of the first message.
   [[nodiscard]] std::size_t front_size() const;
+  // Bytes that consume() and clear() have taken away so far: offsets from before a change mean nothing after
+  // it.
+  [[nodiscard]] std::uint64_t removed() const { return removed_; }
   // Where the first such byte stands, looking from `from` on.
   [[nodiscard]] std::optional<std::size_t> find(Byte wanted, std::size_t from = 0) const;
 
  private:
   Bytes bytes_;
   std::size_t begin_ = 0;
+  std::uint64_t removed_ = 0;
   std::deque<std::size_t> messages_;  // sizes of what is left of them
 };
 

@@ -11,10 +11,22 @@ constexpr Nanos kLongestPulse = std::chrono::milliseconds(5);
 
 }  // namespace
 
+// Where other threads find a wait.
+class LoopWait::Listed {
+ public:
+  Listed(std::vector<Wait*>& waits, Wait& wait) : waits_(&waits), wait_(&wait) { waits.push_back(&wait); }
+  ~Listed() { std::erase(*waits_, wait_); }
+  Listed(const Listed&) = delete;
+  Listed& operator=(const Listed&) = delete;
+
+ private:
+  std::vector<Wait*>* waits_;
+  Wait* wait_;
+};
+
 LoopWait::LoopWait(Loop& loop)
-    : loop_(&loop), limit_(loop, [this] { timed_out_ = true; }), pulse_(loop, [this] {
-        pulse_every_ = std::min(pulse_every_ * 2, kLongestPulse);
-        pulse_.set_after(pulse_every_);
+    : loop_(&loop), turn_([post = loop.poster()] {
+        post([] {});  // an event, so that run_one() returns
       }) {}
 
 void LoopWait::poll() {
@@ -24,41 +36,75 @@ void LoopWait::poll() {
 }
 
 LoopWait::End LoopWait::until(const Condition& ready, Micros timeout) {
-  poll();
-  if (ready()) return End::ready;
-  if (timeout == Micros{0}) return End::timed_out;
-  timed_out_ = false;
-  if (timeout > Micros{0}) limit_.set_after(timeout);
-  End end = End::ready;
-  loop_->restart();
-  while (end == End::ready && !ready()) {
-    if (timed_out_) {
-      end = End::timed_out;
-    } else if (!loop_->run_one()) {
-      end = End::stalled;
-    }
-  }
-  limit_.cancel();
-  return end;
+  Wait wait{.ready = &ready};
+  return run(wait, timeout);
 }
 
 LoopWait::End LoopWait::until_or_quiet(const Condition& ready, Micros timeout) {
-  quiet_limit_ = timeout;
-  const End end = until(ready, timeout);
-  quiet_limit_ = {};
-  return end;
+  Wait wait{.ready = &ready, .quiet = timeout};
+  return run(wait, timeout);
+}
+
+LoopWait::End LoopWait::run(Wait& wait, Micros timeout) {
+  poll();
+  if ((*wait.ready)()) return End::ready;
+  if (timeout == Micros{0}) return End::timed_out;
+  if (timeout > Micros{0}) {
+    wait.limit.emplace(*loop_, [&wait] { wait.timed_out = true; });
+    wait.limit->set_after(timeout);
+  }
+  const Listed listed(waits_, wait);
+  while (!(*wait.ready)()) {
+    if (wait.timed_out) return End::timed_out;
+    if (turn(wait) == Turned::stalled) return End::stalled;
+  }
+  return End::ready;
+}
+
+LoopWait::Turned LoopWait::turn(Wait& wait) {
+  hurry_others(wait);
+  if (!turn_.begin_sleep()) {
+    turn_.step_back(wait.seat);
+    return Turned::stepped_back;
+  }
+  struct EndSleep {  // also when a handler throws
+    Turn* turn;
+    ~EndSleep() { turn->end_sleep(); }
+  };
+  const EndSleep at_end{&turn_};
+  loop_->restart();
+  return loop_->run_one() ? Turned::ran : Turned::stalled;
+}
+
+void LoopWait::hurry_others(const Wait& wait) {
+  for (Wait* const other : waits_) {
+    if (other != &wait && (other->timed_out || (*other->ready)())) turn_.hurry(other->seat);
+  }
 }
 
 void LoopWait::progress() {
-  if (quiet_limit_ > Micros{0}) limit_.set_after(quiet_limit_);
+  for (Wait* const wait : waits_) {
+    if (wait->quiet > Micros{0}) wait->limit->set_after(wait->quiet);
+  }
 }
 
 LoopWait::End LoopWait::until_seen(const Condition& ready, Micros timeout) {
-  pulse_every_ = kFirstPulse;
-  pulse_.set_after(pulse_every_);
-  const End end = until(ready, timeout);
-  pulse_.cancel();
-  return end;
+  Nanos every = kFirstPulse;
+  Timer pulse(*loop_, [&] {
+    every = std::min(every * 2, kLongestPulse);
+    pulse.set_after(every);
+  });
+  pulse.set_after(every);
+  return until(ready, timeout);
+}
+
+void LoopWait::until_next_call(const Condition& ready) {
+  Wait wait{.ready = &ready};
+  wait.limit.emplace(*loop_, [] {});
+  wait.limit->set(Instant::max());  // something to wait for, so that the loop sleeps
+  const Listed listed(waits_, wait);
+  while (!ready() && turn(wait) == Turned::ran) {
+  }
 }
 
 }  // namespace porttape

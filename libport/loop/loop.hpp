@@ -27,8 +27,8 @@ class Sampler;
 class TimerQueue;
 class UrgentEvents;
 
-// The event loop that ports live on: one thread, the one that calls run(). Owns the io_context; outlives
-// every port on it.
+// The event loop that ports live on: one thread, the one that calls run(), or one at a time where each turns
+// it by run_one() and poll_one() under a lock (BlockingPort). Owns the io_context; outlives every port on it.
 //
 // Time on a loop is that of the clock which it was given: what its ports stamp, what timers wait for, and
 // what they compare. Only what is about the machine itself goes by the machine's clock in any case: how long

@@ -15,6 +15,7 @@ class LoopWaitTest : public testing::Test {
  protected:
   Loop loop;
   LoopWait wait{loop};
+  LoopWait::Call call{wait};
 };
 
 TEST_F(LoopWaitTest, EndsWhenTheConditionHolds) {
