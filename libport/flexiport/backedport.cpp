@@ -91,12 +91,12 @@ bool BackedPort::ProcessOption(const std::string& option, const std::string& val
 }
 
 void BackedPort::CheckPort(bool read) {
-  if (read && _canRead && _backing->port->readable()) return;  // what came before the line went down
+  if (read && Port::CanRead() && _backing->port->readable()) return;  // what came before the line went down
   Port::CheckPort(read);
 }
 
 void BackedPort::Open() {
-  if (std::exchange(_backing->opened_by_option, false) && IsOpen()) return;
+  if (_backing->opened_by_option.exchange(false) && IsOpen()) return;
   if (IsOpen()) throw PortException("Port is already open.");
   if (const Result<void> opened = _backing->port->open(); !opened) raise(opened.error());
 }
@@ -174,7 +174,7 @@ ssize_t BackedPort::WriteFull(const void* const buffer, size_t count) {
 }
 
 void BackedPort::Flush() {
-  Port::CheckPort(_canRead);
+  Port::CheckPort(Port::CanRead());
   if (const Result<void> done = _backing->port->flush(); !done) raise(done.error());
 }
 

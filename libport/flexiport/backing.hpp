@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <flexiport/flexiport.h>
 #include <flexiport/timeout.h>
 #include <memory>
@@ -13,7 +14,7 @@ namespace flexiport {
 struct Backing {
   std::unique_ptr<porttape::BlockingPort> port;
   std::map<std::string, std::string> options;  // of the port, until it is made
-  bool opened_by_option = false;               // alwaysopen: the first Open() finds it open
+  std::atomic<bool> opened_by_option = false;  // alwaysopen: the first Open() finds it open
   bool other = false;                          // of a type that flexiport has no class for
 };
 

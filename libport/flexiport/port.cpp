@@ -1,11 +1,13 @@
 // What Port gives to ports that programs derive from it: everything that follows from Read, Write and the
 // rest.
 
+#include <atomic>
 #include <charconv>
 #include <cmath>
 #include <cstring>
 #include <flexiport/port.h>
 #include <fmt/format.h>
+#include <type_traits>
 
 namespace flexiport {
 namespace {
@@ -37,6 +39,17 @@ bool is_on(const std::string& option, const std::string& value) {
   if (value == "1" || value == "on" || value == "yes" || value == "true") return true;
   if (value == "0" || value == "off" || value == "no" || value == "false") return false;
   throw PortException("Bad value for option " + option + ": " + value);
+}
+
+// The members have the types and places that old programs know, and may be read and set by several threads.
+template <class Value>
+Value get(const Value& member) {
+  return std::atomic_ref<Value>(const_cast<Value&>(member)).load(std::memory_order_relaxed);
+}
+
+template <class Value>
+void set(Value& member, std::type_identity_t<Value> value) {
+  std::atomic_ref<Value>(member).store(value, std::memory_order_relaxed);
 }
 
 }  // namespace
@@ -77,8 +90,8 @@ bool Port::ProcessOption(const std::string& option, const std::string& value) {
 
 void Port::CheckPort(bool read) {
   if (!IsOpen()) throw PortException("Port is not open.");
-  if (read && !_canRead) throw PortException("Port may not be read from.");
-  if (!read && !_canWrite) throw PortException("Port may not be written to.");
+  if (read && !get(_canRead)) throw PortException("Port may not be read from.");
+  if (!read && !get(_canWrite)) throw PortException("Port may not be written to.");
 }
 
 ssize_t Port::ReadString(std::string& buffer) {
@@ -151,19 +164,25 @@ ssize_t Port::WriteString(const char* const buffer) { return WriteFull(buffer, s
 ssize_t Port::WriteString(const std::string& buffer) { return WriteFull(buffer.data(), buffer.size()); }
 
 std::string Port::GetStatus() const {
+  const Timeout timeout = Port::GetTimeout();
+  const bool reads = Port::CanRead();
+  const bool writes = Port::CanWrite();
   const std::string waits =
-      _timeout._sec < 0 ? "for ever" : fmt::format("{}.{:06} s", _timeout._sec, _timeout._usec);
+      timeout._sec < 0 ? "for ever" : fmt::format("{}.{:06} s", timeout._sec, timeout._usec);
   return fmt::format("Type: {}\nDebug level: {}\nTimeout: {}\nPermissions: {}{}{}\n", _type, _debug, waits,
-                     _canRead ? "read" : "", _canRead && _canWrite ? ", " : "", _canWrite ? "write" : "") +
+                     reads ? "read" : "", reads && writes ? ", " : "", writes ? "write" : "") +
          (_alwaysOpen ? "Always open\n" : "");
 }
 
-void Port::SetTimeout(Timeout timeout) { _timeout = timeout; }
-Timeout Port::GetTimeout() const { return _timeout; }
-bool Port::IsBlocking() const { return _timeout._sec != 0 || _timeout._usec != 0; }
-void Port::SetCanRead(bool canRead) { _canRead = canRead; }
-bool Port::CanRead() const { return _canRead; }
-void Port::SetCanWrite(bool canWrite) { _canWrite = canWrite; }
-bool Port::CanWrite() const { return _canWrite; }
+void Port::SetTimeout(Timeout timeout) {
+  set(_timeout._sec, timeout._sec);
+  set(_timeout._usec, timeout._usec);
+}
+Timeout Port::GetTimeout() const { return Timeout(get(_timeout._sec), get(_timeout._usec)); }
+bool Port::IsBlocking() const { return get(_timeout._sec) != 0 || get(_timeout._usec) != 0; }
+void Port::SetCanRead(bool canRead) { set(_canRead, canRead); }
+bool Port::CanRead() const { return get(_canRead); }
+void Port::SetCanWrite(bool canWrite) { set(_canWrite, canWrite); }
+bool Port::CanWrite() const { return get(_canWrite); }
 
 }  // namespace flexiport

@@ -10,7 +10,15 @@
 namespace flexiport {
 
 // One end of a line, for calls that wait. Every function may throw PortException; README.md of this folder
-// has the return values. One thread at a time.
+// has the return values.
+//
+// Threads: beside one thread that reads (Read and its like, Skip, BytesAvailable) another one may write
+// (Write and its like, Drain). Neither waits for the other; each call has the timeout that was set when it
+// began. Flush, SetTimeout, SetCanRead, SetCanWrite, the functions that only ask, and SerialPort's
+// SetBaudRate may be called meanwhile, from any thread. So may Close, which ends the calls that wait. Not
+// safe: deleting the port before every call has returned, and SetDebug or GetBaudRate beside a thread that
+// sets the same. README.md tells what else to know, of two readers or two writers too. All of this holds for
+// the ports of this library.
 //
 // Programs that were built before rely on the order of the virtual functions and of the data members.
 class FLEXIPORT_EXPORT Port {
