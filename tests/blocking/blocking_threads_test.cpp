@@ -161,7 +161,7 @@ TEST_F(BlockingThreads, AReadGetsItsBytesWhileAWriteIsStuck) {
 
 TEST_F(BlockingThreads, ManyBytesGoBothWaysOnASerialLine) {
   open(",timeout=600");
-  both_ways(device.get(), 1'000'000);
+  both_ways(device.get(), 500'000);
 }
 
 TEST_F(BlockingThreads, ManyBytesGoBothWaysOnAConnection) {
@@ -169,7 +169,7 @@ TEST_F(BlockingThreads, ManyBytesGoBothWaysOnAConnection) {
   port = opened(fmt::format("type=tcp,timeout=600,port={}", server.port()));
   const test::Socket peer = server.accept();
   ASSERT_EQ(::fcntl(peer.fd(), F_SETFL, O_NONBLOCK), 0);
-  both_ways(peer.fd(), 5'000'000);
+  both_ways(peer.fd(), 2'000'000);
   port->close();
 }
 
