@@ -68,7 +68,7 @@ LoopWait::Turned LoopWait::turn(Wait& wait) {
     return Turned::stepped_back;
   }
   struct EndSleep {  // also when a handler throws
-    Turn* turn;
+    LoopTurn* turn;
     ~EndSleep() { turn->end_sleep(); }
   };
   const EndSleep at_end{&turn_};

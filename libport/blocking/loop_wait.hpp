@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "libport/base/time.hpp"
-#include "libport/blocking/turn.hpp"
+#include "libport/blocking/loop_turn.hpp"
 #include "libport/loop/loop.hpp"
 #include "libport/loop/timer.hpp"
 
@@ -37,7 +37,7 @@ class LoopWait {
     Call& operator=(const Call&) = delete;
 
    private:
-    Turn* turn_;
+    LoopTurn* turn_;
   };
 
   // `loop` must outlive this.
@@ -63,7 +63,7 @@ class LoopWait {
     Micros quiet{};  // the timeout that begins again; 0 for one that does not
     bool timed_out = false;
     std::optional<Timer> limit{};
-    Turn::Seat seat{};
+    LoopTurn::Seat seat{};
   };
   class Listed;
   enum class Turned : std::uint8_t { ran, stepped_back, stalled };
@@ -74,7 +74,7 @@ class LoopWait {
   void hurry_others(const Wait& wait);
 
   Loop* loop_;
-  Turn turn_;
+  LoopTurn turn_;
   std::vector<Wait*> waits_;
 };
 

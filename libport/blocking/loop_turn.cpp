@@ -1,11 +1,11 @@
-#include "libport/blocking/turn.hpp"
+#include "libport/blocking/loop_turn.hpp"
 
 #include <algorithm>
 #include <utility>
 
 namespace porttape {
 
-void Turn::take() {
+void LoopTurn::take() {
   Lock lock(mutex_);
   if (!std::exchange(taken_, true)) return;
   Seat seat;
@@ -14,35 +14,35 @@ void Turn::take() {
   wait(seat, lock);
 }
 
-void Turn::give() {
+void LoopTurn::give() {
   const Lock lock(mutex_);
   pass_on();
 }
 
-bool Turn::begin_sleep() {
+bool LoopTurn::begin_sleep() {
   const Lock lock(mutex_);
   sleeping_ = hurried_.empty();
   return sleeping_;
 }
 
-void Turn::end_sleep() {
+void LoopTurn::end_sleep() {
   const Lock lock(mutex_);
   sleeping_ = false;
 }
 
-void Turn::step_back(Seat& seat) {
+void LoopTurn::step_back(Seat& seat) {
   Lock lock(mutex_);
   patient_.push_back(&seat);
   pass_on();
   wait(seat, lock);
 }
 
-void Turn::hurry(Seat& seat) {
+void LoopTurn::hurry(Seat& seat) {
   const Lock lock(mutex_);
   if (std::erase(patient_, &seat) > 0) hurried_.push_back(&seat);
 }
 
-void Turn::pass_on() {
+void LoopTurn::pass_on() {
   std::vector<Seat*>& waiting = hurried_.empty() ? patient_ : hurried_;
   if (waiting.empty()) {
     taken_ = false;
@@ -54,7 +54,7 @@ void Turn::pass_on() {
   next.called_.notify_one();
 }
 
-void Turn::wait(Seat& seat, Lock& lock) {
+void LoopTurn::wait(Seat& seat, Lock& lock) {
   seat.called_.wait(lock, [&] { return seat.has_turn_; });
   seat.has_turn_ = false;
 }

@@ -15,20 +15,20 @@ namespace porttape {
 // Drive it: take(), then use the things, then give(). To wait in between: while begin_sleep(), sleep and
 // end_sleep(); when begin_sleep() refuses, step_back(). Any thread may call take(); the other functions are
 // for the thread that has the turn.
-class Turn {
+class LoopTurn {
  public:
   // Where a thread waits for the turn. Belongs to that thread.
   class Seat {
    private:
-    friend class Turn;
+    friend class LoopTurn;
     std::condition_variable called_;
     bool has_turn_ = false;
   };
 
   // `wake` ends the sleep of another thread, also one that only begins after the call. It must not throw.
-  explicit Turn(std::function<void()> wake) : wake_(std::move(wake)) {}
-  Turn(const Turn&) = delete;
-  Turn& operator=(const Turn&) = delete;
+  explicit LoopTurn(std::function<void()> wake) : wake_(std::move(wake)) {}
+  LoopTurn(const LoopTurn&) = delete;
+  LoopTurn& operator=(const LoopTurn&) = delete;
 
   // Waits until the thread that has the turn gives it, or wakes that thread if it sleeps.
   void take();
