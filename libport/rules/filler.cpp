@@ -112,7 +112,9 @@ Bytes Filler::of_alphabet(FillerKind kind, ByteView secret) const {
     if (kind == FillerKind::hex) return lower ? kHexLower : kHexUpper;
     return as_text(plain_);
   };
-  const Key mine = {sip_hash(key_, secret), sip_hash({key_[1], key_[0]}, secret)};
+  Bytes seed(4);
+  seed.insert(seed.end(), secret.begin(), secret.end());
+  const Key mine = {sip_hash(key_, seed), sip_hash({key_[1], key_[0]}, seed)};
   Bytes filler(secret.begin(), secret.end());
   std::size_t changed = filler.size();  // the last that may become another
   for (std::size_t i = 0; i < filler.size(); ++i) {
