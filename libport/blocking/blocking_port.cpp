@@ -1,10 +1,10 @@
 #include "libport/blocking/blocking_port.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <fmt/format.h>
-#include <thread>
 #include <utility>
 
 #include <spdlog/logger.h>
@@ -56,6 +56,13 @@ class Remaining {
   Micros timeout_;
   Instant end_;
 };
+
+// Unlike std::thread::id, the number of a thread that has ended is not used again.
+std::uint64_t number_of_this_thread() {
+  static std::atomic<std::uint64_t> last = 0;
+  thread_local const std::uint64_t number = ++last;
+  return number;
+}
 
 // Finds the first such byte in the input while it grows; looks at each byte once. Begins again where other
 // calls have taken bytes away.
@@ -140,7 +147,7 @@ Result<void> BlockingPort::open() {
   if (open_) return usage_error("the port is already open");
   if (opening_) return usage_error("the port is being opened");
   const std::uint64_t line = ++line_;
-  writer_ = std::this_thread::get_id();
+  writer_ = number_of_this_thread();
   input_.clear();
   down_.reset();
   up_ = came_up_ = ended_ = reopen_owed_ = false;
@@ -333,7 +340,7 @@ LoopWait::End BlockingPort::wait_on_line(const Condition& enough, std::size_t ro
   const Room kept(*this, room);
   for (;;) {
     const LoopWait::End end = wait_.until_or_quiet(over, timeout);
-    const bool another_may_write = writer_ != std::this_thread::get_id();
+    const bool another_may_write = writer_ != number_of_this_thread();
     if (end != LoopWait::End::stalled || !another_may_write || awaits().empty()) return end;
     wait_.until_next_call(over);
   }
@@ -475,7 +482,8 @@ Result<Transfer> BlockingPort::bytes_available_wait() {
 
 Error BlockingPort::broken() const {
   if (!down_->error.message.empty()) return down_->error;
-  return make_error(Errc::device_lost, port_->name() + ": the line is down");
+  // Another call may have let the port go.
+  return make_error(Errc::device_lost, (port_ ? port_->name() : spec_.name()) + ": the line is down");
 }
 
 std::size_t BlockingPort::write_some(ByteView data) {
@@ -500,7 +508,7 @@ Result<Transfer> BlockingPort::write(ByteView data, Micros timeout) {
     return make_error(Errc::usage, fmt::format("{} bytes do not fit a datagram, which holds at most {}",
                                                data.size(), Port::kLargestDatagram));
   }
-  writer_ = std::this_thread::get_id();
+  writer_ = number_of_this_thread();
   reopen();
   const Remaining left(loop_.clock(), timeout);
   wait_.poll();

@@ -9,7 +9,6 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <thread>
 
 #include <spdlog/fwd.h>
 
@@ -185,8 +184,8 @@ class BlockingPort final : private PortListener {
   InputBuffer input_;
   std::size_t input_limit_ = kInputLimit;
   unsigned waiting_reads_ = 0;
-  std::uint64_t line_ = 0;  // changes with each line that is opened, closed or found to have ended
-  std::thread::id writer_;  // of the last write or open()
+  std::uint64_t line_ = 0;    // changes with each line that is opened, closed or found to have ended
+  std::uint64_t writer_ = 0;  // the thread of the last write or open()
   std::optional<LineDown> down_;
   std::optional<int> complete_;  // the port's exit status, once finish() is done
   Timer retry_;

@@ -62,8 +62,10 @@ LoopWait::End LoopWait::run(Wait& wait, Micros timeout) {
 }
 
 LoopWait::Turned LoopWait::turn(Wait& wait) {
-  hurry_others(wait);
+  hurry_others(&wait);
   if (!turn_.begin_sleep()) {
+    // Where nothing else is left on the loop, the others are to notice it.
+    if (wait.holds_loop) wait.limit.reset();
     turn_.step_back(wait.seat);
     return Turned::stepped_back;
   }
@@ -76,9 +78,9 @@ LoopWait::Turned LoopWait::turn(Wait& wait) {
   return loop_->run_one() ? Turned::ran : Turned::stalled;
 }
 
-void LoopWait::hurry_others(const Wait& wait) {
+void LoopWait::hurry_others(const Wait* except) {
   for (Wait* const other : waits_) {
-    if (other != &wait && (other->timed_out || (*other->ready)())) turn_.hurry(other->seat);
+    if (other != except && (other->timed_out || (*other->ready)())) turn_.hurry(other->seat);
   }
 }
 
@@ -99,7 +101,7 @@ LoopWait::End LoopWait::until_seen(const Condition& ready, Micros timeout) {
 }
 
 void LoopWait::until_next_call(const Condition& ready) {
-  Wait wait{.ready = &ready};
+  Wait wait{.ready = &ready, .holds_loop = true};
   wait.limit.emplace(*loop_, [] {});
   wait.limit->set(Instant::max());  // something to wait for, so that the loop sleeps
   const Listed listed(waits_, wait);

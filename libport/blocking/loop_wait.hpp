@@ -31,13 +31,17 @@ class LoopWait {
   // The turn, for a call of the thread that makes this. May not be nested.
   class Call {
    public:
-    explicit Call(LoopWait& wait) : turn_(&wait.turn_) { turn_->take(); }
-    ~Call() { turn_->give(); }
+    explicit Call(LoopWait& wait) : wait_(&wait) { wait_->turn_.take(); }
+    // A wait that is over has the turn next, whoever else wants it.
+    ~Call() {
+      wait_->hurry_others(nullptr);
+      wait_->turn_.give();
+    }
     Call(const Call&) = delete;
     Call& operator=(const Call&) = delete;
 
    private:
-    LoopTurn* turn_;
+    LoopWait* wait_;
   };
 
   // `loop` must outlive this.
@@ -64,6 +68,7 @@ class LoopWait {
     bool timed_out = false;
     std::optional<Timer> limit{};
     LoopTurn::Seat seat{};
+    bool holds_loop = false;  // `limit` is there only to keep the loop asleep
   };
   class Listed;
   enum class Turned : std::uint8_t { ran, stepped_back, stalled };
@@ -71,7 +76,7 @@ class LoopWait {
   End run(Wait& wait, Micros timeout);
   // One event, unless another thread goes first.
   Turned turn(Wait& wait);
-  void hurry_others(const Wait& wait);
+  void hurry_others(const Wait* except);
 
   Loop* loop_;
   LoopTurn turn_;

@@ -38,7 +38,7 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
   }
 
   void look_by_clock() {
-    look_timer = std::make_unique<Timer>(*loop, [this] { look(); });
+    loop->within(fence, [this] { look_timer = std::make_unique<Timer>(*loop, [this] { look(); }); });
   }
 
   void watch(std::size_t index, bool on) {

@@ -44,7 +44,13 @@ Call::Call(int listener, KnownThreads& threads, const seccomp_notif& told, bool 
   std::ranges::copy(told.data.args, arguments_.begin());
 }
 
-bool Call::waits() const { return ::ioctl(listener_, SECCOMP_IOCTL_NOTIF_ID_VALID, &id_) == 0; }
+bool Call::waits() const {
+  int result = -1;
+  do {
+    result = ::ioctl(listener_, SECCOMP_IOCTL_NOTIF_ID_VALID, &id_);
+  } while (result != 0 && errno == EINTR);
+  return result == 0;
+}
 
 Call Call::for_later() const {
   Call later = *this;

@@ -63,8 +63,10 @@ std::vector<CallTrap> KeptCalls::traps() {
 bool KeptCalls::sends(const Call& call) {
   if (call.number() != SYS_tgkill && call.number() != SYS_tkill && call.number() != SYS_rt_tgsigqueueinfo)
     return false;
-  const auto to = static_cast<pid_t>(call.argument(call.number() == SYS_tkill ? 0 : 1));
-  if (by_thread_.contains(to)) sent_to_.insert_or_assign(to, kLooksForSent);
+  const std::size_t target = call.number() == SYS_tkill ? 0 : 1;
+  const auto to = static_cast<pid_t>(call.argument(target));
+  const bool any_signal = static_cast<int>(call.argument(target + 1)) != 0;  // 0 only asks for the thread
+  if (any_signal && by_thread_.contains(to)) sent_to_.insert_or_assign(to, kLooksForSent);
   return true;
 }
 
@@ -103,6 +105,7 @@ void KeptCalls::drop(pid_t thread) {
 
 void KeptCalls::leave(std::map<pid_t, Process>::iterator process, pid_t thread) {
   process->second.threads.erase(thread);
+  process->second.unasked.erase(thread);
   if (process->second.threads.empty()) processes_.erase(process);
 }
 
@@ -129,9 +132,14 @@ void KeptCalls::interrupt(pid_t thread, int error) {
 
 void KeptCalls::look() {
   const Slice slice(kSlice);
-  look_at_sent();
-  look_at_all(doubted_, slice, [this](pid_t thread) { (void)still_waits(thread); });
-  look_at_all(fresh_, slice, [this](pid_t thread) { look_at_thread(thread); });
+  look_at_sent(slice);
+  look_at_all(doubted_, slice, [this](pid_t thread) {
+    if (still_waits(thread)) by_thread_.at(thread).doubted = false;
+  });
+  look_at_all(fresh_, slice, [this](pid_t thread) {
+    const auto found = by_thread_.find(thread);
+    if (found != by_thread_.end() && found->second.process == 0) look_at_thread(thread);
+  });
   for (std::size_t left = processes_.size(); left > 0 && !processes_.empty(); --left) {
     last_process_ = next_of(processes_, last_process_);
     look_at_process(last_process_);
@@ -159,13 +167,12 @@ void KeptCalls::look_at_all(std::deque<pid_t>& threads, const Slice& slice, cons
   }
 }
 
-void KeptCalls::look_at_sent() {
-  for (const auto& [thread, looks] : std::map(sent_to_)) {
+void KeptCalls::look_at_sent(const Slice& slice) {
+  for (std::size_t left = sent_to_.size(); left > 0; --left) {
+    const pid_t thread = last_sent_to_ = next_of(sent_to_, last_sent_to_);
     look_at_thread(thread);
-    if (looks == 1 || !by_thread_.contains(thread))
-      sent_to_.erase(thread);
-    else
-      sent_to_[thread] = looks - 1;
+    if (--sent_to_.at(thread) == 0 || !by_thread_.contains(thread)) sent_to_.erase(thread);
+    if (slice.over()) return;
   }
 }
 
@@ -188,7 +195,7 @@ void KeptCalls::look_at_thread(pid_t thread) {
     if (!still_waits(thread)) return;
     Process& process = processes_[status.process];
     process.threads.insert(thread);
-    process.asked_up_to = 0;
+    process.unasked.insert(thread);
   }
   if ((status.to_thread & ~status.blocked) != 0) interrupt(thread, KeptCall::kRestart);
 }
@@ -198,8 +205,7 @@ void KeptCalls::look_at_thread(pid_t thread) {
 void KeptCalls::look_at_process(pid_t id) {
   Process& process = processes_.at(id);
   const ThreadStatus first = thread_status(id);
-  if (first.threads < process.alive)
-    doubted_.insert(doubted_.end(), process.threads.begin(), process.threads.end());
+  if (first.threads < process.alive) doubt(process);
   const bool known = std::exchange(process.alive, first.threads) != 0;
   const std::uint64_t queued = std::exchange(process.queued, first.queued);
   if (known && first.queued > queued) hurried_ = by_thread_.size();
@@ -209,25 +215,34 @@ void KeptCalls::look_at_process(pid_t id) {
   }
   const std::uint64_t taken = first.takes_signals() ? ~first.blocked : 0;
   const std::uint64_t left = first.to_process & ~taken;
-  const std::uint64_t left_before = std::exchange(process.left, left);
-  if ((left & ~left_before) != 0) process.asked_up_to = 0;
-  // Another that can take them has done so by the next look.
-  if ((left & left_before) != 0) give_to_another(id, left & left_before);
+  const Instant now = machine_clock().now();
+  if ((left & ~process.left) != 0) {
+    process.unasked = process.threads;
+    process.left_since = now;
+  }
+  process.left = left;
+  // A thread that runs, and can take them, has done so after a while.
+  if (left != 0 && now - process.left_since >= kLook) give_to_another(id, left);
   if (((first.to_process | first.to_thread) & taken) != 0) interrupt(id, KeptCall::kRestart);
 }
 
 // To one of those that wait. Only a thread that looks for signals may be told of one: 512 would reach the
 // program else. Each is asked once, since none of them can change what it blocks meanwhile.
 void KeptCalls::give_to_another(pid_t id, std::uint64_t signals) {
-  for (int asked = 0; asked < kAskedAtOnce; ++asked) {
-    Process& process = processes_.at(id);
-    const auto next = process.threads.upper_bound(process.asked_up_to);
-    if (next == process.threads.end()) return;
-    const pid_t thread = process.asked_up_to = *next;
+  Process& process = processes_.at(id);
+  for (int asked = 0; asked < kAskedAtOnce && !process.unasked.empty(); ++asked) {
+    const pid_t thread = *process.unasked.begin();
+    process.unasked.erase(process.unasked.begin());
     if (thread == id || (thread_status(thread).blocked & signals) == signals) continue;
-    process.asked_up_to = 0;
-    process.left = 0;
+    process.left = 0;  // what is left then is looked at afresh
     return interrupt(thread, have_signals_looked_for(thread) ? KeptCall::kRestart : EINTR);
+  }
+}
+
+// Some threads of the process have ended; which ones is asked later.
+void KeptCalls::doubt(const Process& process) {
+  for (const pid_t thread : process.threads) {
+    if (!std::exchange(by_thread_.at(thread).doubted, true)) doubted_.push_back(thread);
   }
 }
 

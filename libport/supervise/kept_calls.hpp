@@ -22,8 +22,8 @@
 
 namespace porttape {
 
-// Holds the calls that a supervisor keeps. It ends a call whose thread has a signal, drops a call whose thread
-// has ended, and calls a call back at the moment that it asked for.
+// Holds the calls that a supervisor keeps. It ends a call whose thread has a signal, drops a call whose
+// thread has ended, and calls a call back at the moment that it asked for.
 //
 // The kernel shows pending signals only in /proc. To read one thread's status takes some 20 µs, so the status
 // of all threads cannot be read each millisecond. Each millisecond some 0.2 ms are spent on reading, in this
@@ -61,8 +61,8 @@ class KeptCalls {
 
   // The calls by which a thread sends a signal to one thread.
   static std::vector<CallTrap> traps();
-  // Returns whether `call` is one of these. The thread that it names is then looked at for a while; the caller
-  // passes the call to the kernel.
+  // Returns whether `call` is one of these. The thread that it names is then looked at for a while; the
+  // caller passes the call to the kernel.
   bool sends(const Call& call);
 
  private:
@@ -70,6 +70,7 @@ class KeptCalls {
     std::shared_ptr<KeptCall> call;
     pid_t process = 0;  // 0: not looked at yet
     std::optional<Instant> moment = {};
+    bool doubted = false;  // is in doubted_
   };
   // A process of which calls are kept.
   struct Process {
@@ -79,7 +80,8 @@ class KeptCalls {
     unsigned alive = 0;
     std::uint64_t queued = 0;
     std::uint64_t left = 0;
-    pid_t asked_up_to = 0;  // of `threads`, whether it takes these
+    Instant left_since{};     // of the machine's clock
+    std::set<pid_t> unasked;  // of `threads`: whether it takes these
   };
   class Slice;
 
@@ -88,12 +90,13 @@ class KeptCalls {
   void gone(pid_t thread);
   void interrupt(pid_t thread, int error);
   void look();
-  void look_at_sent();
+  void look_at_sent(const Slice& slice);
   template <class Look>
   static void look_at_all(std::deque<pid_t>& threads, const Slice& slice, const Look& look);
   bool still_waits(pid_t thread);
   void look_at_thread(pid_t thread);
   void look_at_process(pid_t id);
+  void doubt(const Process& process);
   void give_to_another(pid_t id, std::uint64_t signals);
   void schedule_moment();
   void call_back_due();
@@ -106,6 +109,7 @@ class KeptCalls {
   std::deque<pid_t> fresh_;            // threads that have just made their call
   std::deque<pid_t> doubted_;          // threads that may have ended
   std::map<pid_t, unsigned> sent_to_;  // threads that were sent a signal: how many looks are to follow
+  pid_t last_sent_to_ = 0;             // that was looked at in its turn
   pid_t last_thread_ = 0;              // that was looked at in its turn
   pid_t last_process_ = 0;             // the same
   std::size_t hurried_ = 0;            // looks that are to follow without a pause

@@ -124,7 +124,8 @@ void Supervisor::send(const Call& call, Outcome outcome) {
   if (const auto* const refuse = std::get_if<outcome::Refuse>(&outcome)) response->error = -refuse->error;
   if (std::holds_alternative<outcome::Pass>(outcome)) response->flags = SECCOMP_USER_NOTIF_FLAG_CONTINUE;
   // ENOENT: a signal has ended the call, or the thread.
-  (void)::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_SEND, response);
+  while (::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_SEND, response) != 0 && errno == EINTR) {
+  }
 }
 
 std::shared_ptr<KeptCall> Supervisor::keep(const Call& call) { return kept_.add(call); }

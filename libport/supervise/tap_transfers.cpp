@@ -168,8 +168,11 @@ void TapTransfers::keep(Supervisor& supervisor, const std::shared_ptr<Transfer>&
   kept->on_gone([this, weak = std::weak_ptr(transfer)] {
     const auto waiting = weak.lock();
     if (!waiting) return;
+    std::shared_ptr<TappedFile> file = waiting->file;
     break_off(*waiting);
     end(*waiting);
+    if (file) (void)read_on(file);
+    files_->drop(std::move(file));
   });
 }
 
@@ -248,6 +251,8 @@ std::optional<std::size_t> TapTransfers::readable_now(Transfer& transfer) const 
 }
 
 std::optional<Outcome> TapTransfers::read_now(Transfer& transfer) {
+  // What is read for a thread that has ended would be lost; its call is dropped soon.
+  if (!transfer.kept.expired() && !transfer.call.waits()) return std::nullopt;
   const int fd = transfer.file->fd();
   const WithoutWaiting no_wait(*transfer.file);
   const bool waits = no_wait.program_waits();
@@ -281,7 +286,12 @@ std::optional<Outcome> TapTransfers::read_now(Transfer& transfer) {
 
 void TapTransfers::wait(const std::shared_ptr<KeptCall>& kept, const std::shared_ptr<Transfer>& transfer) {
   const auto again = [this, weak = std::weak_ptr(transfer)] {
-    if (const auto waiting = weak.lock()) go_on(waiting);
+    const auto waiting = weak.lock();
+    if (!waiting) return;
+    std::shared_ptr<TappedFile> file = waiting->file;
+    go_on(waiting);
+    if (file && !waiting->file) (void)read_on(file);
+    files_->drop(std::move(file));
   };
   // Bytes that are there and not enough would be told again and again.
   if (transfer->seen > 0) return kept->call_after(kShortOf, again);
@@ -331,24 +341,15 @@ void TapTransfers::on_ready() {
       const std::uint64_t number = event.data.u64;  // no reference: the structure is packed
       const auto found = watched_.find(number);
       if (found == watched_.end()) continue;
-      if (const auto file = found->second.lock()) on_ready_file(file);
+      std::shared_ptr<TappedFile> file = found->second.lock();
+      if (file) on_ready_file(file);
+      files_->drop(std::move(file));
     }
   } while (count == static_cast<int>(events.size()));
 }
 
-// In a tty, a read waits behind those that came before it.
 void TapTransfers::on_ready_file(const std::shared_ptr<TappedFile>& file) {
-  const auto reads = [&](const auto& transfer) { return !transfer->writes && transfer->file == file; };
-  bool is_waited_for = false;
-  for (bool goes_on = true; goes_on;) {
-    const auto first = std::ranges::find_if(kept_, reads);
-    if (first == kept_.end()) break;
-    is_waited_for = true;
-    const std::shared_ptr<Transfer> transfer = *first;
-    go_on(transfer);
-    const auto waiting = transfer->kept.lock();
-    goes_on = !waiting || waiting->over();
-  }
+  bool is_waited_for = read_on(file);
   if (!writers_.empty() && writers_.front()->file == file) {
     is_waited_for = true;
     go_on(std::shared_ptr(writers_.front()));
@@ -357,6 +358,19 @@ void TapTransfers::on_ready_file(const std::shared_ptr<TappedFile>& file) {
   // A program that asks itself whether there is something does not need to hear of it here.
   file->watch().armed = false;
   (void)arm(*file, 0);
+}
+
+// In a tty, a read waits behind those that came before it. False: there was none.
+bool TapTransfers::read_on(const std::shared_ptr<TappedFile>& file) {
+  const auto reads = [&](const auto& transfer) { return !transfer->writes && transfer->file == file; };
+  for (bool any = false;; any = true) {
+    const auto first = std::ranges::find_if(kept_, reads);
+    if (first == kept_.end()) return any;
+    const std::shared_ptr<Transfer> transfer = *first;
+    go_on(transfer);
+    const auto waiting = transfer->kept.lock();
+    if (waiting && !waiting->over()) return true;
+  }
 }
 
 void TapTransfers::end(Transfer& transfer) {

@@ -34,6 +34,7 @@ class TapTransfers {
 
   void on_ready();
   void on_ready_file(const std::shared_ptr<TappedFile>& file);
+  bool read_on(const std::shared_ptr<TappedFile>& file);
   bool watch(Transfer& transfer);
   bool arm(TappedFile& file, std::uint32_t events);
   void end(Transfer& transfer);

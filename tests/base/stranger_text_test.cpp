@@ -25,7 +25,7 @@ TEST(StrangerTextTest, ALineHasNothingThatATerminalObeys) {
 }
 
 TEST(StrangerTextTest, LinesCannotPassForMessagesOfTheirOwn) {
-  EXPECT_EQ(StrangerText("a\nok 1\x1b").for_lines(), "a\n ok 1\\x1b");
+  EXPECT_EQ(StrangerText("a\nok 1\x1b").for_lines(), "a\n  ok 1\\x1b");
 }
 
 TEST(StrangerTextTest, JsonHasItAsOneString) {
