@@ -63,7 +63,12 @@ std::string in_quotes(std::string_view name) { return "'" + printable(name, fals
 std::string shell_word(std::string_view word) {
   constexpr std::string_view plain =
       "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_./:,=+@%{}";
-  if (!word.empty() && word.find_first_not_of(plain) == std::string_view::npos) return std::string(word);
+  // A shell makes several words of {a,b} and {a..b}.
+  const bool expands =
+      word.find('{') != std::string_view::npos &&
+      (word.find(',') != std::string_view::npos || word.find("..") != std::string_view::npos);
+  if (!word.empty() && !expands && word.find_first_not_of(plain) == std::string_view::npos)
+    return std::string(word);
   if (printable_line(word) == word) {
     std::string quoted = "'";
     for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
@@ -72,10 +77,9 @@ std::string shell_word(std::string_view word) {
   std::string quoted = "$'";
   for (const char c : word) {
     const auto code = static_cast<unsigned char>(c);
-    if (code < 0x20 || code >= 0x7f) {
+    if (code < 0x20 || code >= 0x7f || c == '\'' || c == '\\') {
       quoted += fmt::format("\\{:03o}", code);
     } else {
-      if (c == '\'' || c == '\\') quoted += '\\';
       quoted += c;
     }
   }

@@ -20,7 +20,8 @@ std::string printable_lines(std::string_view text);
 std::string in_quotes(std::string_view name);
 
 // A word as a POSIX shell reads it: in quotes where it needs them. A word with something that a terminal
-// would obey is written in $'…', which POSIX has since 2024 and bash, zsh and ksh had before.
+// would obey is written in $'…', which POSIX has since 2024 and bash, zsh and ksh had before; another shell
+// takes it for one word, too.
 std::string shell_word(std::string_view word);
 
 // Whether a character would be obeyed; printable_line() and json_quote() escape these.

@@ -444,6 +444,8 @@ Result<TapeEvent> decode_event(std::string_view line) {
   if (object == nullptr) return damage("not a JSON object");
   const auto at = number_of(*object, "t_us");
   if (!at) return damage("no t_us, or it is not a number of microseconds");
+  // Readers take the latest time of all for the end of a file.
+  if (tape_time_us(*at) == TapeTime::max()) return damage("t_us is later than any tape can be");
   std::string name = text_of(*object, "event");
   if (name.empty()) return damage("no event");
   return TapeEvent{tape_time_us(*at), event_of(std::move(name), *object, std::type_identity<Event>())};

@@ -47,6 +47,9 @@ TEST(InQuotes, IsOneLineWithinQuotes) {
 TEST(ShellWord, IsInQuotesWhereAShellNeedsThem) {
   EXPECT_EQ(shell_word("/dev/ttyUSB0,baud=9600"), "/dev/ttyUSB0,baud=9600");
   EXPECT_EQ(shell_word("{port}"), "{port}");
+  EXPECT_EQ(shell_word("--to={port},x"), "'--to={port},x'");
+  EXPECT_EQ(shell_word("{a,--,touch,b}"), "'{a,--,touch,b}'");
+  EXPECT_EQ(shell_word("{1..9}"), "'{1..9}'");
   EXPECT_EQ(shell_word("a b"), "'a b'");
   EXPECT_EQ(shell_word("it's"), "'it'\\''s'");
   EXPECT_EQ(shell_word("$HOME"), "'$HOME'");

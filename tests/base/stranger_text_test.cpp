@@ -41,8 +41,8 @@ TEST(StrangerTextTest, MarkupHasItAsText) {
 TEST(StrangerTextTest, AShellHasItAsOneWord) {
   EXPECT_EQ(StrangerText("it's $(x)").for_shell(), R"('it'\''s $(x)')");
   EXPECT_EQ(StrangerText("plain").for_shell(), "plain");
-  EXPECT_EQ(kText.for_shell(), R"($'a\033[31m\012<b>\'"&$(x)')");
-  EXPECT_EQ(StrangerText("\xe2\x80\xae\\").for_shell(), R"($'\342\200\256\\')");
+  EXPECT_EQ(kText.for_shell(), R"($'a\033[31m\012<b>\047"&$(x)')");
+  EXPECT_EQ(StrangerText("\xe2\x80\xae\\").for_shell(), R"($'\342\200\256\134')");
 }
 
 TEST(StrangerTextTest, RawIsWhatCame) {

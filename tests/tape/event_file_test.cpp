@@ -53,6 +53,8 @@ TEST(EventFile, DamageIsToldWithItsLine) {
   EXPECT_THAT(second(""), ElementsAre(HasSubstr("line 2: not a JSON object")));
   EXPECT_THAT(second("{}"), ElementsAre(HasSubstr("line 2: no t_us")));
   EXPECT_THAT(second("{\"t_us\":-1,\"event\":\"x\"}"), ElementsAre(HasSubstr("line 2: no t_us")));
+  EXPECT_THAT(second("{\"t_us\":9223372036854775807,\"event\":\"x\"}"),
+              ElementsAre(HasSubstr("line 2: t_us is later than any tape can be")));
   EXPECT_THAT(second("{\"t_us\":1.5,\"event\":\"x\"}"), ElementsAre(HasSubstr("line 2: no t_us")));
   EXPECT_THAT(second("{\"t_us\":99999999999999999999,\"event\":\"x\"}"),
               ElementsAre(HasSubstr("line 2: no t_us")));
