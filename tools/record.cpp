@@ -134,8 +134,7 @@ void tell_next(const std::vector<TapePaths>& tapes, const CommandVerbLine& line,
   if (group) driver += "--connections each ";
   if (supervised) driver += "--exec ";
   fmt::print(voice.err, "  look at it    porttape cat {}\n  test with it  porttape test --tape {} {}-- {}\n",
-             printable_line(name), printable_line(name), printable_line(driver),
-             printable_line(shell_line(line.command)));
+             printable_line(name), printable_line(name), printable_line(driver), shell_line(line.command));
 }
 
 int status_of(const RecordRun& record, bool whole) {

@@ -198,7 +198,7 @@ class SuiteRun {
       if (!test.output.empty()) tell_lines("what the command wrote:\n" + last_lines(test.output));
       const std::vector<std::string> again = {"porttape",      "test",   "--suite",
                                               options_.folder, "--only", test.name};
-      fmt::print(out_, "    again     {}\n", printable_line(shell_line(again)));
+      fmt::print(out_, "    again     {}\n", shell_line(again));
       out_.flush();
     }
     tell_progress();

@@ -51,7 +51,7 @@ std::string accepted(std::span<const std::string_view> verbs) {
 std::string of_other_program(std::string_view other, std::span<const std::string> arguments) {
   Words line{std::string(other)};
   line.insert(line.end(), arguments.begin(), arguments.end());
-  return fmt::format("'{}' is a verb of {}: {}", arguments.front(), other, printable_line(shell_line(line)));
+  return fmt::format("'{}' is a verb of {}: {}", arguments.front(), other, shell_line(line));
 }
 
 // "--help" and its like, for a word that was to be one of them.
@@ -71,7 +71,7 @@ std::string stray_option(std::string_view program, std::span<const std::string> 
     Words line{std::string(program), *verb};
     line.insert(line.end(), arguments.begin(), verb);
     line.insert(line.end(), verb + 1, arguments.end());
-    return fmt::format("{} belongs behind the verb: {}", in_quotes(option), printable_line(shell_line(line)));
+    return fmt::format("{} belongs behind the verb: {}", in_quotes(option), shell_line(line));
   }
   if (const std::string guess = program_option(option); !guess.empty())
     return fmt::format("unknown option {}{}", in_quotes(option), guess);

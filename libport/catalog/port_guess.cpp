@@ -111,7 +111,7 @@ std::optional<std::string> guess_port(std::string_view text, LineEnd end) {
     return "is a name that Windows has; here it is a path like /dev/ttyUSB0: ls -l /dev/serial/by-id";
   if (is_tape(text)) {
     return fmt::format("is a tape, not a port; to play it: porttaped replay --tape {} --driver pty:/tmp/port",
-                       printable_line(shell_word(text)));
+                       shell_word(text));
   }
   const std::string meant = meant_port(text, end);
   if (meant.empty() || meant == text) return std::nullopt;

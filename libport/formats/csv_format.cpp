@@ -93,7 +93,8 @@ class CsvImport final : public LineImport {
 std::string row_of(const Record& record) {
   const std::string time = seconds_of_us(to_us(record.at));
   if (record.event != nullptr && std::holds_alternative<event::End>(*record.event)) return time + ",end,\n";
-  if (record.event != nullptr) return fmt::format("{},event,{}\n", time, in_cell(json_for_terminal(record.event_line)));
+  if (record.event != nullptr)
+    return fmt::format("{},event,{}\n", time, in_cell(json_for_terminal(record.event_line)));
   const std::string_view way = record.kind == RecordKind::read ? "r" : "w";
   return fmt::format("{},{},{}\n", time, record.piece_offset > 0 ? "more" : way, to_hex(record.data));
 }

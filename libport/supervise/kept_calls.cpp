@@ -1,5 +1,7 @@
 #include "libport/supervise/kept_calls.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <sys/syscall.h>
 
@@ -8,6 +10,10 @@
 
 namespace porttape {
 namespace {
+
+// The calls that send a signal to one thread. That is their second argument, and the signal the third; of
+// tkill() the first and the second.
+constexpr std::array kSenders{SYS_tgkill, SYS_tkill, SYS_rt_tgsigqueueinfo};
 
 // A thread that was sent a signal is looked at so often: the sender's own call comes after ours, and it may
 // be scheduled late.
@@ -23,16 +29,6 @@ pid_t next_of(const Map& map, pid_t last) {
 }
 
 }  // namespace
-
-void KeptCall::finish(Outcome outcome) {
-  if (const auto finish = std::exchange(finish_, {})) finish(std::move(outcome));
-}
-
-void KeptCall::call_at(Instant when, std::function<void()> callback) {
-  if (over()) return;
-  callback_ = std::move(callback);
-  moment_(when);
-}
 
 // How long looks may go on. There is always time for one more of each kind.
 class KeptCalls::Slice {
@@ -56,13 +52,14 @@ KeptCalls::~KeptCalls() {
 }
 
 std::vector<CallTrap> KeptCalls::traps() {
-  return {{.number = SYS_tgkill}, {.number = SYS_tkill}, {.number = SYS_rt_tgsigqueueinfo}};
+  std::vector<CallTrap> traps;
+  for (const long number : kSenders) traps.push_back({.number = static_cast<int>(number)});
+  return traps;
 }
 
 // A thread's number in another PID namespace is another's here, or nobody's: it is found in its turn.
 bool KeptCalls::sends(const Call& call) {
-  if (call.number() != SYS_tgkill && call.number() != SYS_tkill && call.number() != SYS_rt_tgsigqueueinfo)
-    return false;
+  if (std::ranges::find(kSenders, call.number()) == kSenders.end()) return false;
   const std::size_t target = call.number() == SYS_tkill ? 0 : 1;
   const auto to = static_cast<pid_t>(call.argument(target));
   const bool any_signal = static_cast<int>(call.argument(target + 1)) != 0;  // 0 only asks for the thread
@@ -132,7 +129,10 @@ void KeptCalls::interrupt(pid_t thread, int error) {
 
 void KeptCalls::look() {
   const Slice slice(kSlice);
-  look_at_sent(slice);
+  look_in_turn(sent_to_, last_sent_to_, slice, [this](pid_t thread) {
+    look_at_thread(thread);
+    if (--sent_to_.at(thread) == 0 || !by_thread_.contains(thread)) sent_to_.erase(thread);
+  });
   look_at_all(doubted_, slice, [this](pid_t thread) {
     if (still_waits(thread)) by_thread_.at(thread).doubted = false;
   });
@@ -140,18 +140,12 @@ void KeptCalls::look() {
     const auto found = by_thread_.find(thread);
     if (found != by_thread_.end() && found->second.process == 0) look_at_thread(thread);
   });
-  for (std::size_t left = processes_.size(); left > 0 && !processes_.empty(); --left) {
-    last_process_ = next_of(processes_, last_process_);
-    look_at_process(last_process_);
-    if (slice.over()) break;
-  }
-  for (std::size_t left = by_thread_.size(); left > 0 && !by_thread_.empty(); --left) {
-    last_thread_ = next_of(by_thread_, last_thread_);
-    // A process's first one is looked at with its process.
-    if (by_thread_.at(last_thread_).process != last_thread_) look_at_thread(last_thread_);
+  look_in_turn(processes_, last_process_, slice, [this](pid_t process) { look_at_process(process); });
+  look_in_turn(by_thread_, last_thread_, slice, [this](pid_t thread) {
     if (hurried_ > 0) --hurried_;
-    if (slice.over()) break;
-  }
+    // A process's first one is looked at with its process.
+    if (by_thread_.at(thread).process != thread) look_at_thread(thread);
+  });
   if (by_thread_.empty()) return;
   const bool goes_on = hurried_ > 0 || !fresh_.empty() || !doubted_.empty();
   look_timer_.set_after(goes_on ? Nanos(0) : kLook);
@@ -167,11 +161,12 @@ void KeptCalls::look_at_all(std::deque<pid_t>& threads, const Slice& slice, cons
   }
 }
 
-void KeptCalls::look_at_sent(const Slice& slice) {
-  for (std::size_t left = sent_to_.size(); left > 0; --left) {
-    const pid_t thread = last_sent_to_ = next_of(sent_to_, last_sent_to_);
-    look_at_thread(thread);
-    if (--sent_to_.at(thread) == 0 || !by_thread_.contains(thread)) sent_to_.erase(thread);
+// Each once, if there is time.
+template <class Map, class Look>
+void KeptCalls::look_in_turn(const Map& map, pid_t& last, const Slice& slice, const Look& look) {
+  for (std::size_t left = map.size(); left > 0 && !map.empty(); --left) {
+    last = next_of(map, last);
+    look(last);
     if (slice.over()) return;
   }
 }

@@ -90,7 +90,8 @@ class KeptCalls {
   void gone(pid_t thread);
   void interrupt(pid_t thread, int error);
   void look();
-  void look_at_sent(const Slice& slice);
+  template <class Map, class Look>
+  static void look_in_turn(const Map& map, pid_t& last, const Slice& slice, const Look& look);
   template <class Look>
   static void look_at_all(std::deque<pid_t>& threads, const Slice& slice, const Look& look);
   bool still_waits(pid_t thread);
@@ -109,10 +110,11 @@ class KeptCalls {
   std::deque<pid_t> fresh_;            // threads that have just made their call
   std::deque<pid_t> doubted_;          // threads that may have ended
   std::map<pid_t, unsigned> sent_to_;  // threads that were sent a signal: how many looks are to follow
-  pid_t last_sent_to_ = 0;             // that was looked at in its turn
-  pid_t last_thread_ = 0;              // that was looked at in its turn
-  pid_t last_process_ = 0;             // the same
-  std::size_t hurried_ = 0;            // looks that are to follow without a pause
+  // Which ones were looked at last in their turn.
+  pid_t last_sent_to_ = 0;
+  pid_t last_process_ = 0;
+  pid_t last_thread_ = 0;
+  std::size_t hurried_ = 0;  // looks that are to follow without a pause
   Timer moment_timer_;
   Timer look_timer_;
 };

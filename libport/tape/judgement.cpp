@@ -8,7 +8,6 @@
 #include <iterator>
 #include <utility>
 
-#include "libport/base/bytes.hpp"
 #include "libport/tape/end_check.hpp"
 
 namespace porttape {
@@ -34,7 +33,7 @@ HeldFile held(const FileSummary& file) {
 std::string text_of(const GapSummary& gap, const std::string& events) {
   std::string text = events + ": a gap from " + in_seconds(gap.from) + " to " + in_seconds(gap.at) + ", ";
   text += gap.bytes > 0 ? plural(gap.bytes, "byte") : "events or an unknown number of bytes";
-  return gap.why.empty() ? text : text + ": " + to_printable(as_bytes(gap.why.raw()));
+  return gap.why.empty() ? text : text + ": " + gap.why.for_line();
 }
 
 // Notes that keep a tape from being called sound.

@@ -288,6 +288,31 @@ TEST_F(BlockingThreads, ACloseEndsTheCallsThatWait) {
   EXPECT_THAT(written, HasSubstr("not open"));
 }
 
+// The driver's close is an end of which a pty has nothing to say.
+TEST(BlockingThreadsPty, AnEndWithoutWordsEndsEachCallThatWaits) {
+  const test::TempDir dir;
+  const std::string link = dir / "line";
+  auto port = BlockingPort::create("type=pty,link=" + link);
+  ASSERT_TRUE(port.has_value());
+  Thread opens([&] { EXPECT_TRUE((*port)->open()); });
+  UniqueFd driver;
+  while (!driver) {
+    std::this_thread::yield();
+    driver = UniqueFd(::open(link.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
+  }
+  opens.join();
+  const std::string much(200'000, 'w');
+  std::string ends[2];
+  Thread first([&] { ends[0] = told((*port)->write_full(as_bytes(much))); });
+  Thread second([&] { ends[1] = told((*port)->write_full(as_bytes(much))); });
+  ASSERT_TRUE(can(driver.get(), POLLIN));
+  driver.reset();
+  first.join();
+  second.join();
+  for (const std::string& end : ends)
+    EXPECT_THAT(end, AnyOf(HasSubstr("the line is down"), HasSubstr("the port is not open")));
+}
+
 TEST(BlockingThreadsListener, ACloseEndsAnOpenThatWaits) {
   const std::uint16_t number = test::Socket::bound().port();
   auto port = BlockingPort::create(fmt::format("type=tcp,listen,port={}", number));
@@ -382,6 +407,19 @@ TEST(BlockingThreadsTape, ARecordingOfTwoThreadsIsSoundAndWhole) {
   }
   EXPECT_TRUE(reads == back);
   EXPECT_TRUE(writes == there);
+}
+
+TEST(BlockingThreadsTape, AReadThatOnlyItsOwnThreadCanEndIsAnErrorBesideOneThatWaits) {
+  const test::TempDir dir;
+  test::write_file(dir / "t.logr", test::block_bytes({{20, "answer"}}));
+  test::write_file(dir / "t.logw", test::block_bytes({{10, "ask"}}));
+  auto port = opened("type=logreader,timing=reactive,strictness=1,file=" + (dir / "t.log"));
+  std::string read;
+  Thread reads([&] { read = full(*port, 6); });
+  for (int n = 0; n < 200; ++n) ASSERT_THAT(read_some(*port), HasSubstr("would wait for ever"));
+  EXPECT_EQ(told(port->write(as_bytes("ask"))), "3 ");
+  reads.join();
+  EXPECT_EQ(read, "answer");
 }
 
 TEST(BlockingThreadsTape, AReadWaitsForTheWriteOfAnotherThread) {

@@ -56,6 +56,12 @@ class StreamListenerTest : public testing::Test, private StreamListener::Owner {
     for (std::size_t at = all.find(text); at != std::string::npos; at = all.find(text, at + 1)) ++count;
     return count;
   }
+  // Who is inside goes.
+  void leave() {
+    there = Inside::nobody;
+    door->left();
+    settle(loop);
+  }
   void pass(Nanos time) { (void)let_pass(loop, clock, time); }
 
   ManualClock clock;
@@ -208,9 +214,7 @@ TEST_F(StreamListenerTest, OneAtATimeIsLetIn) {
   const Socket second = call();
   second.end_sending();
   const Socket third = call();
-  there = Inside::nobody;
-  door->left();
-  settle(loop);
+  leave();
   EXPECT_EQ(let.size(), 2U);
 }
 
@@ -235,9 +239,7 @@ TEST_F(StreamListenerTest, WhoWentAwayWhileItWaitedIsToldAndNotLetIn) {
   const std::string who = address_of(dead);
   dead.close();
   state = PeerState::gone;
-  there = Inside::nobody;
-  door->left();
-  settle(loop);
+  leave();
   EXPECT_EQ(let.size(), 1U);
   EXPECT_THAT(turned_away, ElementsAre(4U));
   EXPECT_EQ(told("test: " + who + " went away while it waited; the 4 bytes that it wrote reach nobody"), 1);
@@ -252,9 +254,7 @@ TEST_F(StreamListenerTest, WhoWentAwayIsToldAtTheLookToo) {
   pass(milliseconds(20));
   EXPECT_EQ(turned_away.size(), 1U);
   EXPECT_EQ(told("went away while it waited"), 1);
-  there = Inside::nobody;
-  door->left();
-  settle(loop);
+  leave();
   EXPECT_EQ(let.size(), 1U);
 }
 
@@ -266,9 +266,7 @@ TEST_F(StreamListenerTest, OneThatHasEndedItsSendingWaitsOn) {
   second.end_sending();
   pass(seconds(1));
   EXPECT_THAT(turned_away, IsEmpty());
-  there = Inside::nobody;
-  door->left();
-  settle(loop);
+  leave();
   EXPECT_THAT(let, ElementsAre(address_of(first), address_of(second)));
 }
 
@@ -331,9 +329,7 @@ TEST_F(StreamListenerTest, APulledOneLeavesNewcomersWithTheKernelUntilTheOneInsi
   EXPECT_EQ(end_of(second), "");
   EXPECT_EQ(let.size(), 1U);
   EXPECT_TRUE(door->next_waits()) << "at the kernel";
-  there = Inside::nobody;
-  door->left();
-  settle(loop);
+  leave();
   EXPECT_THAT(let, ElementsAre(address_of(first), address_of(second)));
 }
 
