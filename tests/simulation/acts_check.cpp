@@ -203,6 +203,7 @@ class ActsCheck {
     if (found == nullptr && is_of_early_flushes(passed)) return;
     if (found == nullptr) return wrong("the device gets {}, which its driver did not do", text_of(passed));
     found->seen = passed.serial;
+    if (exact_ && passed.what == What::flush && !found->due) (void)see_early_flushes(passed);
     if (passed.number > 0) asked_[found->act->number] = passed.number;
     if (exact_ && found->act->at < end_ && found->bytes != to_device_)
       wrong("the device gets {} after {} bytes, the driver did it after {}", text_of(passed), to_device_,
@@ -213,17 +214,20 @@ class ActsCheck {
     }
   }
 
-  // Flushes that the device was not there for are one.
+  // Flushes that the device was not there for are one, of all their queues.
   bool is_of_early_flushes(const Passed& passed) {
     if (passed.what != What::flush || passed.queue != FlushQueue::both) return false;
-    if (!exact_) return true;
+    return !exact_ || see_early_flushes(passed) > 1;
+  }
+
+  int see_early_flushes(const Passed& passed) {
     int flushes = 0;
     for (Told& each : sessions_[serves_].acts) {
       if (each.act->what != What::flush || each.seen != 0 || each.due) continue;
       each.seen = passed.serial;
       ++flushes;
     }
-    return flushes > 1;
+    return flushes;
   }
 
   // Of acts that are alike the first one in its place is meant, of settings the last one: it replaces those
