@@ -76,7 +76,8 @@ class Maker {
     return header;
   }
 
-  TapeTime time() { return tape_time_us(static_cast<std::int64_t>(number())); }
+  // No event has the latest one.
+  TapeTime time() { return tape_time_us(static_cast<std::int64_t>(number() % (kTimes - 1))); }
 
   // Whether a tape keeps every text as it is.
   [[nodiscard]] bool exact() const { return utf8_ && short_; }
