@@ -64,11 +64,16 @@ std::optional<FrameSpan> locate(const Place& place, const re2::RE2* capture, con
   return FrameSpan{*begin, *end};
 }
 
-re2::RE2::Options rule_expression_options() {
+re2::RE2::Options rule_expression_options(std::size_t count) {
+  // With less than the least an expression that the reader accepts cannot be compiled.
+  constexpr std::size_t kAll = std::size_t{1} << 28;
+  constexpr std::size_t kLeast = std::size_t{1} << 18;
+  constexpr std::size_t kMost = std::size_t{1} << 22;
   re2::RE2::Options options(re2::RE2::Latin1);
   options.set_log_errors(false);
   options.set_dot_nl(true);
-  options.set_max_mem(1 << 22);
+  options.set_max_mem(
+      static_cast<std::int64_t>(std::clamp(kAll / std::max<std::size_t>(count, 1), kLeast, kMost)));
   return options;
 }
 

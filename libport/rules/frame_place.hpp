@@ -28,8 +28,9 @@ std::optional<std::size_t> position_in(std::size_t size, std::int64_t at);
 std::optional<FrameSpan> locate(const Place& place, const re2::RE2* capture, const FrameFormat* format,
                                 ByteView frame);
 
-// What a regular expression of a rules file works on: bytes, no characters.
-re2::RE2::Options rule_expression_options();
+// What a regular expression of a rules file works on: bytes, no characters. It is one of `count` that are
+// kept together: all of them take some 256 MiB at most.
+re2::RE2::Options rule_expression_options(std::size_t count = 1);
 inline re2::StringPiece as_piece(ByteView bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }

@@ -21,11 +21,11 @@ void FrameStream::add(ByteView bytes, const Visit& visit) {
 void FrameStream::end(const Visit& visit) { cut(true, visit); }
 
 void FrameStream::cut(bool ended, const Visit& visit) {
+  FrameCutter cutter(formats_);
   while (cut_ < bytes_.size()) {
-    const ByteView rest = ByteView(bytes_).subspan(cut_);
-    const FrameCut found = cut_frame(formats_, rest, ended);
+    const FrameCut found = cutter.cut(bytes_, cut_, ended);
     if (found.state == FrameCut::State::more) break;
-    visit(found.format, rest.first(found.size));
+    visit(found.format, ByteView(bytes_).subspan(cut_, found.size));
     cut_ += found.size;
   }
   bytes_.erase(bytes_.begin(), bytes_.begin() + static_cast<std::ptrdiff_t>(cut_));

@@ -1,6 +1,7 @@
 #include "libport/rules/framing.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <optional>
 
 #include "libport/rules/frame_place.hpp"
@@ -20,13 +21,24 @@ FrameCut sized(const FrameFormat& format, std::size_t size, ByteView bytes, bool
   return {ended ? State::none : State::more};
 }
 
-FrameCut delimited(const FrameFormat& format, ByteView bytes, bool ended) {
-  const ByteView body = bytes.first(std::min(bytes.size(), format.longest)).subspan(format.start.size());
-  const auto found = std::search(body.begin(), body.end(), format.end.begin(), format.end.end());
-  if (found == body.end()) return {ended || bytes.size() >= format.longest ? State::none : State::more};
-  const std::size_t end =
-      format.start.size() + static_cast<std::size_t>(found - body.begin()) + format.end.size();
-  return sized(format, end + format.trailer, bytes, ended);
+// What is looked at: a format, and the bytes from the place on at which its frame would begin.
+struct Begin {
+  const FrameFormat& format;
+  std::size_t number;  // of the format
+  ByteView all;
+  std::size_t at;
+  bool ended;
+
+  [[nodiscard]] ByteView bytes() const { return all.subspan(at); }
+};
+
+FrameCut delimited(const Begin& begin, DelimiterSearch& ends) {
+  const FrameFormat& format = begin.format;
+  const ByteView bytes = begin.bytes();
+  const std::size_t to = begin.at + std::min(bytes.size(), format.longest);
+  const auto over = ends.find(begin.number, format.end, begin.all, begin.at + format.start.size(), to);
+  if (!over) return {begin.ended || bytes.size() >= format.longest ? State::none : State::more};
+  return sized(format, *over - begin.at + format.trailer, bytes, begin.ended);
 }
 
 std::uint64_t number_at(const LengthField& field, ByteView bytes) {
@@ -51,24 +63,37 @@ FrameCut by_length(const FrameFormat& format, ByteView bytes, bool ended) {
   return sized(format, static_cast<std::size_t>(size), bytes, ended);
 }
 
-FrameCut begun(const FrameFormat& format, ByteView bytes, bool ended) {
+FrameCut begun(const Begin& begin, DelimiterSearch& ends) {
+  const FrameFormat& format = begin.format;
+  const ByteView bytes = begin.bytes();
   switch (format.kind) {
     case FrameFormat::Kind::delimited:
-      return delimited(format, bytes, ended);
+      return delimited(begin, ends);
     case FrameFormat::Kind::length:
-      return by_length(format, bytes, ended);
+      return by_length(format, bytes, begin.ended);
     case FrameFormat::Kind::fixed:
-      return sized(format, format.size, bytes, ended);
+      return sized(format, format.size, bytes, begin.ended);
     case FrameFormat::Kind::idle:
       break;
   }
   if (bytes.size() > format.longest) return {};
-  return ended ? FrameCut{State::frame, bytes.size()} : FrameCut{State::more};
+  return begin.ended ? FrameCut{State::frame, bytes.size()} : FrameCut{State::more};
 }
 
-FrameCut first_frame(std::span<const FrameFormat> formats, ByteView bytes, bool ended) {
+FrameCut cut_at(const Begin& begin, DelimiterSearch& ends) {
+  const ByteView bytes = begin.bytes();
+  const Bytes& start = begin.format.start;
+  const std::size_t shown = std::min(bytes.size(), start.size());
+  if (!std::equal(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(shown), start.begin()))
+    return {};
+  if (shown < start.size()) return {begin.ended ? State::none : State::more};
+  return begun(begin, ends);
+}
+
+FrameCut first_frame(std::span<const FrameFormat> formats, ByteView bytes, std::size_t at, bool ended,
+                     DelimiterSearch& ends) {
   for (std::size_t i = 0; i < formats.size(); ++i) {
-    FrameCut cut = cut_frame(formats[i], bytes, ended);
+    FrameCut cut = cut_at({formats[i], i, bytes, at, ended}, ends);
     if (cut.state == State::none) continue;
     cut.format = static_cast<int>(i);
     return cut;
@@ -78,23 +103,39 @@ FrameCut first_frame(std::span<const FrameFormat> formats, ByteView bytes, bool 
 
 }  // namespace
 
+std::optional<std::size_t> DelimiterSearch::find(std::size_t format, ByteView end, ByteView bytes,
+                                                 std::size_t from, std::size_t to) {
+  if (known_.size() <= format) known_.resize(format + 1);
+  Known& known = known_[format];
+  if (known.begin && *known.begin < from) known.begin.reset();
+  const std::size_t begin = std::max(from, known.searched);
+  if (!known.begin && begin < to) {
+    const void* found = ::memmem(bytes.data() + begin, to - begin, end.data(), end.size());
+    if (found != nullptr)
+      known.begin = static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - bytes.data());
+  }
+  known.searched = std::max(known.searched, known.begin.value_or(to + 1 - std::min(to + 1, end.size())));
+  if (!known.begin || *known.begin + end.size() > to) return std::nullopt;
+  return *known.begin + end.size();
+}
+
+FrameCut FrameCutter::cut(ByteView bytes, std::size_t at, bool ended) {
+  FrameCut cut = first_frame(formats_, bytes, at, ended, ends_);
+  if (cut.state != State::none) return cut;
+  const std::size_t most = std::min(bytes.size() - at, kMostLoose);
+  cut.size = 1;
+  while (cut.size < most && first_frame(formats_, bytes, at + cut.size, ended, ends_).state == State::none)
+    ++cut.size;
+  return cut;
+}
+
 FrameCut cut_frame(const FrameFormat& format, ByteView bytes, bool ended) {
-  const std::size_t shown = std::min(bytes.size(), format.start.size());
-  if (!std::equal(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(shown), format.start.begin()))
-    return {};
-  if (shown < format.start.size()) return {ended ? State::none : State::more};
-  return begun(format, bytes, ended);
+  DelimiterSearch ends;
+  return cut_at({format, 0, bytes, 0, ended}, ends);
 }
 
 FrameCut cut_frame(std::span<const FrameFormat> formats, ByteView bytes, bool ended) {
-  FrameCut cut = first_frame(formats, bytes, ended);
-  if (cut.state != State::none) return cut;
-  cut.size = 1;
-  while (cut.size < std::min(bytes.size(), kMostLoose) &&
-         first_frame(formats, bytes.subspan(cut.size), ended).state == State::none) {
-    ++cut.size;
-  }
-  return cut;
+  return FrameCutter(formats).cut(bytes, 0, ended);
 }
 
 }  // namespace porttape

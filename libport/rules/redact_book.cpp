@@ -7,9 +7,10 @@
 namespace porttape {
 namespace {
 
-std::unique_ptr<re2::RE2> redact_expression(const std::string& text) {
+std::unique_ptr<re2::RE2> redact_expression(const std::string& text, std::size_t count) {
   if (text.empty()) return nullptr;
-  return std::make_unique<re2::RE2>(re2::StringPiece(text.data(), text.size()), rule_expression_options());
+  return std::make_unique<re2::RE2>(re2::StringPiece(text.data(), text.size()),
+                                    rule_expression_options(count));
 }
 
 RuleSet frames_alone(const RuleSet& set) {
@@ -26,7 +27,8 @@ RedactBook::RedactBook(const RuleSet& set, const Filler::Key& key)
   for (const RedactRule& rule : rules_) {
     std::string place = rule.kind == RedactRule::Kind::pattern ? rule.pattern : rule.place.capture;
     if (rule.kind == RedactRule::Kind::text) place = re2::RE2::QuoteMeta(as_piece(rule.text));
-    compiled_.push_back({redact_expression(rule.when), redact_expression(place)});
+    compiled_.push_back(
+        {redact_expression(rule.when, 2 * rules_.size()), redact_expression(place, 2 * rules_.size())});
   }
 }
 

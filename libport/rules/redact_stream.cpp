@@ -60,9 +60,10 @@ Result<void> RedactStream::work(bool frame_ended, bool all_ended) {
 void RedactStream::cut_frames(bool ended) {
   const auto& formats = book_.frames().set().frames;
   if (formats.empty() || of_ == Of::text) framed_ = bytes_.size();
+  FrameCutter cutter(formats);
   while (framed_ < bytes_.size()) {
     const ByteView rest = ByteView(bytes_).subspan(framed_);
-    const FrameCut cut = cut_frame(formats, rest, ended);
+    const FrameCut cut = cutter.cut(bytes_, framed_, ended);
     if (cut.state == FrameCut::State::more) return;
     if (cut.state == FrameCut::State::frame) {
       const Frame frame{framed_, framed_ + cut.size, cut.format};

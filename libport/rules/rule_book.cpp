@@ -11,9 +11,9 @@
 namespace porttape {
 namespace {
 
-std::unique_ptr<re2::RE2> compiled(const std::string& text) {
+std::unique_ptr<re2::RE2> compiled(const std::string& text, std::size_t count) {
   if (text.empty()) return nullptr;
-  auto expression = std::make_unique<re2::RE2>(text, rule_expression_options());
+  auto expression = std::make_unique<re2::RE2>(text, rule_expression_options(count));
   return expression->ok() ? std::move(expression) : nullptr;
 }
 
@@ -47,13 +47,15 @@ std::string name_of(const RuleSet& set, const Rule& rule) {
 }
 
 RuleBook::RuleBook(RuleSet set) : set_(std::move(set)) {
+  const std::size_t count = 3 * set_.rules.size() + 4 * set_.replies.size();
   for (const Rule& rule : set_.rules) {
-    rules_.push_back({compiled(rule.when), compiled(rule.place.capture), compiled(rule.regex)});
+    rules_.push_back(
+        {compiled(rule.when, count), compiled(rule.place.capture, count), compiled(rule.regex, count)});
     any_repeated_ = any_repeated_ || rule.repeated;
   }
   for (const ReplyTemplate& reply : set_.replies) {
-    replies_.push_back({compiled(reply.when), compiled(reply.from.capture), compiled(reply.answer),
-                        compiled(reply.to.capture)});
+    replies_.push_back({compiled(reply.when, count), compiled(reply.from.capture, count),
+                        compiled(reply.answer, count), compiled(reply.to.capture, count)});
   }
 }
 

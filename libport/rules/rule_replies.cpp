@@ -134,13 +134,20 @@ Bytes RuleReplies::rest() {
 }
 
 void RuleReplies::take_frames(bool ended, Bytes& out) {
-  while (!kept_.empty()) {
-    const FrameCut cut = cut_frame(book_->set().frames, kept_, ended);
-    if (cut.state == State::more) return;
-    const Bytes part = front(kept_, cut.size);
-    append(out, cut.state == State::frame ? rewritten(part, cut.format) : part);
-    drop(kept_, cut.size);
+  FrameCutter cutter(book_->set().frames);
+  std::size_t done = 0;
+  while (done < kept_.size()) {
+    const FrameCut cut = cutter.cut(kept_, done, ended);
+    if (cut.state == State::more) break;
+    const ByteView part = ByteView(kept_).subspan(done, cut.size);
+    if (cut.state == State::frame) {
+      append(out, rewritten(part, cut.format));
+    } else {
+      append(out, part);
+    }
+    done += cut.size;
   }
+  drop(kept_, done);
 }
 
 Bytes RuleReplies::rewritten(ByteView frame, int format) const {

@@ -52,22 +52,25 @@ void RulesCheck::pass_write(const Record& record) {
 }
 
 void RulesCheck::cut_writes(bool ended) {
-  while (!writes_.empty()) {
-    const FrameCut cut = cut_frame(book_.set().frames, writes_, ended);
-    if (cut.state == State::more) return;
-    const ByteView part = ByteView(writes_).first(cut.size);
+  FrameCutter cutter(book_.set().frames);
+  std::size_t done = 0;
+  while (done < writes_.size()) {
+    const FrameCut cut = cutter.cut(writes_, done, ended);
+    if (cut.state == State::more) break;
+    const ByteView part = ByteView(writes_).subspan(done, cut.size);
     const RulesReport::Place place = pieces_.front().place;
     if (cut.state == State::frame) {
       count_frame(place, part, cut.format);
     } else {
       count(report_.unframed, place, part, {0, part.size()}, part.size());
     }
-    drop(cut.size);
+    pass_pieces(cut.size);
+    done += cut.size;
   }
+  writes_.erase(writes_.begin(), writes_.begin() + static_cast<std::ptrdiff_t>(done));
 }
 
-void RulesCheck::drop(std::size_t size) {
-  writes_.erase(writes_.begin(), writes_.begin() + static_cast<std::ptrdiff_t>(size));
+void RulesCheck::pass_pieces(std::size_t size) {
   while (size > 0) {
     Piece& piece = pieces_.front();
     const std::size_t part = std::min(size, piece.size);
@@ -107,10 +110,11 @@ void RulesCheck::count_frame(const RulesReport::Place& place, ByteView frame, in
 void RulesCheck::end_answer() {
   cut_writes(true);
   ++report_.exchanges;
-  while (!report_.replies.empty() && !answer_.empty()) {
-    const FrameCut cut = cut_frame(book_.set().frames, answer_, true);
-    if (cut.state == State::frame) count_answer(ByteView(answer_).first(cut.size), cut.format);
-    answer_.erase(answer_.begin(), answer_.begin() + static_cast<std::ptrdiff_t>(cut.size));
+  FrameCutter cutter(book_.set().frames);
+  for (std::size_t done = 0; !report_.replies.empty() && done < answer_.size();) {
+    const FrameCut cut = cutter.cut(answer_, done, true);
+    if (cut.state == State::frame) count_answer(ByteView(answer_).subspan(done, cut.size), cut.format);
+    done += cut.size;
   }
   answer_.clear();
   requests_.clear();

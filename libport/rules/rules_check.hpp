@@ -77,7 +77,7 @@ class RulesCheck {
   void count_frame(const RulesReport::Place& place, ByteView frame, int format);
   void end_answer();
   void count_answer(ByteView frame, int format);
-  void drop(std::size_t count);
+  void pass_pieces(std::size_t count);
 
   const RuleBook& book_;
   RulesReport report_;

@@ -20,6 +20,13 @@ namespace {
 
 constexpr std::int64_t kMostPosition = 65535;
 constexpr std::size_t kMostLength = 65536;
+// Bytes of what a frame begins or ends with: no protocol's has more than some 70 (a boundary of MIME).
+constexpr std::size_t kMostMark = 256;
+// Of each kind: [[frame]], [[rule]], [[reply]], [[redact]].
+constexpr std::size_t kMostTables = 1000;
+// Of an expression, as RE2 compiles it, and of all in a file.
+constexpr int kMostStepsOfOne = 2000;
+constexpr int kMostSteps = 20'000;
 constexpr std::array<std::string_view, 2> kOrders = {"big", "little"};
 constexpr std::array<std::string_view, 4> kTypes = {"unsigned", "signed", "decimal", "hex"};
 constexpr std::array<std::string_view, 4> kFrameKinds = {"delimited", "length", "fixed", "idle"};
@@ -69,6 +76,10 @@ class RulesReader {
                      fmt::format("'{}' is no list of tables; accepted: [[{}]]", key, key));
       return;
     }
+    if (list->size() > kMostTables)
+      return problems_.tell(
+          list->source().begin.line,
+          fmt::format("there are {} of [[{}]]; accepted: {} at most", list->size(), key, kMostTables));
     for (const toml::node& item : *list) {
       TomlTable table(*item.as_table(), fmt::format("[[{}]]", key), problems_);
       if (const auto name = table.text("name"))
@@ -109,7 +120,7 @@ class RulesReader {
   }
 
   void read_own_format(TomlTable& table, FrameFormat& format) {
-    format.start = table.bytes("start").value_or(Bytes());
+    format.start = mark(table, "start");
     const auto kind = table.choice("kind", kFrameKinds);
     if (!table.has("kind"))
       table.wrong(fmt::format("has neither 'kind' nor 'protocol'; accepted: kind: {}; protocol: {}",
@@ -117,7 +128,32 @@ class RulesReader {
     if (!kind) return skip_kind(table);
     format.kind = static_cast<FrameFormat::Kind>(*kind);
     read_kind(table, format);
+    refuse_impossible(table, format);
     if (auto checksum = table.table("checksum")) format.checksum = read_checksum(*checksum);
+  }
+
+  // What a frame begins or ends with.
+  static Bytes mark(TomlTable& table, std::string_view key) {
+    Bytes bytes = table.bytes(key).value_or(Bytes());
+    if (bytes.size() > kMostMark) {
+      table.wrong(table.has(key) ? std::string(key) : std::string(key) + "_hex",
+                  fmt::format("has {} bytes; accepted: {} at most", bytes.size(), kMostMark));
+      bytes.clear();
+      bytes.push_back(0);
+    }
+    return bytes;
+  }
+
+  // A frame that is never found would leave its rules without an effect, and without a word.
+  static void refuse_impossible(TomlTable& table, const FrameFormat& format) {
+    const bool delimited = format.kind == FrameFormat::Kind::delimited;
+    const bool fixed = format.kind == FrameFormat::Kind::fixed;
+    const std::size_t least = format.start.size() + (delimited ? format.end.size() + format.trailer : 0);
+    const std::size_t most = fixed ? format.size : format.longest;
+    if (most > 0 && least > most)
+      table.wrong(fmt::format(
+          "has {} bytes at least, by its {}, and {} at most, by '{}': there is no such frame", least,
+          delimited ? "'start', 'end' and 'trailer'" : "'start'", most, fixed ? "size" : "longest"));
   }
 
   // Keys of a frame whose kind is wrong are not to be told of.
@@ -129,7 +165,7 @@ class RulesReader {
   void read_kind(TomlTable& table, FrameFormat& format) {
     using Kind = FrameFormat::Kind;
     if (format.kind == Kind::delimited) {
-      format.end = table.bytes("end").value_or(Bytes());
+      format.end = mark(table, "end");
       if (format.end.empty())
         table.wrong("is delimited and has no 'end' (or 'end_hex'): what its frames end with");
       format.trailer = static_cast<std::size_t>(table.integer("trailer", 0, 64).value_or(0));
@@ -213,8 +249,23 @@ class RulesReader {
       table.wrong(key, fmt::format("is no regular expression: {} (syntax: RE2's)", expression.error()));
     } else if (expression.NumberOfCapturingGroups() < groups) {
       table.wrong(key, "has no group in parentheses: what it captures is the place");
+    } else {
+      count_steps(table, key, expression.ProgramSize());
     }
     return *text;
+  }
+
+  // An expression takes up to some 10 ns a step for each byte that it is searched in.
+  void count_steps(TomlTable& table, std::string_view key, int steps) {
+    const bool told = steps_ > kMostSteps;
+    steps_ += steps;
+    if (steps > kMostStepsOfOne) {
+      table.wrong(key, fmt::format("has {} steps; accepted: {} at most ('.{{0,100}}' has 200 of them)", steps,
+                                   kMostStepsOfOne));
+    } else if (steps_ > kMostSteps && !told) {
+      table.wrong(key, fmt::format("brings the file's expressions to {} steps; accepted: {} at most", steps_,
+                                   kMostSteps));
+    }
   }
 
   void read_rule(TomlTable& table) {
@@ -454,6 +505,7 @@ class RulesReader {
 
   Problems problems_;
   RuleSet rules_;
+  int steps_ = 0;  // of all expressions
 };
 
 }  // namespace

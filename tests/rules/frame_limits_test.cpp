@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <random>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -77,6 +78,78 @@ TEST(FrameLimits, ADelimitedFrameIsWaitedForUpToItsLongest) {
   EXPECT_EQ(state("$ab#"), "more");
   EXPECT_EQ(state("$ab#1"), "frame of 5");
   EXPECT_EQ(state("$abc#"), "none") << "what trails the end would be the sixth byte";
+}
+
+// As the rules say it, each place by itself.
+FrameCut delimited_by_hand(const FrameFormat& format, std::string_view bytes, bool ended) {
+  const std::string_view start = as_text(format.start);
+  const std::string_view end = as_text(format.end);
+  if (bytes.substr(0, start.size()) != start.substr(0, bytes.size())) return {};
+  if (bytes.size() < start.size()) return {ended ? State::none : State::more};
+  const std::size_t found = bytes.substr(0, format.longest).find(end, start.size());
+  if (found == std::string_view::npos)
+    return {ended || bytes.size() >= format.longest ? State::none : State::more};
+  const std::size_t size = found + end.size() + format.trailer;
+  if (size > format.longest) return {};
+  if (size > bytes.size()) return {ended ? State::none : State::more};
+  return {State::frame, size};
+}
+
+FrameCut cut_by_hand(const std::vector<FrameFormat>& formats, std::string_view bytes, bool ended) {
+  const auto at = [&](std::size_t place) {
+    for (std::size_t i = 0; i < formats.size(); ++i) {
+      FrameCut cut = delimited_by_hand(formats[i], bytes.substr(place), ended);
+      cut.format = static_cast<int>(i);
+      if (cut.state != State::none) return cut;
+    }
+    return FrameCut{};
+  };
+  FrameCut cut = at(0);
+  if (cut.state != State::none) return cut;
+  cut.size = 1;
+  while (cut.size < std::min<std::size_t>(bytes.size(), 256) && at(cut.size).state == State::none) ++cut.size;
+  return cut;
+}
+
+TEST(FrameLimits, EachPlaceIsJudgedAsIfItWereTheOnlyOne) {
+  std::mt19937 random(1);
+  const auto up_to = [&](std::size_t most) { return static_cast<std::size_t>(random() % (most + 1)); };
+  const auto letters = [&](std::size_t size) {
+    Bytes bytes(size);
+    for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>("aab$"[random() % 4]);
+    return bytes;
+  };
+  std::size_t frames = 0;
+  for (int round = 0; round < 20'000; ++round) {
+    std::vector<FrameFormat> formats(1 + up_to(2));
+    for (FrameFormat& format : formats) {
+      format.start = letters(up_to(3));
+      format.end = letters(1 + up_to(3));
+      format.trailer = up_to(2);
+      format.longest = 1 + up_to(30);
+    }
+    const Bytes bytes = letters(1 + up_to(40));
+    const bool ended = up_to(1) == 1;
+    const FrameCut expected = cut_by_hand(formats, as_text(bytes), ended);
+    ASSERT_EQ(cut_frame(formats, bytes, ended), expected) << "round " << round << ": " << as_text(bytes);
+    frames += expected.state == State::frame ? 1 : 0;
+  }
+  EXPECT_GT(frames, 1000U);
+}
+
+// A search of its own for each beginning would look at 10^12 bytes.
+TEST(FrameLimits, ManyBeginningsWithoutAnEndCostNoMoreThanOthers) {
+  FrameStream stream(
+      {{.kind = FrameFormat::Kind::delimited, .start = {'$'}, .end = {'$', '$', '\r'}, .longest = 65536}});
+  std::size_t loose = 0;
+  const auto count = [&](int format, ByteView bytes) {
+    EXPECT_EQ(format, -1);
+    loose += bytes.size();
+  };
+  const Bytes piece(std::size_t{1} << 20, '$');
+  for (int i = 0; i < 16; ++i) stream.add(piece, count);
+  stream.end(count);
+  EXPECT_EQ(loose, 16 * piece.size());
 }
 
 TEST(FrameLimits, AFixedFrameIsNoLongerThanFramesMayBe) {

@@ -39,6 +39,18 @@ TEST(RulesWordsTest, OfAFrame) {
        "f:5: key 'longest' of [[frame]] 'f' is 0; accepted: a whole number from 1 to 65536"},
       {"kind='delimited'\nend='x'\nend_hex='00'\n",
        "f:4: key 'end' of [[frame]] 'f' is there besides 'end_hex'; accepted: one of them"},
+      {"kind='delimited'\nstart_hex='" + std::string(514, '0') + "'\nend='" + std::string(257, 'x') + "'\n",
+       "f:4: key 'start_hex' of [[frame]] 'f' has 257 bytes; accepted: 256 at most\n"
+       "f:5: key 'end' of [[frame]] 'f' has 257 bytes; accepted: 256 at most"},
+      {"kind='delimited'\nstart='" + std::string(256, 'x') + "'\nend='" + std::string(256, 'x') + "'\n", ""},
+      {"kind='delimited'\nstart='ab'\nend='c'\ntrailer=2\nlongest=4\n",
+       "f:1: [[frame]] 'f' has 5 bytes at least, by its 'start', 'end' and 'trailer', and 4 at most, by "
+       "'longest': there is no such frame"},
+      {"kind='delimited'\nstart='ab'\nend='c'\ntrailer=2\nlongest=5\n", ""},
+      {"kind='fixed'\nstart='ab'\nsize=1\n",
+       "f:1: [[frame]] 'f' has 2 bytes at least, by its 'start', and 1 at most, by 'size': there is no such "
+       "frame"},
+      {"kind='fixed'\nstart='ab'\nsize=2\n", ""},
       {"kind='length'\n", "f:1: [[frame]] 'f' has no 'length'; accepted: { at = …, size = …, adds = … }"},
       {"kind='length'\nlength=3\n",
        "f:4: key 'length' of [[frame]] 'f' is of the kind integer; accepted: a table, { … }"},
@@ -63,6 +75,34 @@ TEST(RulesWordsTest, OfAFrame) {
               HasSubstr("f:1: [[frame]] lacks 'name': a name of its own"));
   EXPECT_EQ(said_of(kFormat + kFormat + "[[rule]]\nname='r'\nat=0\nignore=true\n").substr(0, 84),
             "f:6: key 'name' of [[frame]] 'f' is 'f', as of an earlier one; accepted: a name of i");
+}
+
+TEST(RulesWordsTest, ExpressionsHaveSoManySteps) {
+  EXPECT_EQ(of_rule("capture='(.{0,900})'\nignore=true\n"), "");
+  EXPECT_EQ(
+      of_rule("capture='(.{0,900}.{0,900})'\nignore=true\n"),
+      "f:7: key 'capture' of [[rule]] 'r' has 3606 steps; accepted: 2000 at most ('.{0,100}' has 200 of "
+      "them)");
+  const auto rules = [](int count) {
+    std::string text = kFormat;
+    for (int i = 0; i < count; ++i)
+      text += "[[rule]]\nname='r" + std::to_string(i) + "'\ncapture='(.{0,900})'\nignore=true\n";
+    return said_of(text);
+  };
+  EXPECT_EQ(rules(11), "");
+  EXPECT_THAT(rules(13), testing::AllOf(testing::EndsWith("steps; accepted: 20000 at most"),
+                                        testing::Not(HasSubstr("\n"))))
+      << "it is told once";
+}
+
+TEST(RulesWordsTest, AFileHasSoManyTables) {
+  const auto redactions = [](int count) {
+    std::string text;
+    for (int i = 0; i < count; ++i) text += "[[redact]]\nname='r" + std::to_string(i) + "'\ntext='x'\n";
+    return said_of(text);
+  };
+  EXPECT_EQ(redactions(1000), "");
+  EXPECT_EQ(redactions(1001), "f:1: there are 1001 of [[redact]]; accepted: 1000 at most");
 }
 
 TEST(RulesWordsTest, TheLastThatIsAcceptedOfEachBoundIs) {
