@@ -9,13 +9,16 @@
 #include <fmt/ranges.h>
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <optional>
 #include <set>
+#include <stdexcept>
 #include <system_error>
 #include <utility>
 
 #include "libport/base/nearest.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/base/whole_number.hpp"
 #include "libport/rules/toml_table.hpp"  // toml++, set up as it must be in all sources
 #include "libport/tape/tape_name.hpp"
 #include "tools/test_request.hpp"
@@ -86,6 +89,12 @@ std::vector<std::string> command_of(const toml::node& node) {
   return command;
 }
 
+// What is wrong with the folder itself.
+class FolderProblem : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
 class SuiteReader {
  public:
   explicit SuiteReader(std::string folder) : options_(test_options()) {
@@ -95,6 +104,8 @@ class SuiteReader {
 
   Suite read(const toml::table& file) {
     for (const auto& [key, node] : file) {
+      if (key.str() == "name" || key.str() == "tape")
+        throw SuiteProblem(node, fmt::format("key '{}' is of one test; write it in a [[test]]", key.str()));
       if (key.str() != "test") take(key.str(), node, general_);
     }
     if (const toml::node* const tests = file.get("test")) {
@@ -143,6 +154,7 @@ class SuiteReader {
       throw SuiteProblem(table, "key 'command' is missing, here and at the top of the file");
     if (test.name.empty()) test.name = plain_name(test.values.at("tape"));
     check_new_name(test, table);
+    lines_[test.name] = &table;
     tapes_.insert(tape_path(test.values.at("tape")));
     suite_.tests.push_back(std::move(test));
   }
@@ -154,14 +166,28 @@ class SuiteReader {
                                    in_quotes(test.name)));
   }
 
+  // The names of the folder's files.
+  [[nodiscard]] std::set<std::string> files() const {
+    std::set<std::string> files;
+    std::error_code error;
+    for (fs::directory_iterator each(suite_.folder, error), end; !error && each != end; each.increment(error))
+      files.insert(each->path().filename().string());
+    if (error)
+      throw FolderProblem(
+          fmt::format("folder {} cannot be read: {}", in_quotes(suite_.folder), error.message()));
+    return files;
+  }
+
   // The folder's tapes that no test names: with a command for all they are tests, too.
   void add_tapes() {
+    const std::set<std::string> all = files();
     std::set<std::string> found;
-    std::error_code error;
-    for (const fs::directory_entry& entry : fs::directory_iterator(suite_.folder, error)) {
-      const std::string file = entry.path().filename().string();
-      if (file.ends_with(".logr") || file.ends_with(".logw")) found.insert(file.substr(0, file.size() - 1));
+    for (const std::string& file : all) {
+      // A tape of which only the events are left is a test, too, and one that fails.
+      if (file.ends_with(".logr") || file.ends_with(".logw") || file.ends_with(".loge"))
+        found.insert(file.substr(0, file.size() - 1));
     }
+    note_other_tapes(all);
     std::vector<std::string> without;
     for (const std::string& tape : found) {
       if (tapes_.contains(tape_path(tape)) || is_later_connection(tape, found)) continue;
@@ -177,21 +203,46 @@ class SuiteReader {
       SuiteTest test = general_;
       test.name = plain_name(tape);
       test.values["tape"] = tape;
-      if (names_.insert(test.name).second) suite_.tests.push_back(std::move(test));
+      if (!names_.insert(test.name).second) {
+        throw SuiteProblem(
+            *lines_.at(test.name),
+            fmt::format("the test of tape {} is named {}, as is that of the folder's tape {}; "
+                        "give it another name, name = \"…\"",
+                        in_quotes(named_tape(test.name)), in_quotes(test.name), in_quotes(tape)));
+      }
+      suite_.tests.push_back(std::move(test));
     }
+  }
+
+  // Tapes whose names do not end in .log are not sought, since any file may end in r or w.
+  void note_other_tapes(const std::set<std::string>& all) {
+    std::vector<std::string> others;
+    for (const std::string& file : all) {
+      const std::string tape = file.substr(0, file.size() - 1);
+      if (!file.ends_with('r') || tape.empty() || tape.ends_with(".log") || !all.contains(tape + 'w'))
+        continue;
+      if (!tapes_.contains(tape_path(tape))) others.push_back(tape);
+    }
+    if (others.empty()) return;
+    suite_.notes.push_back(fmt::format(
+        "no test has {}, whose name does not end in .log; give each a [[test]]", fmt::join(others, ", ")));
+  }
+
+  [[nodiscard]] const std::string& named_tape(const std::string& test) const {
+    return std::ranges::find(suite_.tests, test, &SuiteTest::name)->values.at("tape");
   }
 
   // `x.c2.log` of a recording whose first connection is `x.log`.
   static bool is_later_connection(const std::string& tape, const std::set<std::string>& all) {
     const fs::path inner = fs::path(tape).stem();
-    const std::string number = inner.extension().string();
-    const bool is_number = number.size() > 2 && number.starts_with(".c") &&
-                           number.find_first_not_of("0123456789", 2) == std::string::npos;
-    return is_number && all.contains(inner.stem().string() + ".log");
+    const std::string part = inner.extension().string();
+    if (!part.starts_with(".c")) return false;
+    const auto number = whole_number<unsigned>(std::string_view(part).substr(2));
+    return number && *number >= 2 && part[2] != '0' && all.contains(inner.stem().string() + ".log");
   }
 
   static std::string plain_name(const std::string& tape) {
-    return tape.ends_with(".log") ? tape.substr(0, tape.size() - 4) : tape;
+    return tape.size() > 4 && tape.ends_with(".log") ? tape.substr(0, tape.size() - 4) : tape;
   }
 
   [[nodiscard]] std::string tape_path(const std::string& tape) const {
@@ -206,6 +257,7 @@ class SuiteReader {
   SuiteTest general_;
   Suite suite_;
   std::set<std::string> names_;
+  std::map<std::string, const toml::table*> lines_;  // of each [[test]], by its name
   std::set<std::string> tapes_;
 };
 
@@ -233,6 +285,8 @@ Result<Suite> read_suite(const std::string& folder) {
     return suite;
   } catch (const SuiteProblem& problem) {
     return make_error(Errc::usage, fmt::format("{}:{}: {}", file, problem.line(), problem.text()));
+  } catch (const FolderProblem& problem) {
+    return make_error(Errc::usage, fmt::format("suite {}: {}", file, problem.what()));
   }
 }
 

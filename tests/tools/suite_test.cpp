@@ -158,6 +158,47 @@ TEST_F(Suites, TapesThatNoTestHasAreTold) {
   EXPECT_THAT(run_suite().err, HasSubstr("no test has forgotten.log; give each a [[test]]"));
 }
 
+TEST_F(Suites, ATestWithTheNameOfTheFoldersOtherTapeIsRefused) {
+  make_tape(dir, "other", {}, {});
+  const std::string text =
+      std::string(kGoodSuite) + "\n[[test]]\nname = \"t\"\ntape = \"other\"\nskip = \"later\"\n";
+  EXPECT_THAT(problem(text),
+              StartsWith("suite.toml:2: the test of tape 'other' is named 't', as is that of the "
+                         "folder's tape 't.log'; give it another name"));
+  write(text + "[[test]]\nname = \"mine\"\ntape = \"t\"\n");
+  EXPECT_THAT(run_suite().out, HasSubstr(": 2 tests, 1 passed, 0 failed, 1 skipped"));
+}
+
+TEST_F(Suites, ATapeOfWhichOnlyTheEventsAreLeftIsATestThatFails) {
+  write_file(dir / "lost.loge", bytes_of(std::string(kEventsHeader)));
+  write(kGoodSuite);
+  const Ran ran = run_suite();
+  EXPECT_EQ(ran.status, 2) << ran.out;
+  EXPECT_THAT(ran.out, HasSubstr("FAIL  lost\n"));
+  EXPECT_THAT(ran.out, HasSubstr("whose r and w files are missing"));
+}
+
+TEST_F(Suites, OnlyNumbersOfConnectionsMakeATapeALaterConnection) {
+  for (const char* const name : {"t.c0", "t.c1", "t.c02", "t.c2"})
+    make_tape(dir, name, {{2000, "42\n"}}, {{1000, "ask\n"}});
+  write(kGoodSuite);
+  EXPECT_THAT(run_suite().out, HasSubstr(": 4 tests, 4 passed"));
+}
+
+TEST_F(Suites, ATapeWithoutTheUsualEndingIsTold) {
+  write_file(dir / "bootr", block_bytes({}));
+  write_file(dir / "bootw", block_bytes({}));
+  write(kGoodSuite);
+  EXPECT_THAT(run_suite().err, HasSubstr("no test has boot, whose name does not end in .log; give each"));
+  write(std::string(kGoodSuite) + "\n[[test]]\ntape = \"boot\"\nskip = \"x\"\n");
+  EXPECT_EQ(run_suite().err, "");
+}
+
+TEST_F(Suites, ATapeOrANameForAllTestsIsRefused) {
+  EXPECT_THAT(problem("tape = \"t\"\n"), StartsWith("suite.toml:1: key 'tape' is of one test"));
+  EXPECT_THAT(problem("name = \"t\"\n"), StartsWith("suite.toml:1: key 'name' is of one test"));
+}
+
 TEST_F(Suites, AJunitFileThatCannotBeWrittenIsToldBeforeAnythingRuns) {
   write("command = \"touch ran\"\n");
   EXPECT_EQ(run_suite({"--junit", "/no/such/folder/j.xml"}).status, 2);
