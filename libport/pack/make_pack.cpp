@@ -26,7 +26,7 @@ std::string folder_in(const fs::path& file) {
       break;
     }
   }
-  return is_plain_name(name) && name.front() != '.' ? name : "pack";
+  return is_plain_name(name) ? name : "pack";
 }
 
 // A pack is sent to others. A link in a tape from a stranger must not add one of this user's files to it.
@@ -64,9 +64,10 @@ class PackMaker {
   Result<void> add(const TapePaths& tape) {
     const std::string name = tape.file_name();
     if (!is_plain_name(name))
-      return make_error(Errc::usage, "tape " + in_quotes(tape.name()) +
-                                         " has a name that cannot be packed: " +
-                                         "control characters, a backslash or no UTF-8; rename its files");
+      return make_error(Errc::usage,
+                        "tape " + in_quotes(tape.name()) + " has a name that cannot be packed: " +
+                            "a . or - at its beginning, control characters, a backslash or no UTF-8; "
+                            "rename its files");
     for (const PackedTape& other : manifest_.tapes) {
       if (other.name == name)
         return make_error(Errc::usage,

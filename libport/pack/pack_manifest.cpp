@@ -10,6 +10,7 @@
 
 #include "libport/base/json_object.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/base/utf8.hpp"
 #include "libport/tape/payload_totals.hpp"
 
 namespace porttape {
@@ -105,6 +106,19 @@ Result<std::vector<PackedTape>> tapes_of(const json::object& object, const std::
   return tapes;
 }
 
+// A pack holds the files of its tapes and the report of a redaction.
+Result<void> check_files(const PackManifest& manifest) {
+  std::set<std::string_view> known;
+  if (manifest.redaction) known.insert(kRedactionName);
+  for (const PackedTape& tape : manifest.tapes) known.insert(tape.files.begin(), tape.files.end());
+  for (const PackedFile& file : manifest.files) {
+    if (!known.contains(file.name))
+      return wrong_manifest("names a file " + in_quotes(file.name) +
+                            ", which belongs to none of its tapes and is no report of a redaction");
+  }
+  return {};
+}
+
 }  // namespace
 
 const PackedFile* PackManifest::file(std::string_view name) const {
@@ -120,12 +134,14 @@ std::uint64_t PackManifest::bytes() const {
 }
 
 bool is_plain_name(std::string_view name) {
-  if (name.empty() || name.size() > kLongestName || name == "." || name == "..") return false;
-  const auto bad = [](char character) {
-    const auto code = static_cast<unsigned char>(character);
-    return code < 0x20 || code == 0x7f || character == '/' || character == '\\';
-  };
-  return std::none_of(name.begin(), name.end(), bad) && to_utf8(name) == name;
+  if (name.empty() || name.size() > kLongestName || name.front() == '.' || name.front() == '-') return false;
+  while (!name.empty()) {
+    const std::size_t length = utf8_length(name);
+    if (length == 0 || name.front() == '/' || name.front() == '\\') return false;
+    if (is_obeyed(utf8_character(name.substr(0, length)))) return false;
+    name.remove_prefix(length);
+  }
+  return true;
 }
 
 std::string to_json(const PackManifest& manifest) {
@@ -185,6 +201,7 @@ Result<PackManifest> read_manifest(std::string_view text) {
   manifest.redaction = object.contains("redaction");
   if (manifest.redaction && manifest.file(kRedactionName) == nullptr)
     return wrong_manifest("tells of a redaction, and of no " + std::string(kRedactionName));
+  if (const Result<void> checked = check_files(manifest); !checked) return checked.error();
   if (const json::value* system = object.if_contains("system"); system != nullptr && system->is_object()) {
     for (const auto& member : system->get_object()) {
       const std::string key(member.key().data(), member.key().size());

@@ -46,12 +46,13 @@ struct PackManifest {
   friend bool operator==(const PackManifest&, const PackManifest&) = default;
 };
 
-// A name that is one file's, wherever it is unpacked: no folder, no control character, well-formed UTF-8.
+// A name that is one file's, wherever it is unpacked: no folder, well-formed UTF-8, nothing that a terminal
+// would obey (is_obeyed()), and no `.` or `-` at its beginning, which would hide it or make it an option.
 bool is_plain_name(std::string_view name);
 
 std::string to_json(const PackManifest& manifest);
 // Errc::io, whose message says what is wrong. What is given is checked: names are plain and unique, tapes are
-// of the files.
+// of the files, and each file is a tape's or kRedactionName.
 Result<PackManifest> read_manifest(std::string_view json);
 
 }  // namespace porttape

@@ -81,7 +81,9 @@ TEST_F(PackArchiveTest, OnlyWhatTheManifestTellsOf) {
   Files more = tape;
   more.emplace_back("x", "1");
   EXPECT_THAT(read(pack(more, tape)), HasSubstr("'x', of which manifest.json does not tell"));
-  EXPECT_THAT(read(pack(tape, more)), HasSubstr("lacks 'x'"));
+  EXPECT_THAT(read(pack(more, more)), HasSubstr("names a file 'x', which belongs to none of its tapes"));
+  EXPECT_TRUE(sink.files.empty());
+  EXPECT_THAT(read(pack({tape[0], tape[1]}, tape)), HasSubstr("lacks 'a.loge'"));
   Files other = tape;
   other[2].second = "[]\n";
   EXPECT_THAT(read(pack(other, tape)), HasSubstr("'a.loge' is not what was packed"));
@@ -92,7 +94,11 @@ TEST_F(PackArchiveTest, OnlyWhatTheManifestTellsOf) {
   EXPECT_THAT(read(pack(more, tape)), HasSubstr("twice"));
   more.back() = {"manifest.json", "{}"};
   EXPECT_THAT(read(pack(more, tape)), HasSubstr("twice"));
-  for (const char* const name : {"../x", "/x", "b/x", "..", "a\\b"}) {
+  for (const char* const name : {"../x", "/x", "b/x", "..", "a\\b", ".a", "-a",
+                                 "a\xc2\x9b"
+                                 "b",
+                                 "a\xe2\x80\xae"
+                                 "b"}) {
     more.back() = {name, "1"};
     EXPECT_NE(read(pack(more, tape)), "") << name;
   }

@@ -33,12 +33,33 @@ TEST(PackManifestTest, IsReadAsItWasWritten) {
 }
 
 TEST(PackManifestTest, PlainNames) {
-  for (const char* const name : {"a", "laser.logr", "\xc3\xa4.logr", "...", "-x", " "})
+  for (const char* const name : {"a", "laser.logr", "\xc3\xa4.logr", "a.-b", " ", "\xe2\x82\xac"})
     EXPECT_TRUE(is_plain_name(name)) << name;
-  for (const char* const name : {"", ".", "..", "a/b", "/a", "a\\b", "a\nb", "\x7f", "\xff", "a/"})
+  for (const char* const name :
+       {"", ".", "..", "a/b", "/a", "a\\b", "a\nb", "\x7f", "\xff", "a/", "...", ".a", "-x",
+        "a\xc2\x9b"
+        "31m",
+        "a\xe2\x80\xae"
+        "b",
+        "a\xe2\x80\xa8", "\xd8\x9c"})
     EXPECT_FALSE(is_plain_name(name)) << name;
   EXPECT_FALSE(is_plain_name(std::string("a\0b", 3)));
   EXPECT_FALSE(is_plain_name(std::string(256, 'a')));
+}
+
+TEST(PackManifestTest, AFileOfNoTapeIsRefused) {
+  PackManifest pack = sample();
+  pack.files.push_back({"b.logr", 1, 3});
+  EXPECT_THAT(refused(pack), HasSubstr("a file 'b.logr', which belongs to none of its tapes"));
+  pack.files.back().name = "Makefile";
+  EXPECT_THAT(refused(pack), HasSubstr("a file 'Makefile', which belongs to none of its tapes"));
+  pack.files.back().name =
+      "a\xc2\x9b"
+      "2J";
+  EXPECT_THAT(refused(pack), HasSubstr("a file 'a\\x9b2J', which is no plain name"));
+  pack.files.pop_back();
+  pack.redaction = false;
+  EXPECT_THAT(refused(pack), HasSubstr("a file 'redaction.json', which belongs to none"));
 }
 
 TEST(PackManifestTest, WhatCannotBeIsTold) {
