@@ -7,6 +7,28 @@
 # TAPE and RULES are relative to the source folder, and a command such as ./driver if it is there. ARGS are further options
 # of `porttape test`. What else a test can have (ENVIRONMENT, DISABLED, WILL_FAIL, LABELS) it gets by
 # set_tests_properties, as any. Call enable_testing() before.
+#
+# Every value arrives as it is written, also with semicolons, spaces, quotes and backslashes in it; `$<...>` is a generator
+# expression, as in any add_test.
+
+# A word as a bracket argument of CMake's code, with a space before it: a list would lose it if it is empty, and split it at its
+# semicolons.
+function(_porttape_argument _result _word)
+  set(_equals "=")
+  while("${_word}]" MATCHES "]${_equals}]")
+    string(APPEND _equals "=")
+  endwhile()
+  set(${_result} " [${_equals}[\n${_word}]${_equals}]" PARENT_SCOPE)  # the first newline is none of it
+endfunction()
+
+# A path from the source folder on. get_filename_component would make slashes of its backslashes.
+function(_porttape_path _result _path)
+  if(NOT IS_ABSOLUTE "${_path}")
+    set(_path "${CMAKE_CURRENT_SOURCE_DIR}/${_path}")
+  endif()
+  set(${_result} "${_path}" PARENT_SCOPE)
+endfunction()
+
 function(porttape_add_test)
   set(_single NAME TAPE DRIVER RULES STRICTNESS TIMEOUT WORKING_DIRECTORY)
   set(_several COMMAND ARGS)
@@ -19,20 +41,20 @@ function(porttape_add_test)
       message(FATAL_ERROR "porttape_add_test: ${_word} is missing; write porttape_add_test(NAME laser TAPE laser COMMAND driver {port})")
     endif()
   endforeach()
-  get_filename_component(_tape "${arg_TAPE}" ABSOLUTE)
-  set(_options --tape "${_tape}" --color never)
-  if(DEFINED arg_RULES)
-    get_filename_component(_rules "${arg_RULES}" ABSOLUTE)
-    list(APPEND _options --rules "${_rules}")
-  endif()
-  foreach(_word DRIVER STRICTNESS TIMEOUT)
+  foreach(_word TAPE RULES)
     if(DEFINED arg_${_word})
-      string(TOLOWER ${_word} _option)
-      list(APPEND _options --${_option} "${arg_${_word}}")
+      _porttape_path(arg_${_word} "${arg_${_word}}")
     endif()
   endforeach()
-  # The words of COMMAND and ARGS one by one, each as a bracket argument: a list would lose empty ones, and split others at
-  # their semicolons.
+  set(_options)
+  foreach(_word TAPE RULES DRIVER STRICTNESS TIMEOUT)
+    if(DEFINED arg_${_word})
+      string(TOLOWER ${_word} _option)
+      _porttape_argument(_value "${arg_${_word}}")
+      string(APPEND _options " --${_option}${_value}")
+    endif()
+  endforeach()
+  # The words of COMMAND and ARGS one by one.
   set(_code_COMMAND)
   set(_code_ARGS)
   set(_key)
@@ -53,18 +75,16 @@ function(porttape_add_test)
         set(_word "${CMAKE_CURRENT_SOURCE_DIR}/${_word}")
       endif()
     endif()
-    set(_equals "=")
-    while("${_word}]" MATCHES "]${_equals}]")
-      string(APPEND _equals "=")
-    endwhile()
-    string(APPEND _code_${_key} " [${_equals}[\n${_word}]${_equals}]")  # the first newline is none of it
+    _porttape_argument(_value "${_word}")
+    string(APPEND _code_${_key} "${_value}")
   endforeach()
   set(_folder)
   if(DEFINED arg_WORKING_DIRECTORY)
-    set(_folder WORKING_DIRECTORY "${arg_WORKING_DIRECTORY}")
+    _porttape_argument(_value "${arg_WORKING_DIRECTORY}")
+    set(_folder "WORKING_DIRECTORY${_value}")
   endif()
-  cmake_language(EVAL CODE "add_test(NAME \"\${arg_NAME}\" COMMAND $<TARGET_FILE:Porttape::tool> test \${_options}
-    ${_code_ARGS} -- ${_code_COMMAND} \${_folder})")
+  cmake_language(EVAL CODE "add_test(NAME \"\${arg_NAME}\" COMMAND $<TARGET_FILE:Porttape::tool> test --color never
+    ${_options} ${_code_ARGS} -- ${_code_COMMAND} ${_folder})")
   # CTest's own limit, in whole seconds, is for what the tool cannot end.
   if(DEFINED arg_TIMEOUT AND arg_TIMEOUT GREATER 0)
     string(REGEX REPLACE "[.].*" "" _limit "0${arg_TIMEOUT}")

@@ -31,13 +31,16 @@ never_says() { if grep -qE -- "$1" "$work/said"; then die "says '$1':" "$(cat "$
 configure() { cmake -S "$1" -B "$1/build" -DCMAKE_PREFIX_PATH="$prefix" "${@:2}"; }
 
 if [[ $which == ctest ]]; then
-  mkdir "$work/ctest/folder" && touch "$work/ctest/folder/here"
+  odd="a;--;b \$x \"q\" [z]==] \\w'"
+  mkdir "$work/ctest/folder" "$work/ctest/$odd" && touch "$work/ctest/folder/here" "$work/ctest/$odd/here"
+  for letter in r w e; do cp "$work/tapes/bug_meter.log$letter" "$work/ctest/tapes/$odd.log$letter"; done
+  printf "%s\n" "[[redact]]" "name = 'none'" "text = 'no such text'" >"$work/ctest/tapes/$odd.rules"
   runs 0 configure "$work/ctest" -DCLIENT="$client" -DCMAKE_DISABLE_FIND_PACKAGE_Boost=ON -DCMAKE_DISABLE_FIND_PACKAGE_spdlog=ON
   runs 8 ctest --test-dir "$work/ctest/build" --output-on-failure -j 3
-  says '75% tests passed, 1 tests failed out of 4'
+  says '80% tests passed, 1 tests failed out of 5'
   says 'red .*\(Failed\)'
   says '^failed: the driver did all as recorded, but the command ended with status 1'
-  runs 0 ctest --test-dir "$work/ctest/build" -R 'green|folder|words'
+  runs 0 ctest --test-dir "$work/ctest/build" -R 'green|folder|words|odd'
   # What is missing, or too much, is an error where it stands.
   mkdir "$work/wrong"
   for call in 'NAME a TAPE b' 'NAME a TAPE b COMMAND c LATER d' 'TAPE b COMMAND c'; do
