@@ -162,6 +162,16 @@ class TapeTest(unittest.TestCase):
                 raise KeyError
         self.assertEqual(list(self.folder.iterdir()), [])
 
+    def test_what_could_not_be_read_is_not_written(self):
+        deep = []
+        for _ in range(40):
+            deep = [deep]
+        with tape.Writer(self.folder / "odd") as made:
+            for t_us, kind, keys in ((1, "mark", {"x": float("nan")}), (1, "", {}), (1.5, "mark", {}), (2, "mark", {"x": deep})):
+                with self.assertRaisesRegex(tape.Error, "porttape could not read this line"):
+                    made.event(t_us, kind, **keys)
+        self.assertEqual(cat(self.folder / "odd")[1], 0)
+
     def test_a_name_that_is_taken(self):
         with tape.Writer(self.folder / "one"):
             pass
@@ -184,6 +194,146 @@ class TapeTest(unittest.TestCase):
             tape.Reader(self.folder / "text")
         with self.assertRaisesRegex(tape.Error, "cannot make the tape"):
             tape.Writer(self.folder / "no folder" / "x")
+
+
+class EveryLineAlike(unittest.TestCase):
+    """Both readers judge the lines of an events file alike."""
+
+    HEADER = b'{"format":"porttape-events","version":1}\n'
+    LINES = {
+        "sound": b'{"t_us":5,"event":"mark","text":"a"}',
+        "an unknown kind": b'{"t_us":5,"event":"snow"}',
+        "an empty kind": b'{"t_us":5,"event":""}',
+        "no kind": b'{"t_us":5}',
+        "a kind that is a number": b'{"t_us":5,"event":1}',
+        "a kind that is null": b'{"t_us":5,"event":null}',
+        "a kind with half a surrogate pair": b'{"t_us":5,"event":"a\\ud800"}',
+        "a kind with the other half": b'{"t_us":5,"event":"a\\udc00b"}',
+        "a kind with a whole pair": b'{"t_us":5,"event":"a\\ud83d\\ude00"}',
+        "half a pair in a text": b'{"t_us":5,"event":"mark","text":"\\ud800"}',
+        "half a pair deeper": b'{"t_us":5,"event":"mark","x":[{"y":"\\ud800"}]}',
+        "half a pair in a key": b'{"t_us":5,"event":"mark","\\udfff":1}',
+        "half a pair in a value that is replaced": b'{"t_us":5,"event":"\\ud800","event":"mark"}',
+        "bytes that are no UTF-8": b'{"t_us":5,"event":"mark","text":"\xff\xed\xa0\x80"}',
+        "a kind that is no UTF-8": b'{"t_us":5,"event":"a\xff"}',
+        "an escaped zero": b'{"t_us":5,"event":"a\\u0000b"}',
+        "a byte 0": b'{"t_us":5,"event":"a\0b"}',
+        "a tab": b'{"t_us":5,"event":"a\tb"}',
+        "DEL": b'{"t_us":5,"event":"a\x7fb"}',
+        "a false escape": b'{"t_us":5,"event":"a\\x"}',
+        "a keyword of another language": b'{"t_us":5,"event":"mark","x":None}',
+        "no time": b'{"event":"mark"}',
+        "a time that is true": b'{"t_us":true,"event":"mark"}',
+        "a time that is a text": b'{"t_us":"5","event":"mark"}',
+        "a time that is null": b'{"t_us":null,"event":"mark"}',
+        "a time with a fraction": b'{"t_us":5.0,"event":"mark"}',
+        "a time with an exponent": b'{"t_us":5e0,"event":"mark"}',
+        "a negative time": b'{"t_us":-1,"event":"mark"}',
+        "minus nothing": b'{"t_us":-0,"event":"mark"}',
+        "a leading zero": b'{"t_us":05,"event":"mark"}',
+        "a plus": b'{"t_us":+5,"event":"mark"}',
+        "the latest time": b'{"t_us":9223372036854775806,"event":"mark"}',
+        "later than the latest time": b'{"t_us":9223372036854775807,"event":"mark"}',
+        "beyond 63 bits": b'{"t_us":9223372036854775808,"event":"mark"}',
+        "beyond 64 bits": b'{"t_us":18446744073709551616,"event":"mark"}',
+        "the second time counts": b'{"t_us":"x","event":"mark","t_us":5}',
+        "the second time counts against it": b'{"t_us":5,"event":"mark","t_us":"x"}',
+        "the second kind counts": b'{"t_us":5,"event":1,"event":"mark"}',
+        "NaN": b'{"t_us":5,"event":"mark","x":NaN}',
+        "Infinity": b'{"t_us":5,"event":"mark","x":[-Infinity]}',
+        "a large exponent": b'{"t_us":5,"event":"mark","x":1e400}',
+        "a small exponent": b'{"t_us":5,"event":"mark","x":1e-400}',
+        "a very large exponent": b'{"t_us":5,"event":"mark","x":1e99999999999}',
+        "the largest exponent": b'{"t_us":5,"event":"mark","x":1e2147483647}',
+        "one more": b'{"t_us":5,"event":"mark","x":1e2147483648}',
+        "a very small exponent": b'{"t_us":5,"event":"mark","x":1.5E-02147483640}',
+        "a smaller one": b'{"t_us":5,"event":"mark","x":1.5E-02147483648}',
+        "depth that is replaced": b'{"t_us":5,"x":' + b"[" * 32 + b"]" * 32 + b',"x":1,"event":"mark"}',
+        "brackets in a text": b'{"t_us":5,"event":"mark","x":"' + b'[{\\"' * 40 + b'"}',
+        "many digits": b'{"t_us":5,"event":"mark","x":' + b"7" * 5000 + b"}",
+        "as deep as it may be": b'{"t_us":5,"event":"mark","x":' + b"[" * 31 + b"]" * 31 + b"}",
+        "a text as deep as it may be": b'{"t_us":5,"event":"mark","x":' + b"[" * 31 + b'"a"' + b"]" * 31 + b"}",
+        "one too deep": b'{"t_us":5,"event":"mark","x":' + b"[" * 32 + b"]" * 32 + b"}",
+        "objects, one too deep": b'{"t_us":5,"event":"mark","x":' + b'{"x":' * 32 + b"1" + b"}" * 33,
+        "a list": b'[{"t_us":5,"event":"mark"}]',
+        "a number": b"5",
+        "nothing": b"",
+        "white space around": b' \t{ "t_us" : 5 , "event" : "mark" } \r',
+        "other white space": b'\x0c{"t_us":5,"event":"mark"}',
+        "a space of Unicode": b'{"t_us":5,"event":"mark"}\xc2\xa0',
+        "a mark of byte order": b'\xef\xbb\xbf{"t_us":5,"event":"mark"}',
+        "two objects": b'{"t_us":5,"event":"mark"}{}',
+        "a comma at the end": b'{"t_us":5,"event":"mark",}',
+        "a comment": b'{"t_us":5,"event":"mark"} // no',
+        "an end with odd totals": b'{"t_us":5,"event":"end","read":{"blocks":-1,"bytes":0},"write":{"blocks":true,"bytes":1}}',
+        "an end with floats": b'{"t_us":5,"event":"end","read":{"blocks":7.0,"bytes":0}}',
+        "an end with half of the totals": b'{"t_us":5,"event":"end","read":{"blocks":7}}',
+        "an end without the other file's": b'{"t_us":5,"event":"end","read":{"blocks":7,"bytes":0}}',
+        "an end with right totals": b'{"t_us":5,"event":"end","read":{"blocks":0,"bytes":0},"write":{"blocks":1,"bytes":1}}',
+        "an end with other totals": b'{"t_us":5,"event":"end","read":{"blocks":7,"bytes":0},"write":{"blocks":1,"bytes":1}}',
+        "an end with one odd total": b'{"t_us":5,"event":"end","read":{"blocks":7,"bytes":0},"write":{"blocks":1,"bytes":1.0}}',
+    }
+    HEADERS = {
+        "sound": b'{"format":"porttape-events","version":1}',
+        "with odd keys": b'{"format":"porttape-events","version":1,"id":7,"device":null,"zero":[]}',
+        "a version that is true": b'{"format":"porttape-events","version":true}',
+        "a version with a fraction": b'{"format":"porttape-events","version":1.0}',
+        "another version": b'{"format":"porttape-events","version":2}',
+        "a text as version": b'{"format":"porttape-events","version":"1"}',
+        "no version": b'{"format":"porttape-events"}',
+        "the second version counts": b'{"format":"porttape-events","version":2,"version":1}',
+        "another format": b'{"format":"porttape","version":1}',
+        "a list as format": b'{"format":["porttape-events"],"version":1}',
+        "half a pair": b'{"format":"porttape-events","version":1,"device":"\\ud800"}',
+        "NaN": b'{"format":"porttape-events","version":1,"x":NaN}',
+    }
+    TAILS = {
+        "cut off": b'{"t_us":5,"event":"ma',
+        "whole without its end": b'{"t_us":5,"event":"mark"}',
+        "white space behind": b'{"t_us":5,"event":"mark"} \r',
+        "zeros behind": b'{"t_us":5,"event":"mark"}\0\0\0',
+        "zeros alone": b"\0\0\0",
+        "more behind": b'{"t_us":5,"event":"mark"}{"t_us":6',
+        "a letter behind": b'{"t_us":5,"event":"mark"} x',
+        "no JSON": b"xyz",
+        "as long as a line": b'{"t_us":5,"event":"' + b"m" * (65536 - 19),
+        "one less": b'{"t_us":5,"event":"' + b"m" * (65535 - 19),
+    }
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.tape = pathlib.Path(folder.name) / "t.log"
+        (self.tape.parent / "t.logw").write_bytes(struct.pack(">III", 0, 1, 1) + b"x")
+        (self.tape.parent / "t.logr").write_bytes(b"")
+
+    def judged(self, events):
+        """Whether the program and the module take a tape with these events for sound."""
+        (self.tape.parent / "t.loge").write_bytes(events)
+        verified = subprocess.run([PORTTAPE, "verify", self.tape], capture_output=True, check=False)
+        return verified.returncode == 0, in_python(self.tape)[1] == 0
+
+    def check(self, table, make):
+        for name, line in table.items():
+            with self.subTest(name):
+                program, module = self.judged(make(line))
+                self.assertEqual(module, program)
+
+    def test_lines(self):
+        self.check(self.LINES, lambda line: self.HEADER + line + b"\n")
+
+    def test_headers(self):
+        self.check(self.HEADERS, lambda line: line + b"\n")
+
+    def test_unfinished_lines(self):
+        self.check(self.TAILS, lambda line: self.HEADER + line)
+
+    def test_unfinished_headers(self):
+        self.check(self.TAILS, lambda line: line)
+
+    def test_both_kinds_are_there(self):
+        lines = [self.judged(self.HEADER + line + b"\n")[0] for line in self.LINES.values()]
+        self.assertTrue(lines.count(True) > 10 and lines.count(False) > 10, lines)
 
 
 class OfAStranger(unittest.TestCase):

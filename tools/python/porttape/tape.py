@@ -19,6 +19,7 @@ import datetime
 import json
 import os
 import pathlib
+import re
 import secrets
 import socket
 import stat
@@ -37,6 +38,10 @@ _TRIES = 100_000
 _CHAIN = 8
 _DAY_US = 24 * 3600 * 1_000_000
 _LINE = 65536
+_DEEPEST = 32  # brackets of a line within one another
+_MOST_EXPONENT = 2_147_483_647
+_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[\[\]{}]')
+_LATEST_EVENT_US = (1 << 63) - 1  # readers take it for the end of a file
 _MOST_US = 0xFFFFFFFF * 1_000_000 + 999_999
 
 
@@ -311,9 +316,11 @@ class Reader:
                 held[head.direction]["bytes"] += len(head.data)
             yield head
             heads[chosen] = next(streams[chosen], None)
-        for letter, key in (("r", "read"), ("w", "write")):
-            told = end.keys.get(key) if end is not None else None
-            if isinstance(told, dict) and any(told.get(count, found) != found for count, found in held[letter].items()):
+        told = {"r": _totals(end, "read"), "w": _totals(end, "write")}
+        if None in told.values():
+            return
+        for letter in "rw":
+            if told[letter] != held[letter]:
                 raise Damage(
                     f"{self._file(letter)} is not what the tape's end tells of: it holds {held[letter]['blocks']} "
                     f"blocks, {held[letter]['bytes']} bytes; porttape verify says more"
@@ -330,13 +337,15 @@ class Reader:
         with file:
             line = file.readline(_LINE + 1)
         if not line.endswith(b"\n"):
-            if len(line) > _LINE:
+            if len(line) >= _LINE:
                 raise Damage(f"{self._file('e')} is no events file: its first line is too long")
+            if _goes_on(line):
+                raise Damage(f"{self._file('e')}: line 1 is damaged: something other than its end follows the line")
             return None  # torn
         header = _object(line)
         if header is None or header.get("format") != "porttape-events":
             raise Damage(f"{self._file('e')} is no events file: its first line is no porttape-events header")
-        if header.get("version") != 1:
+        if _count(header, "version") != 1:
             raise Error(f"{self._file('e')} is no events file of version 1")
         return header
 
@@ -380,30 +389,103 @@ class Reader:
             number += 1
             if not line:
                 return
-            if len(line) > _LINE:
+            if len(line) > _LINE or (len(line) == _LINE and not line.endswith(b"\n")):
                 raise Damage(f"{path}: line {number} is damaged: longer than {_LINE} bytes")
             if not line.endswith(b"\n"):
+                if _goes_on(line):
+                    raise Damage(f"{path}: line {number} is damaged: something other than its end follows the line")
                 self.notes.append(f"{path}: an unfinished line {number}, which does not count")
                 return
             if number == 1:
                 continue
             keys = _object(line)
-            time = keys.pop("t_us", None) if keys is not None else None
-            kind = keys.pop("event", None) if keys is not None else None
-            if keys is None or not isinstance(kind, str) or isinstance(time, bool) or not isinstance(time, int):
+            time = _count(keys, "t_us") if keys is not None else None
+            kind = keys.get("event") if keys is not None else None
+            if keys is None or time is None or not isinstance(kind, str) or not kind:
                 raise Damage(f"{path}: line {number} is damaged: no event with t_us and event")
+            if time >= _LATEST_EVENT_US:
+                raise Damage(f"{path}: line {number} is damaged: t_us is later than any tape can be")
+            del keys["t_us"], keys["event"]
             if time < last_us:
                 raise Damage(f"{path}: line {number} is damaged: the time goes back, from {last_us} to {time} us")
             last_us = time
             yield Event(time, kind, keys)
 
 
+def _whole_number(text: str) -> int | float:
+    """As the program has it: one that no 64 bits hold is a float."""
+    if len(text) > 20:
+        return float(text)
+    number = int(text)
+    return number if -(1 << 63) <= number < 1 << 64 else float(number)
+
+
+def _float(text: str) -> float:
+    exponent = text.lower().partition("e")[2].lstrip("+-0")
+    if len(exponent) > 10 or int(exponent or "0") > _MOST_EXPONENT:
+        raise ValueError("an exponent that the program does not read")
+    return float(text)
+
+
+def _no_number(text: str) -> Any:
+    raise ValueError(f"{text} is no JSON")
+
+
+_DECODER = json.JSONDecoder(parse_int=_whole_number, parse_float=_float, parse_constant=_no_number)
+
+
+def _is_sound(text: str) -> bool:
+    """Whether all texts of some JSON are Unicode, also those that a later key replaces, and nothing is too deep."""
+    depth = 0
+    for match in _TOKEN.finditer(text):
+        token = match[0]
+        if token in ("[", "{"):
+            depth += 1
+            if depth > _DEEPEST:
+                return False
+        elif token in ("]", "}"):
+            depth -= 1
+        elif "\\u" in token:
+            try:
+                json.loads(token).encode("utf-8")
+            except UnicodeEncodeError:  # half of a surrogate pair
+                return False
+    return True
+
+
 def _object(line: bytes) -> dict[str, Any] | None:
     try:
-        found = json.loads(line.decode("utf-8", errors="replace"))
+        text = line.decode("utf-8", errors="replace")
+        found = _DECODER.decode(text)
     except (ValueError, RecursionError):  # no JSON, or brackets a thousand deep
         return None
-    return found if isinstance(found, dict) else None
+    return found if isinstance(found, dict) and _is_sound(text) else None
+
+
+def _count(keys: dict[str, Any], key: str) -> int | None:
+    """A whole number that is not negative, within 63 bits; else None."""
+    number = keys.get(key)
+    return number if type(number) is int and 0 <= number < 1 << 63 else None  # a bool is an int, too
+
+
+def _totals(end: Event | None, file: str) -> dict[str, int] | None:
+    """The blocks and bytes that an `end` tells of for one of the files."""
+    told = end.keys.get(file) if end is not None else None
+    if not isinstance(told, dict):
+        return None
+    blocks, size = _count(told, "blocks"), _count(told, "bytes")
+    return None if blocks is None or size is None else {"blocks": blocks, "bytes": size}
+
+
+def _goes_on(tail: bytes) -> bool:
+    """Whether something follows a whole JSON value, other than the zeros of a machine that went down."""
+    text = tail.decode("utf-8", errors="replace").lstrip(" \t\r\n")
+    try:
+        _, end = _DECODER.raw_decode(text)
+    except (ValueError, RecursionError):
+        return False
+    rest = text[end:].lstrip(" \t\r\n")
+    return _is_sound(text[:end]) and rest != "" and not rest.startswith("\0")
 
 
 class Writer:
@@ -539,4 +621,7 @@ class Writer:
         line = json.dumps(keys, ensure_ascii=False, separators=(",", ":")).encode("utf-8", errors="replace") + b"\n"
         if len(line) > _LINE:
             raise Error(f"an event of {len(line)} bytes; an events file's lines have at most {_LINE}")
+        found = _object(line)
+        if found is None or ("event" in keys and (_count(found, "t_us") is None or not found["event"])):
+            raise Error("porttape could not read this line: it has NaN, no kind, an odd time or too many brackets")
         self._open["e"].write(line)
