@@ -83,6 +83,7 @@ def listed(*names):
     def change(data):
         told = json.loads(data)
         told["files"] += [{"name": n, "size": 1, "xxh3": "0" * 16} for n in names]
+        told["tapes"] += [{"name": n[:-1], "verdict": "sound"} for n in names if n.endswith(".logr")]
         return json.dumps(told).encode()
     return change
 
@@ -102,11 +103,15 @@ for name, path in {"up": "bug/../../outside/x", "up2": "../outside/x", "absolute
     pack(name + "_listed", [entry(path, b"1")], manifest=listed(path.split("/", 1)[-1]))
 for name, kind in {"symlink": tarfile.SYMTYPE, "hardlink": tarfile.LNKTYPE, "fifo": tarfile.FIFOTYPE, "char": tarfile.CHRTYPE,
                    "block": tarfile.BLKTYPE, "folder": tarfile.DIRTYPE, "sparse": tarfile.GNUTYPE_SPARSE}.items():
-    pack(name, [entry("bug/x", type=kind, linkname="../../outside/x", devmajor=1, devminor=3)], manifest=listed("x"))
-pack("link_then_file", [entry("bug/x", type=tarfile.SYMTYPE, linkname="../../outside"), entry("bug/x/y", b"1")])
+    pack(name, [entry("bug/x.logr", type=kind, linkname="../../outside/x", devmajor=1, devminor=3)], manifest=listed("x.logr"))
+# Files of no tape, and names that hide, that are options, or that a terminal obeys.
+for name, path in {"extra": "Makefile", "other_tape": "x.logw", "hidden": ".envrc", "hidden_tape": ".x.logr", "option": "-x.logr",
+                   "c1": "a\u009b2J.logr", "bidi": "a\u202er.logr", "line": "a\u2028b.logr"}.items():
+    pack(name, [entry("bug/" + path, b"1")], manifest=listed(path))
+pack("link_then_file", [entry("bug/x.logr", type=tarfile.SYMTYPE, linkname="../../outside"), entry("bug/x.logr/y", b"1")])
 pack("first_is_link", [entry("bug/manifest.json", type=tarfile.SYMTYPE, linkname="/etc/passwd")], head=[])
-pack("bomb_unlisted", [entry("bug/x", b"\0" * (64 << 20))])
-pack("bomb_listed_small", [entry("bug/x", b"\0" * (64 << 20))], manifest=listed("x"))
+pack("bomb_unlisted", [entry("bug/x.logr", b"\0" * (64 << 20))])
+pack("bomb_listed_small", [entry("bug/x.logr", b"\0" * (64 << 20))], manifest=listed("x.logr"))
 pack("bomb_behind", [], tail=b"\0" * (64 << 20))
 pack("huge", [], manifest=sized(1 << 62))
 pack("larger", [], manifest=sized(1 << 20))
