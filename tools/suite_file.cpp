@@ -97,7 +97,8 @@ class FolderProblem : public std::runtime_error {
 
 class SuiteReader {
  public:
-  explicit SuiteReader(std::string folder) : options_(test_options()) {
+  SuiteReader(std::string folder, const std::map<std::string, std::string>& for_all)
+      : options_(test_options()), for_all_(for_all) {
     std::erase_if(options_, [](const OptionSpec& spec) { return !is_of_a_test(spec); });
     suite_.folder = std::move(folder);
   }
@@ -189,10 +190,16 @@ class SuiteReader {
     }
     note_other_tapes(all);
     std::vector<std::string> without;
+    std::vector<std::string> later;
     for (const std::string& tape : found) {
-      if (tapes_.contains(tape_path(tape)) || is_later_connection(tape, found)) continue;
-      without.push_back(tape);
+      if (!tapes_.contains(tape_path(tape)))
+        (is_later_connection(tape, found) ? later : without).push_back(tape);
     }
+    add_tests(without);
+    for (const std::string& tape : later) note_later_connection(tape);
+  }
+
+  void add_tests(const std::vector<std::string>& without) {
     if (without.empty()) return;
     if (general_.command.empty()) {
       suite_.notes.push_back(fmt::format("no test has {}; give each a [[test]], or all a command at the top",
@@ -212,6 +219,22 @@ class SuiteReader {
       }
       suite_.tests.push_back(std::move(test));
     }
+  }
+
+  // A test plays all connections of its tape only with the option for it.
+  void note_later_connection(const std::string& tape) {
+    const std::string first = fs::path(tape).stem().stem().string() + ".log";
+    const std::string path = tape_path(first);
+    const bool is_played = std::ranges::any_of(suite_.tests, [&](const SuiteTest& test) {
+      if (tape_path(test.values.at("tape")) != path) return false;
+      const auto told = for_all_.find("connections");
+      const auto own = test.values.find("connections");
+      return told != for_all_.end() ? told->second == "each"
+                                    : own != test.values.end() && own->second == "each";
+    });
+    if (is_played) return;
+    suite_.notes.push_back(fmt::format(
+        "no test plays {}, a later connection of {}; connections = \"each\" plays it", tape, first));
   }
 
   // Tapes whose names do not end in .log are not sought, since any file may end in r or w.
@@ -254,6 +277,7 @@ class SuiteReader {
   }
 
   std::vector<OptionSpec> options_;
+  const std::map<std::string, std::string>& for_all_;
   SuiteTest general_;
   Suite suite_;
   std::set<std::string> names_;
@@ -263,7 +287,7 @@ class SuiteReader {
 
 }  // namespace
 
-Result<Suite> read_suite(const std::string& folder) {
+Result<Suite> read_suite(const std::string& folder, const std::map<std::string, std::string>& for_all) {
   const std::string file = (fs::path(folder) / kSuiteFile).string();
   std::error_code error;
   if (!fs::is_regular_file(file, error)) {
@@ -280,7 +304,7 @@ Result<Suite> read_suite(const std::string& folder) {
                                                parsed.error().description()));
   }
   try {
-    Suite suite = SuiteReader(folder).read(parsed.table());
+    Suite suite = SuiteReader(folder, for_all).read(parsed.table());
     if (suite.tests.empty()) return make_error(Errc::usage, fmt::format("suite {}: no test is in it", file));
     return suite;
   } catch (const SuiteProblem& problem) {

@@ -24,7 +24,8 @@ struct Suite {
 
 inline constexpr std::string_view kSuiteFile = "suite.toml";
 
-// Reads `folder`/suite.toml and looks for the folder's tapes. Errc::usage names file, line and key.
-Result<Suite> read_suite(const std::string& folder);
+// Reads `folder`/suite.toml and looks for the folder's tapes. `for_all` are options that hold for
+// each test, whatever the file says. Errc::usage names file, line and key.
+Result<Suite> read_suite(const std::string& folder, const std::map<std::string, std::string>& for_all);
 
 }  // namespace porttape

@@ -320,7 +320,7 @@ Result<int> run_suite(const SuiteOptions& options, std::ostream& out, std::ostre
   if (!options.junit_file.empty()) {
     if (Result<void> place = check_report_place(options.junit_file); !place) return place.error();
   }
-  Result<Suite> suite = read_suite(options.folder);
+  Result<Suite> suite = read_suite(options.folder, options.values);
   if (!suite) return cannot_begin(options, suite.error(), out);
   if (Result<void> chosen = choose(*suite, options.only); !chosen)
     return cannot_begin(options, chosen.error(), out);

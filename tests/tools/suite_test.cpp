@@ -16,6 +16,7 @@ namespace {
 using testing::EndsWith;
 using testing::HasSubstr;
 using testing::MatchesRegex;
+using testing::Not;
 using testing::StartsWith;
 
 constexpr const char* kGoodSuite =
@@ -183,6 +184,16 @@ TEST_F(Suites, OnlyNumbersOfConnectionsMakeATapeALaterConnection) {
     make_tape(dir, name, {{2000, "42\n"}}, {{1000, "ask\n"}});
   write(kGoodSuite);
   EXPECT_THAT(run_suite().out, HasSubstr(": 4 tests, 4 passed"));
+}
+
+TEST_F(Suites, ALaterConnectionThatNoTestPlaysIsTold) {
+  make_tape(dir, "t.c2", {}, {});
+  write(kGoodSuite);
+  EXPECT_THAT(run_suite().err, HasSubstr("no test plays t.c2.log, a later connection of t.log; connections"));
+  write("connections = \"each\"\n" + std::string(kGoodSuite));
+  EXPECT_THAT(run_suite().err, Not(HasSubstr("t.c2.log")));
+  write(std::string(kGoodSuite) + "\n[[test]]\ntape = \"t.c2\"\nskip = \"x\"\n");
+  EXPECT_EQ(run_suite().err, "");
 }
 
 TEST_F(Suites, ATapeWithoutTheUsualEndingIsTold) {
