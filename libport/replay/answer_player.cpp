@@ -27,6 +27,13 @@ void AnswerPlayer::drop() {
   holds_piece_ = false;
 }
 
+std::uint64_t AnswerPlayer::undelivered() const {
+  std::uint64_t bytes = never_delivered_;
+  for (std::size_t i = 0; i < waiting_.size(); ++i)
+    bytes += i == 0 && begun_ ? left_ : index_.exchange(waiting_[i].exchange).answer_size;
+  return bytes;
+}
+
 bool AnswerPlayer::flush(Instant now) {
   while (!budget_.spent() && step({.now = now})) {
   }

@@ -51,10 +51,19 @@ class AnswerPlayer {
   [[nodiscard]] bool idle() const { return waiting_.empty(); }
   // Forgets what is not delivered yet.
   void drop();
+  void begin_run() {
+    begin_session();
+    never_delivered_ = 0;
+  }
+  // The driver has gone: what was asked for in the last session comes no more.
   void begin_session() {
+    never_delivered_ = undelivered();
     drop();
     sending_ended_ = false;
   }
+  // Bytes of answers that were asked for in this run and not delivered, but for those that a flush of the
+  // driver's dropped, or that had to wait behind the end of the device's sending.
+  [[nodiscard]] std::uint64_t undelivered() const;
   // The driver is told that the device sends no more in this session, by an answer's end or else.
   void end_sending() {
     drop();
@@ -134,7 +143,8 @@ class AnswerPlayer {
   std::optional<Instant> wake_;
   std::optional<Instant> delivered_due_;
   bool holds_piece_ = false;
-  bool delivers_ = false;  // has, in this play()
+  std::uint64_t never_delivered_ = 0;  // undelivered() of the sessions before
+  bool delivers_ = false;              // has, in this play()
   std::optional<Error> error_;
 };
 

@@ -41,6 +41,7 @@ Lookup::Lookup(const ReplayConfig& config, const Engine::TapeFacts& facts, const
 
 void Lookup::begin_run() {
   begin_session();
+  player_.begin_run();
   from_.reset();
   went_on_.clear();
   matcher_.begin();
@@ -218,6 +219,7 @@ void Lookup::report(RunReport& report) const {
   told.requests = index_.kinds();
   told.answered = answered_;
   told.unknown = unknown_;
+  told.undelivered = player_.undelivered();
   for (std::uint32_t kind = 0; kind < index_.kinds(); ++kind) {
     if (!kinds_.empty() && kinds_[kind].asked > 0) {
       ++told.asked;

@@ -426,6 +426,7 @@ void ReplayRun::end(Instant now, EndedBy by) {
   report.reads_excused = player_.reads_excused();
   report.output_flushes = player_.schedule().output_flushes();
   report.ruled = ruled_;
+  report.rewritten = replies_ != nullptr;
   report.think_times = player_.think_times().times();
   report.idle = std::chrono::floor<Micros>(now - last_byte_);
   report.closed = by == EndedBy::close;

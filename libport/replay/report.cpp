@@ -1,5 +1,6 @@
 #include "libport/replay/report.hpp"
 
+#include <algorithm>
 #include <fmt/format.h>
 
 #include "libport/base/error.hpp"
@@ -42,15 +43,36 @@ void give_up_totals(RunReport& report, std::string_view why) {
 
 namespace {
 
-// How much of what was recorded as read reached no program, as far as that is certain.
-std::uint64_t unread_of(const RunReport& report) {
+// What was recorded as read and reached no program, as far as that is certain, and what could have.
+struct Unread {
+  std::uint64_t bytes = 0;
+  std::uint64_t of = 0;
+};
+
+// Of endless loops those that were played to their end count.
+std::uint64_t due_of(const RunReport& report) {
+  const PlaybackReport& played = report.playback;
+  const std::uint64_t all = report.to_driver_of.value_or(0);
+  if (played.loops_of || played.loops == 0) return all;
+  return played.prerolled.reads +
+         (all - std::min(all, played.prerolled.reads)) / played.loops * played.loops_complete;
+}
+
+// Where a user steered it by hand, how much was due is not known.
+Unread unread_of(const RunReport& report) {
   const std::uint64_t left = report.left_unread.value_or(0);
-  // By another order, by hand, or by rules that change what is said, the tape's length says nothing.
-  const bool countable =
-      !report.lookup && !report.ruled && !report.playback.steered() && report.playback.loops_of;
-  if (!countable || !report.to_driver_of) return left;
-  const std::uint64_t came = report.to_driver_bytes + report.reads_excused;
-  return left + (*report.to_driver_of > came ? *report.to_driver_of - came : 0);
+  if (report.lookup) {
+    const std::uint64_t waits = report.lookup->undelivered;
+    return {left + waits, report.to_driver_bytes + waits};
+  }
+  const bool again = report.playback.loops_of != 1;
+  if (report.playback.steered() || !report.to_driver_of || (report.rewritten && again))
+    return {left, report.to_driver_of.value_or(0)};
+  // What is rewritten may be longer than on the tape, or shorter.
+  const std::uint64_t came =
+      report.rewritten ? report.delivered : report.to_driver_bytes + report.reads_excused;
+  const std::uint64_t due = due_of(report);
+  return {left + due - std::min(due, came), due};
 }
 
 // The share in percent; of a small one that there is any.
@@ -62,12 +84,18 @@ std::string share_text(std::uint64_t part, std::uint64_t all) {
 }  // namespace
 
 void judge_reading(RunReport& report) {
-  const std::uint64_t unread = unread_of(report);
   const bool judged =
       report.verdict == Verdict::pass && report.writer == Writer::driver && !report.nobody_came;
-  if (unread == 0 || !judged) return;
+  if (!judged) return;
+  const auto [unread, all] = unread_of(report);
+  if (unread == 0) {
+    if (report.must_read && !report.left_unread)
+      report.doubts.push_back({Doubt::Kind::unread,
+                               "what the driver left unread when it closed is not known: of a pty alone does "
+                               "the kernel tell that"});
+    return;
+  }
   report.unread = unread;
-  const std::uint64_t all = report.to_driver_of.value_or(0);
   const bool speaks_alone = report.from_driver_of == 0U;
   const bool took_none = report.to_driver_bytes <= report.left_unread.value_or(0);
   if (report.strictness > 0 && (report.must_read || (speaks_alone && took_none))) {
@@ -76,7 +104,9 @@ void judge_reading(RunReport& report) {
   }
   const std::string of_all = all >= unread ? fmt::format(" of {} ({})", all, share_text(unread, all)) : "";
   const char* const one = unread == 1 ? "was" : "were";
-  const char* const remedy = report.strictness > 0 ? "; --must-read makes that the verdict" : "";
+  const char* const remedy = report.strictness > 0 ? "; --must-read makes that the verdict"
+                             : report.must_read    ? "; at strictness 0 that is no verdict"
+                                                   : "";
   report.doubts.push_back(
       {Doubt::Kind::unread, fmt::format("{} byte{}{} that {} recorded as read {} not read{}", unread,
                                         unread == 1 ? "" : "s", of_all, one, one, remedy)});

@@ -120,6 +120,7 @@ struct LookupReport {
   std::uint64_t asked = 0;           // those of them that were asked for
   std::uint64_t answered = 0;        // how often any was
   std::uint64_t unknown = 0;         // how often what the driver wrote was none
+  std::uint64_t undelivered = 0;     // bytes of the answers that the driver did not wait for
   std::vector<Request> never_asked;  // the first of them
 
   friend bool operator==(const LookupReport&, const LookupReport&) = default;
@@ -156,8 +157,9 @@ struct RunReport {
   int strictness = 1;
   Timing timing = Timing::reactive;
   double rate = 1.0;
-  std::string chunks;  // `bytes`, or `random:SEED`, the option that cuts so again; empty: nothing was cut
-  bool ruled = false;  // there are rules of what may vary
+  std::string chunks;      // `bytes`, or `random:SEED`, the option that cuts so again; empty: nothing was cut
+  bool ruled = false;      // there are rules of what may vary
+  bool rewritten = false;  // and of how answers follow from it
   Nanos duration{};
   std::uint64_t to_driver_bytes = 0;
   std::optional<std::uint64_t> to_driver_of;  // nothing: the tape was not counted

@@ -239,6 +239,7 @@ JsonObject lookup_json(const LookupReport& report) {
       .add("asked", report.asked)
       .add("answered", report.answered)
       .add("unknown", report.unknown)
+      .add("undelivered", report.undelivered)
       .add("never_asked", never);
 }
 

@@ -390,7 +390,8 @@ PortType logreader_type() {
       {"check-settings", Kind::flag, "",
        "recorded line settings that the driver never makes are a mismatch, not a note"},
       {"must-read", Kind::flag, "",
-       "what was recorded as read and the driver did not read makes its run incomplete, not doubtful"},
+       "what was recorded as read and the driver did not read makes its run incomplete, not doubtful (at "
+       "strictness 0 it stays a doubt)"},
       {.name = "rules",
        .help = "what of a write may vary, and how the answer follows: a rules file (RULES.md)",
        .value_name = "FILE"},

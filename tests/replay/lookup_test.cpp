@@ -228,7 +228,7 @@ TEST(Lookup, WhatIsNeverAskedIsListedAndNoFailure) {
   EXPECT_EQ(never, (LookupReport::Request{tape_time_us(10'000), 3, 2, Bytes{'F', '\r'}}));
   EXPECT_THAT(to_text(*rig.report), HasSubstr(R"(not asked "F\r", as the tape has it at 0.010000 s)"));
   EXPECT_THAT(to_json(*rig.report),
-              HasSubstr(R"("lookup":{"requests":2,"asked":1,"answered":1,"unknown":0,"never_asked":[)"
+              HasSubstr(R"("lookup":{"requests":2,"asked":1,"answered":1,"unknown":0,"undelivered":0,"never_asked":[)"
                         R"({"tape_us":10000,"offset":3,"size":2,"hex":"460d"}]})"));
 }
 

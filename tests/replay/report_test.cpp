@@ -146,15 +146,27 @@ std::string doubts_of(const RunReport& report) {
 }
 
 TEST(JudgeReading, WhatWasReadIsNothing) {
-  for (const std::optional<std::uint64_t> left :
-       {std::optional<std::uint64_t>(), std::optional<std::uint64_t>(0)}) {
-    RunReport report = spoken_to(100, left);
-    report.must_read = true;
+  for (const bool must_read : {false, true}) {
+    RunReport report = spoken_to(100, 0);
+    report.must_read = must_read;
     judge_reading(report);
     EXPECT_EQ(report.verdict, Verdict::pass);
     EXPECT_EQ(report.unread, std::nullopt);
     EXPECT_EQ(doubts_of(report), "");
   }
+}
+
+TEST(JudgeReading, WhatIsNotKnownIsADoubtOfWhoeverMustRead) {
+  RunReport report = spoken_to(100, std::nullopt);
+  judge_reading(report);
+  EXPECT_EQ(doubts_of(report), "");
+  report.must_read = true;
+  judge_reading(report);
+  EXPECT_EQ(report.verdict, Verdict::pass);
+  EXPECT_EQ(report.unread, std::nullopt);
+  EXPECT_EQ(doubts_of(report),
+            "what the driver left unread when it closed is not known: of a pty alone does the kernel tell "
+            "that\n");
 }
 
 TEST(JudgeReading, WhatWasNotIsADoubtWithItsShare) {
@@ -225,11 +237,64 @@ TEST(JudgeReading, WhereTheTapesLengthSaysNothingOnlyWhatIsCertainCounts) {
     return report.unread;
   };
   EXPECT_EQ(judged([](RunReport&) {}), 57U);
-  EXPECT_EQ(judged([](RunReport& report) { report.ruled = true; }), 7U);
   EXPECT_EQ(judged([](RunReport& report) { report.lookup.emplace(); }), 7U);
   EXPECT_EQ(judged([](RunReport& report) { report.playback.seeks = 1; }), 7U);
-  EXPECT_EQ(judged([](RunReport& report) { report.playback.loops_of.reset(); }), 7U);
   EXPECT_EQ(judged([](RunReport& report) { report.to_driver_of.reset(); }), 7U);
+}
+
+TEST(JudgeReading, RulesOfWritesLeaveTheAnswersAsLongAsTheyAre) {
+  RunReport report = spoken_to(50, 7);
+  report.ruled = true;
+  report.reads_excused = 20;
+  judge_reading(report);
+  EXPECT_EQ(report.unread, 37U);
+}
+
+TEST(JudgeReading, OfRewrittenAnswersTheTapesBytesCount) {
+  const auto judged = [](std::uint64_t rewritten, std::uint64_t delivered) {
+    RunReport report = spoken_to(rewritten, 0);
+    report.rewritten = true;
+    report.delivered = delivered;
+    judge_reading(report);
+    return report.unread;
+  };
+  EXPECT_EQ(judged(90, 100), std::nullopt);
+  EXPECT_EQ(judged(110, 98), 2U);
+}
+
+TEST(JudgeReading, OfEndlessLoopsThoseThatWereCompleteCount) {
+  const auto judged = [](std::uint64_t loops, std::uint64_t complete, std::uint64_t delivered) {
+    RunReport report = spoken_to(delivered, 0);
+    report.playback.loops = loops;
+    report.playback.loops_complete = complete;
+    report.playback.loops_of.reset();
+    report.playback.prerolled.reads = 10;
+    report.to_driver_of = 10 + 90 * loops;
+    judge_reading(report);
+    return report.unread;
+  };
+  EXPECT_EQ(judged(1, 1, 0), 100U);
+  EXPECT_EQ(judged(1, 0, 10), std::nullopt);
+  EXPECT_EQ(judged(3, 2, 190), std::nullopt);
+  EXPECT_EQ(judged(3, 2, 189), 1U);
+}
+
+TEST(JudgeReading, UnderLookupTheAnswersThatWereAskedForCount) {
+  RunReport report = spoken_to(30, 5);
+  report.lookup.emplace();
+  report.lookup->undelivered = 10;
+  judge_reading(report);
+  EXPECT_EQ(report.unread, 15U);
+  EXPECT_THAT(doubts_of(report), HasSubstr("15 bytes of 40 (37.5 %) that were recorded as read"));
+}
+
+TEST(JudgeReading, AtStrictness0ItIsNoVerdict) {
+  RunReport report = spoken_to(50, 7);
+  report.must_read = true;
+  report.strictness = 0;
+  judge_reading(report);
+  EXPECT_EQ(report.verdict, Verdict::pass);
+  EXPECT_THAT(doubts_of(report), HasSubstr("were not read; at strictness 0 that is no verdict\n"));
 }
 
 TEST(JudgeReading, OtherVerdictsStay) {

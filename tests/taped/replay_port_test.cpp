@@ -302,7 +302,7 @@ TEST_F(TwoSessions, UnderLookupAllTheirRequestsAreAnsweredInEither) {
   (void)finish();
   EXPECT_EQ(log.status, 0) << book.text();
   EXPECT_THAT(std::string(as_text(test::read_file(dir / "report.json"))),
-              HasSubstr(R"("lookup":{"requests":2,"asked":2,"answered":3,"unknown":0,"never_asked":[]})"));
+              HasSubstr(R"("lookup":{"requests":2,"asked":2,"answered":3,"unknown":0,"undelivered":0,"never_asked":[]})"));
 }
 
 TEST_F(TwoSessions, UnderLookupOneOfThemIsAllThereIs) {
