@@ -227,9 +227,24 @@ TEST(Lookup, WhatIsNeverAskedIsListedAndNoFailure) {
   const LookupReport::Request& never = rig.report->lookup->never_asked.front();
   EXPECT_EQ(never, (LookupReport::Request{tape_time_us(10'000), 3, 2, Bytes{'F', '\r'}}));
   EXPECT_THAT(to_text(*rig.report), HasSubstr(R"(not asked "F\r", as the tape has it at 0.010000 s)"));
-  EXPECT_THAT(to_json(*rig.report),
-              HasSubstr(R"("lookup":{"requests":2,"asked":1,"answered":1,"unknown":0,"undelivered":0,"never_asked":[)"
-                        R"({"tape_us":10000,"offset":3,"size":2,"hex":"460d"}]})"));
+  EXPECT_THAT(
+      to_json(*rig.report),
+      HasSubstr(R"("lookup":{"requests":2,"asked":1,"answered":1,"unknown":0,"undelivered":0,"never_asked":[)"
+                R"({"tape_us":10000,"offset":3,"size":2,"hex":"460d"}]})"));
+}
+
+TEST(Lookup, WhatWasAskedForAndNotWaitedForIsCounted) {
+  Rig rig(two_polls(), lookup());
+  rig.open().write("Q1\r").wait(2000).write("F\r").close();
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+  EXPECT_EQ(rig.report->lookup->undelivered, 3U) << "of F's answer; that of Q1 was delivered";
+}
+
+TEST(Lookup, AllThatWasWaitedForIsNotUndelivered) {
+  Rig rig(two_polls(), lookup());
+  rig.open().write("Q1\r").wait(2000).write("F\r").wait(5000).close();
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+  EXPECT_EQ(rig.report->lookup->undelivered, 0U);
 }
 
 TEST(Lookup, ARequestThatIsNotFinishedIsIncomplete) {
