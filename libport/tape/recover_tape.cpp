@@ -142,7 +142,8 @@ class TapeRecoverer {
     if (events_source_ && !told_.ends) return tape_->finish(std::nullopt);
     const auto vouches = told_.end.events ? NewTape::Vouches::all : NewTape::Vouches::data;
     if (told_.end.read && told_.end.write) return tape_->finish(told_.end_at, vouches);
-    const TapeTime at = std::max(told_.end_at, tape_->latest() + Micros(1));
+    const TapeTime behind = std::min(tape_->latest() + Micros(1), tape_time_us(kMaxBlockTimeUs));
+    const TapeTime at = std::max(told_.end_at, behind);
     if (const auto ended = tape_->event(at, event::End{}); !ended) return ended.error();
     return tape_->finish(std::nullopt);
   }

@@ -21,6 +21,9 @@ constexpr std::size_t kMaxSessions = 1000;
 constexpr std::size_t kMaxMarks = 64;
 constexpr std::size_t kMaxSettings = 64;
 constexpr std::size_t kMaxSignals = 64;
+// Of empty blocks at time 0; a page of zeros has more. No peer sends so many empty datagrams in the first
+// microsecond, and a disk that kept a file's length and lost its bytes has nothing else.
+constexpr std::size_t kMaxEmptyAtZero = 4096 / kMaxHeaderSize;
 
 // Counts exchanges and measures answers, told the blocks in order.
 class ExchangeMeter {
@@ -133,11 +136,22 @@ class BlockStream {
       if (!summary_.first) summary_.first = piece.at;
       last_ = piece.at;
       has_block_ = true;
+      if (piece.block_length == 0 && piece.at == TapeTime{} && ++empty_at_zero_ > kMaxEmptyAtZero)
+          [[unlikely]]
+        return stop_in_zeros();
       return;
     }
   }
 
  private:
+  void stop_in_zeros() {
+    stop(BlockFile::Step::end);
+    summary_.damage =
+        make_error(Errc::damaged_tape, summary_.path +
+                                           ": begins with zeros, as where a disk has lost what was written: "
+                                           "they read as empty blocks at time 0");
+  }
+
   void stop(BlockFile::Step step) {
     has_block_ = false;
     const PayloadTotals totals = payload_.totals();
@@ -158,6 +172,7 @@ class BlockStream {
   PayloadCounter payload_;
   std::uint32_t largest_ = 0;
   TapeTime last_{};
+  std::size_t empty_at_zero_ = 0;
 };
 
 // The events file with its next event in view.

@@ -9,8 +9,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "libport/tape/block.hpp"
 #include "libport/tape/event_file.hpp"
 #include "tests/support/random_tape.hpp"
+#include "tests/support/tape_bytes.hpp"
 #include "tests/support/tape_on_disk.hpp"
 #include "tests/support/temp_dir.hpp"
 
@@ -302,6 +304,16 @@ TEST_F(RecoverTapeTest, TheEndVouchesForNoMoreThanTheOthers) {
   EXPECT_THAT(made_text, HasSubstr("\"xxh3\":"));
   EXPECT_THAT(made_text, testing::Not(HasSubstr("xxh3_all")));
   EXPECT_THAT(made_text, testing::Not(HasSubstr("events_xxh3")));
+}
+
+TEST_F(RecoverTapeTest, ABlockAtTheLastTimeThatATapeCanHaveIsKept) {
+  const TapePaths source = literal_tape(dir / "years");
+  test::write_file(source.read, test::block_bytes({{1000, "OK"}, {kMaxBlockTimeUs, "END"}}));
+  test::write_file(source.write, test::block_bytes({{500, "AT"}}));
+  const auto done = recover(source);
+  ASSERT_TRUE(done) << done.error().message;
+  EXPECT_THAT(reads(), ElementsAre("OK", "END"));
+  EXPECT_THAT(writes(), ElementsAre("AT"));
 }
 
 TEST_F(RecoverTapeTest, NoiseIsNoTape) {

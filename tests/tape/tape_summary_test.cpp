@@ -63,6 +63,20 @@ TEST(TapeSummary, GapsAreAddedUp) {
   EXPECT_EQ(tape.events.gap_bytes, 11U);
 }
 
+TEST(TapeSummary, APageOfZerosIsDamage) {
+  const auto with_empty = [](std::size_t count) {
+    return summary_of(std::vector<Block>(count, Block{0, ""}), {{20, "c"}});
+  };
+  const TapeSummary few = with_empty(170);
+  EXPECT_FALSE(few.read.damage);
+  EXPECT_EQ(few.read.blocks, 170U);
+  const TapeSummary page = with_empty(341);
+  ASSERT_TRUE(page.read.damage);
+  EXPECT_EQ(page.read.damage->code, Errc::damaged_tape);
+  EXPECT_THAT(page.read.damage->message, testing::StartsWith("t.logr: begins with zeros, as where a disk"));
+  EXPECT_EQ(page.write.blocks, 1U) << "the other file is read all the same";
+}
+
 TEST(TapeSummary, DamageInOneFileDoesNotStopTheOthers) {
   const TapeSummary tape =
       summary_of({{10, "a"}, {5, "b"}}, {{20, "c"}, {30, "d"}}, "{\"t_us\":1,\"event\":\"mark\"}\nx\n");
