@@ -105,8 +105,7 @@ class SuiteReader {
 
   Suite read(const toml::table& file) {
     for (const auto& [key, node] : file) {
-      if (key.str() == "name" || key.str() == "tape")
-        throw SuiteProblem(node, fmt::format("key '{}' is of one test; write it in a [[test]]", key.str()));
+      if (key.str() == "name") throw SuiteProblem(node, "key 'name' is of one test; write it in a [[test]]");
       if (key.str() != "test") take(key.str(), node, general_);
     }
     if (const toml::node* const tests = file.get("test")) {

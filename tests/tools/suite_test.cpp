@@ -205,8 +205,7 @@ TEST_F(Suites, ATapeWithoutTheUsualEndingIsTold) {
   EXPECT_EQ(run_suite().err, "");
 }
 
-TEST_F(Suites, ATapeOrANameForAllTestsIsRefused) {
-  EXPECT_THAT(problem("tape = \"t\"\n"), StartsWith("suite.toml:1: key 'tape' is of one test"));
+TEST_F(Suites, ANameForAllTestsIsRefused) {
   EXPECT_THAT(problem("name = \"t\"\n"), StartsWith("suite.toml:1: key 'name' is of one test"));
 }
 
