@@ -1,6 +1,8 @@
 #include "libport/supervise/caller_rights.hpp"
 
 #include <algorithm>
+#include <cstdint>
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <fstream>
 #include <linux/capability.h>
@@ -19,6 +21,28 @@ bool is_same_file(const std::string& one, const std::string& other) {
   struct stat second {};
   return ::stat(one.c_str(), &first) == 0 && ::stat(other.c_str(), &second) == 0 &&
          first.st_dev == second.st_dev && first.st_ino == second.st_ino;
+}
+
+// Nothing: that is not to be known.
+std::optional<std::uint64_t> mount_of(const std::string& file) {
+  struct statx status {};
+  if (::statx(AT_FDCWD, file.c_str(), 0, STATX_MNT_ID, &status) != 0 || (status.stx_mask & STATX_MNT_ID) == 0)
+    return std::nullopt;
+  return status.stx_mnt_id;
+}
+
+// One folder may be mounted twice, with other rules (no devices, nothing to be written).
+bool is_same_place(const std::string& one, const std::string& other) {
+  const std::optional<std::uint64_t> mount = mount_of(one);
+  return mount && mount == mount_of(other) && is_same_file(one, other);
+}
+
+// What a security module knows it as; empty without one.
+std::string label_of(const std::string& folder) {
+  std::string label;
+  std::ifstream file(folder + "attr/current");
+  std::getline(file, label);
+  return label;
 }
 
 // What the kernel says of a thread.
@@ -73,15 +97,20 @@ std::string why_not_ours(pid_t thread) {
   if (!ThreadRights(std::to_string(thread)).equals(ThreadRights("thread-self")))
     return "it has not the rights that porttape has";
   const std::string folder = folder_of(thread);
-  if (!is_same_file(folder + "ns/mnt", "/proc/self/ns/mnt") ||
-      !is_same_file(folder + "root", "/proc/self/root"))
+  // The capabilities of a user namespace count for what belongs to that namespace alone.
+  if (!is_same_file(folder + "ns/user", "/proc/thread-self/ns/user"))
+    return "its rights are those of another user namespace";
+  if (label_of(folder) != label_of("/proc/thread-self/"))
+    return "a security module gives it other rights than porttape";
+  if (!is_same_file(folder + "ns/mnt", "/proc/thread-self/ns/mnt") ||
+      !is_same_place(folder + "root", "/proc/thread-self/root"))
     return "the files that it sees are others";
   return {};
 }
 
 bool is_administrator(pid_t thread) {
   return ThreadRights(std::to_string(thread)).has(CAP_SYS_ADMIN) &&
-         is_same_file(folder_of(thread) + "ns/user", "/proc/self/ns/user");
+         is_same_file(folder_of(thread) + "ns/user", "/proc/thread-self/ns/user");
 }
 
 }  // namespace porttape

@@ -13,8 +13,9 @@ namespace porttape {
 //   TIOCSSERIAL under `exec` (UartModel)            is_administrator()
 //   all other requests to its line                  its open descriptor
 
-// Why a file that the thread opens is not for us to open: its user, groups or capabilities are others than
-// ours, or the files that it sees are. Empty: it would open what we do.
+// Why a file that the thread opens is not for us to open: its user, groups, capabilities, user namespace or
+// security label are others than ours, or the files that it sees are. Empty: it would open what we do, as far
+// as /proc shows that, which does not show Landlock (TapCalls sees a program restrict itself by that).
 std::string why_not_ours(pid_t thread);
 
 // Whether the thread may do here what the kernel asks CAP_SYS_ADMIN for.

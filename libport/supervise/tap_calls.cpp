@@ -33,6 +33,7 @@ constexpr std::uint32_t kFilesFrom = 960;
 constexpr std::uint32_t kFilesKept = 64;  // for it, where the limit is lower
 constexpr rlim_t kFilesOfGuard = 32;      // which closes some before anybody answers
 constexpr Nanos kHoldersLook = milliseconds(1);
+constexpr int kRestrictSelf = 446;  // landlock_restrict_self, which older headers do not name
 
 std::uint32_t files_from_here() {
   rlimit limit{};
@@ -142,7 +143,7 @@ std::vector<CallTrap> TapCalls::traps() const {
            SYS_open, SYS_creat,
 #endif
            SYS_openat, SYS_openat2, SYS_close_range, SYS_sendfile, SYS_splice, SYS_tee, SYS_copy_file_range,
-           SYS_io_uring_setup})
+           SYS_io_uring_setup, kRestrictSelf})
     traps.push_back({.number = static_cast<int>(number)});
   return traps;
 }
@@ -197,6 +198,9 @@ CallPart::Decision TapCalls::decide(Supervisor& supervisor, const Call& call) {
     }
     case SYS_io_uring_setup:
       return outcome::Refuse{ENOSYS};
+    case kRestrictSelf:
+      restricted_ = true;
+      return outcome::Pass{};
     default:
       return NotMine{};
   }
@@ -220,9 +224,7 @@ CallPart::Decision TapCalls::decide_open(Supervisor& supervisor, const Call& cal
     return outcome::Pass{};
   }
   if (!device_ && is_other_kind(status.st_rdev)) return outcome::Pass{};
-  if (const std::string why =
-          wanted->own_way ? "by a path with rules of its own" : why_not_ours(call.thread());
-      !why.empty()) {
+  if (const std::string why = why_not_opened(call, *wanted); !why.empty()) {
     tell_once(
         fmt::format("the command opens its device where that cannot be done for it ({}): what it says then "
                     "is not on the tape; record it by `porttape exec --device`",
@@ -234,6 +236,13 @@ CallPart::Decision TapCalls::decide_open(Supervisor& supervisor, const Call& cal
     return outcome::Pass{};
   }
   return open_tapped(supervisor, call, *wanted, status.st_rdev);
+}
+
+// Who has restricted itself by Landlock, and who was started by one that had, is not to be known.
+std::string TapCalls::why_not_opened(const Call& call, const OpenArguments& wanted) const {
+  if (wanted.own_way) return "by a path with rules of its own";
+  if (restricted_) return "a program of it has restricted itself by Landlock";
+  return why_not_ours(call.thread());
 }
 
 // A tty may wait for its carrier; a pty has none.

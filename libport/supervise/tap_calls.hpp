@@ -65,6 +65,7 @@ class TapCalls final : public CallPart {
   [[nodiscard]] bool is_tapped(const Call& call, int fd) const;
   static std::optional<OpenArguments> open_arguments(const Call& call);
   Decision decide_open(Supervisor& supervisor, const Call& call);
+  [[nodiscard]] std::string why_not_opened(const Call& call, const OpenArguments& wanted) const;
   Decision open_tapped(Supervisor& supervisor, const Call& call, const OpenArguments& wanted,
                        std::uint64_t device);
   Outcome opened(const Call& call, const OpenArguments& wanted, std::uint64_t device, UniqueFd file);
@@ -88,6 +89,7 @@ class TapCalls final : public CallPart {
   PortDevices ports_;
   std::uint32_t files_from_;
   std::optional<std::uint64_t> device_;
+  bool restricted_ = false;  // a program has used Landlock
   Timer holders_timer_;
   std::vector<std::string> told_;
   std::vector<std::unique_ptr<Holder>> holders_;

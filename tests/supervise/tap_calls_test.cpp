@@ -452,6 +452,36 @@ TEST_F(TapCallsTest, AProgramThatMayHaveFewFilesIsToldOf) {
   EXPECT_THAT(events.all, Not(Contains("open")));
 }
 
+// What it opens then is the kernel's to judge, in either case the same.
+class TapCallsOfAProgramThatGivesUpRights : public TapCallsTest {
+ public:
+  void expect_opened_by_itself(const std::string& how, const std::string& why) {
+    device = std::make_unique<EchoDevice>(loop);
+    const Steps bare = run({"giveup:" + how, "open"}, false);
+    if (!bare.empty() && bare.front() == "cannot") GTEST_SKIP() << how << " is not to be had here";
+    EXPECT_EQ(tap({"giveup:" + how, "open"}), bare);
+    EXPECT_THAT(told, ElementsAre(HasSubstr(why)));
+    EXPECT_THAT(events.all, Not(Contains("open")));
+  }
+};
+
+TEST_F(TapCallsOfAProgramThatGivesUpRights, OneInAUserNamespaceOfItsOwnOpensItself) {
+  expect_opened_by_itself("users", "another user namespace");
+}
+
+TEST_F(TapCallsOfAProgramThatGivesUpRights, OneInAnotherMountOfTheSameRootOpensItself) {
+  expect_opened_by_itself("root", "the files that it sees are others");
+}
+
+TEST_F(TapCallsOfAProgramThatGivesUpRights, OneThatRestrictsItselfByLandlockOpensItself) {
+  expect_opened_by_itself("landlock", "Landlock");
+}
+
+TEST_F(TapCallsOfAProgramThatGivesUpRights, WhatItHasOpenStaysOnTheTape) {
+  EXPECT_THAT(tap({"open", "raw:1:0", "giveup:landlock", "write:a"}).back(), "write 1");
+  EXPECT_THAT(events.all, Contains("w a"));
+}
+
 TEST(WaitingOpenTest, ItWaitsAsTheKernelDoes) {
   Loop loop;
   const test::TempDir dir;
