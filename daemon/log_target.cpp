@@ -12,6 +12,7 @@
 
 #include "libport/base/printable.hpp"
 #include "libport/net/socket_address.hpp"
+#include "libport/taped/report_place.hpp"
 
 namespace porttape {
 namespace {
@@ -19,10 +20,17 @@ namespace {
 constexpr std::string_view kProgram = "porttaped";
 constexpr unsigned kFacility = 3;  // daemon, of syslog(3)
 
+// A link of another user's is not followed: it could lead to any file that we may write.
 Result<UniqueFd> open_log(const std::string& path) {
-  constexpr int flags = O_APPEND | O_CREAT | O_CLOEXEC | O_NOCTTY | O_NONBLOCK;
-  UniqueFd fd(::open(path.c_str(), O_WRONLY | flags, 0640));
-  if (!fd && errno == ENXIO) fd.reset(::open(path.c_str(), O_RDWR | flags, 0640));  // a FIFO nobody reads
+  const Result<ReportPlace> place = find_report_place(path);
+  if (!place)
+    return make_error(Errc::usage,
+                      fmt::format("option 'log-file': {}: {}", in_quotes(path), place.error().message));
+  const char* const name = place->file.c_str();
+  const int links = place->kind == ReportPlace::Kind::descriptor ? 0 : O_NOFOLLOW;
+  const int flags = O_APPEND | O_CREAT | O_CLOEXEC | O_NOCTTY | O_NONBLOCK | links;
+  UniqueFd fd(::open(name, O_WRONLY | flags, 0640));
+  if (!fd && errno == ENXIO) fd.reset(::open(name, O_RDWR | flags, 0640));  // a FIFO nobody reads
   if (!fd)
     return make_error(Errc::usage,
                       fmt::format("option 'log-file': {} cannot be written: {}; name another file",

@@ -13,7 +13,8 @@ namespace porttape {
 // left alone.
 class FileTarget final : public LogTarget {
  public:
-  // A file that is made if need be and added to. One that is a pipe without a reader keeps what a pipe holds.
+  // A file that is made if need be and added to; a link is followed that is our user's or root's. One that is
+  // a pipe without a reader keeps what a pipe holds.
   static Result<std::unique_ptr<LogTarget>> open(const std::string& path);
   static std::unique_ptr<LogTarget> stderr_target();
 

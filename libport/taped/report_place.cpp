@@ -31,7 +31,9 @@ Error trouble(std::string text) { return make_error(Errc::io, std::move(text)); 
 }  // namespace
 
 Result<ReportPlace> find_report_place(const std::string& path) {
-  fs::path at = fs::absolute(path);
+  std::error_code nowhere;
+  fs::path at = fs::absolute(path, nowhere);
+  if (nowhere) return trouble(nowhere.message());
   for (int links = 0;; ++links) {
     if (is_descriptor(at)) return ReportPlace{at.string(), ReportPlace::Kind::descriptor};
     struct stat node {};

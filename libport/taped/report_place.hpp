@@ -6,7 +6,7 @@
 
 namespace porttape {
 
-// What stands at a report's name, links followed.
+// What stands at the name of a report or a log, links followed.
 struct ReportPlace {
   enum class Kind {
     replaced,   // nothing or a regular file

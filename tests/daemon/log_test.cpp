@@ -73,6 +73,53 @@ TEST(Log, AFileThatCannotBeWrittenIsAUsageError) {
   EXPECT_THAT(log.error().message, HasSubstr("none/log"));
 }
 
+TEST(Log, ALinkOfOnesOwnIsFollowed) {
+  const test::TempDir dir;
+  std::filesystem::create_symlink("real", dir / "log");
+  {
+    const Result<Log> log = make_log({.file = dir / "log"}, spdlog::level::info);
+    ASSERT_TRUE(log.has_value()) << log.error().message;
+    log->logger->info("one");
+  }
+  EXPECT_THAT(text_of(dir / "real"), EndsWith("one\n"));
+  EXPECT_TRUE(std::filesystem::is_symlink(dir / "log"));
+}
+
+class LogBehindALinkOfAnotherUser : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (::geteuid() != 0) GTEST_SKIP() << "only root can make a link of another user";
+  }
+  void make_link() const {
+    std::filesystem::create_symlink("victim", path);
+    ASSERT_EQ(::lchown(path.c_str(), 12345, 12345), 0);
+  }
+  test::TempDir dir;
+  const std::string path = dir / "log";
+};
+
+TEST_F(LogBehindALinkOfAnotherUser, IsNeitherMadeNorAddedTo) {
+  make_link();
+  const Result<Log> log = make_log({.file = path}, spdlog::level::info);
+  ASSERT_FALSE(log.has_value());
+  EXPECT_EQ(log.error().code, Errc::usage);
+  EXPECT_THAT(log.error().message, HasSubstr("log' is a link that another user made"));
+  EXPECT_FALSE(std::filesystem::exists(dir / "victim"));
+}
+
+TEST_F(LogBehindALinkOfAnotherUser, IsNotOpenedAgainEither) {
+  {
+    const Result<Log> log = make_log({.file = path}, spdlog::level::info);
+    ASSERT_TRUE(log.has_value()) << log.error().message;
+    std::filesystem::rename(path, dir / "moved");
+    make_link();
+    log->reopen();
+    log->logger->info("two");
+  }
+  EXPECT_FALSE(std::filesystem::exists(dir / "victim"));
+  EXPECT_THAT(text_of(dir / "moved"), EndsWith("two\n")) << "the old one stays";
+}
+
 TEST(Log, APipeThatNobodyReadsIsNoWait) {
   const test::TempDir dir;
   const std::string path = dir / "pipe";
