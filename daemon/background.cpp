@@ -7,6 +7,7 @@
 #include <optional>
 #include <string_view>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 #include <utility>
@@ -49,6 +50,17 @@ int write_number(int fd) {
     done += static_cast<std::size_t>(part);
   }
   return 0;
+}
+
+// Why its number could be another user's word, which is a number that an init script may kill; empty: it is
+// not. One that has no name any more is its maker's, who ends.
+std::string why_not_trusted(int fd) {
+  struct stat status {};
+  if (::fstat(fd, &status) != 0) return "cannot be looked at: " + errno_text(errno);
+  if (status.st_uid != 0 && status.st_uid != ::geteuid()) return "is another user's";
+  if (status.st_nlink > 1) return "has other names too";
+  if ((status.st_mode & (S_IWGRP | S_IWOTH)) != 0) return "can be written by other users";
+  return {};
 }
 
 Error refuse_pid_file(const std::string& path, const std::string& why) {
@@ -106,6 +118,8 @@ Result<bool> PidFile::try_to_take(const std::string& path) {
     if (made) (void)remove_if_same(AT_FDCWD, path, *file);
     return refuse_pid_file(path, why + errno_text(error));
   };
+  if (const std::string why = made ? "" : why_not_trusted(fd.get()); !why.empty())
+    return refuse_pid_file(path, why + " and is left alone");
   std::array<char, 64> old{};
   const ssize_t size = ::read(fd.get(), old.data(), old.size());
   const std::string_view text(old.data(), size > 0 ? static_cast<std::size_t>(size) : 0);

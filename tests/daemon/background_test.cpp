@@ -4,8 +4,10 @@
 #include <filesystem>
 #include <fstream>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "tests/support/temp_dir.hpp"
@@ -64,6 +66,39 @@ TEST(PidFile, AnythingElseIsLeftAlone) {
     EXPECT_FALSE(file.write(path).has_value());
   }
   EXPECT_EQ(std::filesystem::file_size(path), 9U);
+}
+
+class PidFileThatOthersMayChange : public testing::Test {
+ protected:
+  PidFileThatOthersMayChange() { std::ofstream(path) << "4711\n"; }
+  void expect_refused(const std::string& why) const {
+    PidFile file;
+    const Result<void> written = file.write(path);
+    ASSERT_FALSE(written.has_value());
+    EXPECT_EQ(written.error().code, Errc::usage);
+    EXPECT_THAT(written.error().message, testing::HasSubstr(why + " and is left alone; name another file"));
+    EXPECT_EQ(std::filesystem::file_size(path), 5U);
+  }
+  test::TempDir dir;
+  const std::string path = dir / "pid";
+};
+
+TEST_F(PidFileThatOthersMayChange, IsLeftAloneWhereItIsAnotherUsers) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can make a file of another user";
+  ASSERT_EQ(::chown(path.c_str(), 12345, 12345), 0);
+  expect_refused("is another user's");
+}
+
+TEST_F(PidFileThatOthersMayChange, IsLeftAloneWhereItsGroupOrAllMayWriteIt) {
+  for (const mode_t mode : {mode_t{0664}, mode_t{0646}}) {
+    ASSERT_EQ(::chmod(path.c_str(), mode), 0);
+    expect_refused("can be written by other users");
+  }
+}
+
+TEST_F(PidFileThatOthersMayChange, IsLeftAloneWhereItHasAnotherName) {
+  std::filesystem::create_hard_link(path, dir / "other");
+  expect_refused("has other names too");
 }
 
 TEST(PidFile, OfADeadProcessIsReplacedWhoeverHasItsNumberNow) {
