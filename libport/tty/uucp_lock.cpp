@@ -24,9 +24,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Returns the first bytes of a regular file. The result is empty if the file cannot be read.
+// Returns the first bytes of a regular file. The result is empty if the file cannot be read, or is a link:
+// anybody may make one in a folder of locks, to a file that only we may read.
 std::string beginning_of(const std::string& path) {
-  const UniqueFd fd(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC));
+  const UniqueFd fd(::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC));
   struct stat status {};
   if (!fd || ::fstat(fd.get(), &status) != 0 || !S_ISREG(status.st_mode)) return {};
   std::array<char, 64> buffer{};

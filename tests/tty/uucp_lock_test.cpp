@@ -156,6 +156,14 @@ TEST_F(UucpLockTest, AFileThatHoldsNoNumberIsNotTouched) {
   EXPECT_EQ(content("LCK..ttyUSB0"), "something else");
 }
 
+TEST_F(UucpLockTest, ALinkIsNobodysAndIsNotTouched) {
+  std::ofstream(dir.path() / "elsewhere") << alive << '\n';
+  fs::create_symlink("../elsewhere", dir.path() / "locks" / "LCK..ttyUSB0");
+  EXPECT_FALSE(holder());
+  EXPECT_FALSE(UucpLock::take(folder, device, dir.path().string()).has_value());
+  EXPECT_TRUE(fs::is_symlink(dir.path() / "locks" / "LCK..ttyUSB0"));
+}
+
 TEST_F(UucpLockTest, ALockThatBecameAnothersIsLeft) {
   {
     const Result<UucpLock> taken = UucpLock::take(folder, device, dir.path().string());
