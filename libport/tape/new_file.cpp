@@ -57,6 +57,12 @@ Error is_live_tape(const std::string& path) {
                                      "replaced; end that one first, or name another file");
 }
 
+Error is_read_locked(const std::string& path) {
+  return make_error(Errc::usage, in_quotes(path) +
+                                     " is locked by a program that reads it, not by a recording; end that "
+                                     "program (lslocks shows it), or name another file");
+}
+
 }  // namespace
 
 Result<NewFile> NewFile::create(const std::string& path, bool overwrite) {
@@ -145,6 +151,7 @@ Result<void> NewFile::lock_existing(UniqueFd& existing) const {
     if (!existing) return {};
     const TapeLock lock = lock_tape_file(existing.get(), AT_FDCWD, path_);
     if (lock == TapeLock::taken) return is_live_tape(path_);
+    if (lock == TapeLock::read) return is_read_locked(path_);
     if (lock != TapeLock::moved) return {};
   }
   return is_live_tape(path_);

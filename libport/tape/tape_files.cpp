@@ -43,6 +43,12 @@ Error is_live(const fs::path& path) {
       "another name");
 }
 
+Error is_read_locked(const fs::path& path) {
+  return refuse(in_quotes(path.string()) +
+                " is locked by a program that reads it, not by a recording; end that program (lslocks shows "
+                "it), or take another name");
+}
+
 Result<Place> look_at_folder(const fs::path& path) {
   Place place;
   place.path = path;
@@ -109,6 +115,8 @@ Result<bool> lock_existing(Place& place) {
       return false;
     case TapeLock::taken:
       return is_live(place.path);
+    case TapeLock::read:
+      return is_read_locked(place.path);
     case TapeLock::failed:
       break;
   }

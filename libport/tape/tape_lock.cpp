@@ -20,12 +20,20 @@ bool has_no_locks(int error) {
   return error == ENOLCK || error == EINVAL || error == EOPNOTSUPP || error == ENOSYS;
 }
 
+// A lock to read goes with others of its kind. One that has gone meanwhile is taken for a writer's.
+bool is_locked_by_writer(int fd) {
+  struct flock lock = whole_file(F_RDLCK);
+  if (::fcntl(fd, F_OFD_GETLK, &lock) != 0 || lock.l_type != F_UNLCK) return true;
+  lock = whole_file(F_WRLCK);
+  return ::fcntl(fd, F_OFD_GETLK, &lock) != 0 || lock.l_type != F_RDLCK;
+}
+
 }  // namespace
 
 TapeLock lock_tape_file(int fd, int folder, const std::filesystem::path& name) {
   const struct flock lock = whole_file(F_WRLCK);
   if (::fcntl(fd, F_OFD_SETLK, &lock) != 0) {
-    if (errno == EAGAIN || errno == EACCES) return TapeLock::taken;
+    if (errno == EAGAIN || errno == EACCES) return is_locked_by_writer(fd) ? TapeLock::taken : TapeLock::read;
     if (!has_no_locks(errno)) return TapeLock::failed;
   }
   struct stat opened {};

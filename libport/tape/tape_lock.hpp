@@ -12,6 +12,7 @@ namespace porttape {
 enum class TapeLock : std::uint8_t {
   held,   // now, by this descriptor; also where the file system has no locks
   taken,  // somebody else has it
+  read,   // somebody has a lock to read it, which no recorder takes and who may only read it can
   moved,  // the name means another file by now, or none
   failed  // errno says why
 };

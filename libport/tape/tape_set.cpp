@@ -107,8 +107,11 @@ Result<void> TapeSet::move(const fs::path& from, const fs::path& to) {
     return {};
   }
   if (on_existing_ != OnExisting::overwrite) return failed(EEXIST);
-  if (lock_tape_file(existing.get(), AT_FDCWD, to) == TapeLock::taken)
+  const TapeLock lock = lock_tape_file(existing.get(), AT_FDCWD, to);
+  if (lock == TapeLock::taken)
     return make_error(Errc::usage, in_quotes(to.string()) + " is being written by a recording");
+  if (lock == TapeLock::read)
+    return make_error(Errc::usage, in_quotes(to.string()) + " is locked by a program that reads it");
   const int error = exchange_names(AT_FDCWD, from, to);
   if (error == 0) {
     moved_.push_back({from, to, *file, true});

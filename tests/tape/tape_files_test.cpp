@@ -322,6 +322,10 @@ TEST_F(TapeLockOfAFile, OfTheLastByteIsThatOfTheFile) {
   far.l_start = 1'000'000'000;
   ASSERT_EQ(::fcntl(other.get(), F_OFD_SETLK, &far), 0);
   EXPECT_FALSE(is_being_written(path)) << "who only reads writes nothing";
+  EXPECT_EQ(lock_tape_file(open().get(), AT_FDCWD, path), TapeLock::read);
+  far.l_type = F_WRLCK;
+  ASSERT_EQ(::fcntl(other.get(), F_OFD_SETLK, &far), 0);
+  EXPECT_TRUE(is_being_written(path));
   EXPECT_EQ(lock_tape_file(open().get(), AT_FDCWD, path), TapeLock::taken);
 }
 

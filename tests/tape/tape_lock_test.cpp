@@ -3,6 +3,7 @@
 #include "libport/tape/tape_lock.hpp"
 
 #include <barrier>
+#include <fcntl.h>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -59,6 +60,22 @@ TEST(TapeLock, ALiveTapeIsNeitherTakenNorReplaced) {
   EXPECT_EQ(id_on_disk(paths), live->id());
   EXPECT_EQ(files_in(dir), 3);
   EXPECT_TRUE(create(paths, OnExisting::overwrite));
+}
+
+TEST(TapeLock, AReadersLockIsNotCalledARecording) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  EXPECT_TRUE(create(paths, OnExisting::refuse)->finish(tape_time_us(2)));
+  const UniqueFd reader(::open(paths.write.c_str(), O_RDONLY | O_CLOEXEC));
+  struct flock whole {};
+  whole.l_type = F_RDLCK;
+  whole.l_whence = SEEK_SET;
+  ASSERT_EQ(::fcntl(reader.get(), F_OFD_SETLK, &whole), 0);
+  const auto refused = create(paths, OnExisting::overwrite);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Errc::usage);
+  EXPECT_THAT(refused.error().message, HasSubstr("t.logw' is locked by a program that reads it"));
+  EXPECT_THAT(refused.error().message, testing::Not(HasSubstr("being written")));
 }
 
 TEST(TapeLock, OneLiveFileOfTheThreeIsEnough) {

@@ -141,7 +141,7 @@ TEST_F(TapeSetTest, AFileThatSomebodyHoldsIsNotReplaced) {
   lock.l_whence = SEEK_SET;
   ASSERT_EQ(::fcntl(reader.get(), F_OFD_SETLK, &lock), 0);
   EXPECT_EQ(set.publish().error(),
-            make_error(Errc::usage, "'" + one.write.string() + "' is being written by a recording"));
+            make_error(Errc::usage, "'" + one.write.string() + "' is locked by a program that reads it"));
   expect_all(one, "old");
 }
 
