@@ -47,13 +47,23 @@ void set_limit(int fd, Nanos limit) {
   (void)::setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &time, sizeof time);
 }
 
+std::optional<ucred> peer_of(int fd) {
+  ucred peer{};
+  socklen_t size = sizeof peer;
+  return ::getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 ? std::optional(peer) : std::nullopt;
+}
+
 // A folder that is not root's may be one of a user who wants us to take something else for a daemon.
 bool is_of_its_daemon(int fd, const ControlSocket& socket) {
   if (socket.owner == 0) return true;
-  ucred peer{};
-  socklen_t size = sizeof peer;
-  return ::getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 && peer.pid == socket.pid &&
-         (peer.uid == socket.owner || peer.uid == 0);
+  const std::optional<ucred> peer = peer_of(fd);
+  return peer && peer->pid == socket.pid && (peer->uid == socket.owner || peer->uid == 0);
+}
+
+// Of the one who serves there, whatever he says. 0 is one whom our namespace does not see.
+pid_t pid_of_daemon(int fd, const ControlSocket& socket) {
+  const std::optional<ucred> peer = peer_of(fd);
+  return peer && peer->pid > 0 ? peer->pid : socket.pid;
 }
 
 // In a folder of our user's alone, and in the one that was looked at. Another daemon may have taken the name
@@ -248,7 +258,9 @@ void DaemonSearch::answered(Asked& asked, std::string line) {
   const int flags = ::fcntl(asked.fd.get(), F_GETFL);
   if (flags < 0 || ::fcntl(asked.fd.get(), F_SETFL, flags & ~O_NONBLOCK) != 0)
     return give_up(asked, failed(asked.socket.pid, errno));
-  found_.daemons.push_back({ControlClient(std::move(asked.fd), asked.socket), object_of(*reply, "status")});
+  json::object status = object_of(*reply, "status");
+  status["pid"] = pid_of_daemon(asked.fd.get(), asked.socket);
+  found_.daemons.push_back({ControlClient(std::move(asked.fd), asked.socket), std::move(status)});
   asked.over = true;
 }
 

@@ -4,14 +4,18 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <dirent.h>
+#include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
+#include <memory>
 #include <pwd.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <system_error>
 #include <unistd.h>
+#include <utility>
 
 #include "libport/base/printable.hpp"
 #include "libport/base/unique_fd.hpp"
@@ -88,8 +92,21 @@ std::vector<std::string> folders_of(const ControlEnvironment& environment, const
   return folders;
 }
 
+// A folder of sockets, kept open from the look at it on: its name may mean another one at any time.
+struct OpenFolder {
+  UniqueFd fd;
+  uid_t owner = 0;
+};
+std::optional<OpenFolder> open_folder(const fs::path& folder, int how) {
+  OpenFolder opened{UniqueFd(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | how))};
+  struct stat status {};
+  if (!opened.fd || ::fstat(opened.fd.get(), &status) != 0) return std::nullopt;
+  opened.owner = status.st_uid;
+  return opened;
+}
+
 // Anybody can make folders in /tmp, and a user in /run/user/UID: that of the user of its name counts there.
-bool is_trusted(const fs::path& folder, const ControlEnvironment& environment) {
+std::optional<OpenFolder> open_trusted(const fs::path& folder, const ControlEnvironment& environment) {
   constexpr std::string_view begin = "porttape-";
   const fs::path parent = folder.parent_path();
   std::optional<uid_t> owner;
@@ -100,10 +117,10 @@ bool is_trusted(const fs::path& folder, const ControlEnvironment& environment) {
   } else if (parent.parent_path() == in(environment.run, "user")) {
     owner = whole_number<uid_t>(parent.filename().string());
   } else {
-    return true;
+    return open_folder(folder, 0);
   }
-  struct stat status {};
-  return owner && ::lstat(folder.c_str(), &status) == 0 && S_ISDIR(status.st_mode) && status.st_uid == *owner;
+  std::optional<OpenFolder> opened = open_folder(folder, O_NOFOLLOW);
+  return opened && opened->owner == owner ? std::move(opened) : std::nullopt;
 }
 
 std::optional<pid_t> pid_of(const std::string& name) {
@@ -112,16 +129,16 @@ std::optional<pid_t> pid_of(const std::string& name) {
   return pid && *pid > 0 ? pid : std::nullopt;
 }
 
-void add_sockets(const std::string& folder, std::vector<ControlSocket>& sockets) {
-  struct stat status {};
-  if (::stat(folder.c_str(), &status) != 0) return;
-  std::error_code unreadable;
-  for (fs::directory_iterator entry(folder, unreadable), end; !unreadable && entry != end;
-       entry.increment(unreadable)) {
-    const auto pid = pid_of(entry->path().filename().string());
-    std::error_code gone;
-    if (pid && fs::is_socket(entry->symlink_status(gone)))
-      sockets.push_back({entry->path().string(), *pid, status.st_uid});
+void add_sockets(const std::string& path, OpenFolder folder, std::vector<ControlSocket>& sockets) {
+  const std::unique_ptr<DIR, int (*)(DIR*)> entries(::fdopendir(folder.fd.get()), &::closedir);
+  if (!entries) return;
+  const int fd = folder.fd.release();  // closed with the entries
+  while (const dirent* const entry = ::readdir(entries.get())) {
+    const std::string name = static_cast<const char*>(entry->d_name);
+    const auto pid = pid_of(name);
+    struct stat status {};
+    if (pid && ::fstatat(fd, name.c_str(), &status, AT_SYMLINK_NOFOLLOW) == 0 && S_ISSOCK(status.st_mode))
+      sockets.push_back({in(path, name), *pid, folder.owner});
   }
 }
 
@@ -158,7 +175,8 @@ std::vector<ControlSocket> control_sockets(const ControlEnvironment& environment
   const ControlFolder own = control_folder(environment);
   for (const std::string& folder : folders_of(environment, others)) {
     const bool given = own.given && folder == own.path;
-    if (given || is_trusted(folder, environment)) add_sockets(folder, sockets);
+    if (auto opened = given ? open_folder(folder, 0) : open_trusted(folder, environment))
+      add_sockets(folder, std::move(*opened), sockets);
   }
   std::ranges::sort(sockets, {}, &ControlSocket::pid);
   return sockets;

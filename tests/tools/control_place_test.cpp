@@ -87,6 +87,14 @@ TEST(ControlPlace, RootTakesAUsersFolderOnlyIfItIsThatUsers) {
   EXPECT_THAT(pids(environment, all), ElementsAre(4));
 }
 
+// As systemd makes it for a unit with DynamicUser=.
+TEST(ControlPlace, AFolderThatIsGivenMayBeALink) {
+  const TempDir dir;
+  make_socket(dir / "private/1.sock");
+  std::filesystem::create_directory_symlink(dir / "private", dir / "given");
+  EXPECT_THAT(pids({.user = ::geteuid(), .runtime_directory = dir / "given"}), ElementsAre(1));
+}
+
 TEST(ControlPlace, RootLooksAtNobodyElsesUnlessItSaysWhose) {
   const TempDir dir;
   const uid_t user = ::geteuid() + 1;  // as whom root counts here

@@ -201,6 +201,17 @@ TEST_F(CtlTest, AReplyThatIsNoneIsTold) {
   }
 }
 
+TEST_F(CtlTest, AStatusHasTheProcessThatServesAndNotTheOneThatIsSaid) {
+  const FakeDaemon daemon(folder(), [](const std::string&) {
+    return R"({"ok":true,"status":{"pid":1,"verb":"record","channels":[]}})";
+  });
+  const std::vector<std::string> words = {"status", "--json"};
+  std::ostringstream out;
+  std::ostringstream err;
+  EXPECT_EQ(run_porttape(words, out, err), 0) << err.str();
+  EXPECT_THAT(out.str(), HasSubstr("\"pid\":" + std::to_string(::getpid())));
+}
+
 TEST_F(CtlTest, AnotherUsersDaemonsAreRootsToAsk) {
   EXPECT_EQ(ctl({"--user", "no such user", "stop"}), 2);
   EXPECT_THAT(said_, HasSubstr("--user: there is no user 'no such user'"));
