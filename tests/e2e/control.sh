@@ -33,7 +33,7 @@ own ctl mark arm is moving || die "mark: $(cat err)"
 printf 'two\n' >&8
 head -n 1 <&8 >/dev/null
 own status || die "status: $(cat err)"
-tr -d '\n' <out | grep -qE "opened by +[^ ]+ \($$\)" || die "who has the port open is not told: $(cat out)"
+tr -d '\n' <out | grep -qE "opened by +[^ ]+ +\($$\)" || die "who has the port open is not told: $(cat out)"
 awk 'length > 80 && !/\// { exit 1 }' out || die "lines over 80 columns: $(cat out)"
 own status --json || die "status --json: $(cat err)"
 [[ $(json out channels) == *'"state": "open"'*'"from_driver_bytes": 8'*'"name": "first.log"'* ]] || die "$(cat out)"
