@@ -95,11 +95,14 @@ std::vector<OptionSpec> common_options() {
       {"help-ports", Kind::flag, "", "what a PORT is: all types and their options"},
       kLogLevel,
       {.name = "log-file",
-       .help = "writes the log there, not to stderr; with -b and without it: to the journal or syslog, else "
-               "to $XDG_STATE_HOME/porttape/PID.log",
+       .help = "writes the log there, not to stderr (through no link of another user); with -b and without "
+               "it: to the journal or syslog, else to $XDG_STATE_HOME/porttape/PID.log",
        .value_name = "FILE"},
       {"background", Kind::flag, "", "returns once the link is there and goes on in the background"},
-      {.name = "pidfile", .help = "writes the process's number there", .value_name = "FILE"},
+      {.name = "pidfile",
+       .help =
+           "writes the process's number there; another user's file is refused, and one that others may write",
+       .value_name = "FILE"},
   };
 }
 
