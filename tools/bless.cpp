@@ -1,8 +1,7 @@
 // `porttape bless`: the tape of a driver that was changed on purpose.
 
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
+#include <array>
 #include <filesystem>
 #include <fmt/format.h>
 #include <fmt/ostream.h>
@@ -10,11 +9,11 @@
 #include <ostream>
 #include <string>
 #include <system_error>
-#include <unistd.h>
 #include <utility>
 #include <vector>
 
 #include "libport/base/printable.hpp"
+#include "libport/tape/tape_set.hpp"
 #include "libport/tape/tape_writer.hpp"
 #include "tools/command_verb.hpp"
 #include "tools/option_description.hpp"
@@ -100,9 +99,7 @@ class Blessing {
     const TestVerdict verdict = run_one_test(*request_);
     for (const std::string& note : verdict.notes)
       fmt::print(err_, "porttape bless: {}\n", printable_line(note));
-    Result<int> status = judge(verdict);
-    if (!kept_) remove(request_->record_to.value());
-    return status;
+    return judge(verdict);
   }
 
  private:
@@ -117,12 +114,17 @@ class Blessing {
     if (!request) return request.error();
     old_ = request->replay().tape;
     target_ = overwrites_ ? old_ : output ? new_tape(output.mapped()) : next_free();
-    if (!overwrites_ && exists(target_)) {
-      return make_error(Errc::usage, fmt::format("there is a tape {} already; give another --output",
+    if (!overwrites_ && is_taken(target_)) {
+      return make_error(Errc::usage, fmt::format("something is under the name of the tape {} already; give "
+                                                 "another --output",
                                                  in_quotes(target_.name())));
     }
-    // Beside its place, so that nothing there is touched before all is known.
-    request->record_to = literal_tape(fmt::format("{}.bless-{}", target_.name(), ::getpid()));
+    Result<TapeSet> made = TapeSet::begin(target_, overwrites_ ? OnExisting::overwrite : OnExisting::refuse);
+    if (!made) return made.error();
+    Result<TapePaths> place = made->place(target_);
+    if (!place) return place.error();
+    made_.emplace(std::move(*made));
+    request->record_to = std::move(*place);
     request_.emplace(std::move(*request));
     return {};
   }
@@ -157,39 +159,26 @@ class Blessing {
     return exit_status::kPass;
   }
 
-  static bool exists(const TapePaths& tape) {
-    std::error_code error;
-    return fs::exists(tape.read, error) || fs::exists(tape.write, error) || fs::exists(tape.events, error);
+  // A link that leads nowhere takes a name, too.
+  static bool is_taken(const TapePaths& tape) {
+    std::error_code ignored;
+    return std::ranges::any_of(std::array{&tape.read, &tape.write, &tape.events}, [&](const fs::path* file) {
+      return fs::exists(fs::symlink_status(*file, ignored));
+    });
   }
 
   [[nodiscard]] TapePaths next_free() const {
     unsigned number = 2;
-    while (exists(numbered_tape(old_, number))) ++number;
+    while (is_taken(numbered_tape(old_, number))) ++number;
     return numbered_tape(old_, number);
   }
 
-  // The new files get their names one by one; each old one is there until then.
   Result<void> place() {
-    const TapePaths& made = *request_->record_to;
-    const std::pair<const fs::path, const fs::path> moves[] = {
-        {made.read, target_.read}, {made.write, target_.write}, {made.events, target_.events}};
-    kept_ = true;
-    for (const auto& [from, to] : moves) {
-      std::error_code error;
-      fs::rename(from, to, error);
-      if (error) {
-        return make_error(Errc::io,
-                          fmt::format("tape {} cannot be put in its place: {}; it is {}",
-                                      in_quotes(target_.name()), error.message(), in_quotes(made.name())));
-      }
-    }
-    return {};
-  }
-
-  static void remove(const TapePaths& tape) {
-    std::error_code ignored;
-    for (const fs::path& file : {fs::path(tape.read), fs::path(tape.write), fs::path(tape.events)})
-      fs::remove(file, ignored);
+    Result<void> published = made_->publish();
+    if (published) return published;
+    Error error = published.error();
+    error.message += "; nothing is blessed, and the new tape is gone";
+    return error;
   }
 
   CommandVerbLine line_;
@@ -199,7 +188,7 @@ class Blessing {
   TapePaths old_;
   TapePaths target_;
   bool overwrites_ = false;
-  bool kept_ = false;
+  std::optional<TapeSet> made_;  // of the new tape alone; what is not published goes away with it
 };
 
 }  // namespace

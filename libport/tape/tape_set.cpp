@@ -112,10 +112,14 @@ Result<void> TapeSet::move(const fs::path& from, const fs::path& to) {
     return make_error(Errc::usage, in_quotes(to.string()) + " is being written by a recording");
   if (lock == TapeLock::read)
     return make_error(Errc::usage, in_quotes(to.string()) + " is locked by a program that reads it");
+  if (lock == TapeLock::moved) return failed(EEXIST);
   const int error = exchange_names(AT_FDCWD, from, to);
   if (error == 0) {
     moved_.push_back({from, to, *file, true});
-    return {};
+    // Whoever keeps to no lock may have put another file there meanwhile: undo() gives it its name again.
+    return FileIdentity::at(AT_FDCWD, from) == FileIdentity::of(existing.get())
+               ? Result<void>()
+               : Result<void>(failed(EEXIST));
   }
   return ::rename(from.c_str(), to.c_str()) == 0 ? Result<void>() : Result<void>(failed(errno));
 }

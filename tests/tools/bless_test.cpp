@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "libport/tape/tape_writer.hpp"
 #include "tests/tools/run.hpp"
 #include "tools/write_difference.hpp"
 
@@ -134,6 +135,40 @@ TEST_F(Bless, NothingThatIsThereIsTouched) {
   EXPECT_EQ(bless("x", "y", {"--output", dir / "other"}).status, 2);
   EXPECT_EQ(bless("x", "y", {"--output", dir / "new", "--overwrite"}).status, 2);
   EXPECT_EQ(bless("x", "y", {"--strictness", "2"}).status, 2);
+}
+
+TEST_F(Bless, WhatCameIntoBeingWhileTheCommandRanStays) {
+  const std::string precious = dir / "t.2.logr";
+  const Ran ran = bless("Ask!\\n", "more\\n", {}, "echo precious >'" + precious + "'");
+  EXPECT_EQ(ran.status, 2) << ran.out << ran.err;
+  EXPECT_THAT(ran.err, HasSubstr("nothing is blessed, and the new tape is gone"));
+  EXPECT_EQ(read_file(precious), bytes_of("precious\n"));
+  EXPECT_THAT(files(), testing::UnorderedElementsAre("t.logr", "t.logw", "t.2.logr"));
+}
+
+TEST_F(Bless, ATapeThatIsBeingWrittenIsRefusedBeforeTheCommandRuns) {
+  const auto live = TapeWriter::create(new_tape(tape), {}, {.on_existing = OnExisting::overwrite});
+  ASSERT_TRUE(live);
+  const Ran ran = bless("Ask!\\n", "more\\n", {"--overwrite"}, "touch '" + (dir / "ran") + "'");
+  EXPECT_EQ(ran.status, 2) << ran.out << ran.err;
+  EXPECT_THAT(ran.err, HasSubstr("is being written"));
+  EXPECT_THAT(files(), testing::UnorderedElementsAre("t.logr", "t.logw", "t.loge"));
+}
+
+TEST_F(Bless, ALinkThatLeadsNowhereTakesAName) {
+  std::filesystem::create_symlink("nowhere", dir / "t.2.logw");
+  const Ran ran = bless("Ask!\\n", "more\\n");
+  EXPECT_EQ(ran.status, 0) << ran.out << ran.err;
+  EXPECT_THAT(ran.out, HasSubstr("t.3.log: "));
+  EXPECT_EQ(bless("Ask!\\n", "more\\n", {"--output", dir / "t.2"}).status, 2);
+}
+
+TEST_F(Bless, OnlyWhatItMadeItselfIsTakenAway) {
+  const std::string beside = dir / "t.2.log.bless-";
+  const Ran ran = bless("Ask!\\n", "more\\n", {}, "echo precious >'" + beside + "'$PPID'w'; exit 7");
+  EXPECT_EQ(ran.status, 1);
+  EXPECT_THAT(files(),
+              testing::UnorderedElementsAre("t.logr", "t.logw", testing::StartsWith("t.2.log.bless-")));
 }
 
 }  // namespace
