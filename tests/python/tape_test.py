@@ -162,6 +162,15 @@ class TapeTest(unittest.TestCase):
                 raise KeyError
         self.assertEqual(list(self.folder.iterdir()), [])
 
+    def test_a_tape_is_for_its_owner_and_the_group(self):
+        before = os.umask(0o022)
+        try:
+            with tape.Writer(self.folder / "new"):
+                pass
+        finally:
+            os.umask(before)
+        self.assertEqual({(self.folder / f"new.log{letter}").stat().st_mode & 0o777 for letter in "rwe"}, {0o640})
+
     def test_what_could_not_be_read_is_not_written(self):
         deep = []
         for _ in range(40):

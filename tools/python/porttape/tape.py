@@ -247,7 +247,8 @@ class _Files:
         return self._files[-1]
 
     def make(self, path: pathlib.Path) -> BinaryIO:
-        self._files.append(open(path, "xb"))  # noqa: SIM115 - closed by close()
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+        self._files.append(open(os.open(path, flags, 0o640), "wb"))  # noqa: SIM115 - closed by close()
         return self._files[-1]
 
     def close(self) -> None:
