@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """What porttape.tape reads and writes is what the program reads and writes."""
 
+import fcntl
 import json
 import os
 import pathlib
@@ -194,6 +195,26 @@ class TapeTest(unittest.TestCase):
         with self.assertRaisesRegex(tape.Error, "cannot make the tape"):
             second.close()
         self.assertEqual(len(list(self.folder.iterdir())), 6)
+
+    def test_a_tape_that_is_being_written_is_not_replaced(self):
+        with tape.Writer(self.folder / "live") as made:
+            made.write(1, b"old")
+        with open(self.folder / "live.loge", "r+b") as recorder:
+            lock = struct.pack("@hhqqi0q", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
+            fcntl.fcntl(recorder, 37, lock)  # F_OFD_SETLK
+            new = tape.Writer(self.folder / "live", overwrite=True)
+            with self.assertRaisesRegex(tape.Error, "is being written by a recording"):
+                new.close()
+        self.assertEqual(in_python(self.folder / "live")[0][0], tape.Block(1, "w", b"old"))
+        self.assertEqual(len(list(self.folder.iterdir())), 3)
+
+    def test_where_one_name_is_taken_by_now_no_file_of_the_tape_appears(self):
+        made = tape.Writer(self.folder / "new")
+        (self.folder / "new.logr").write_bytes(b"precious")
+        with self.assertRaisesRegex(tape.Error, "cannot make the tape"):
+            made.close()
+        self.assertEqual([path.name for path in self.folder.iterdir()], ["new.logr"])
+        self.assertEqual((self.folder / "new.logr").read_bytes(), b"precious")
 
     def test_no_tape(self):
         with self.assertRaisesRegex(tape.Error, "there is no tape"):

@@ -15,7 +15,10 @@ sent and the driver read, `w` what the driver wrote. Memory does not grow with t
 """
 from __future__ import annotations
 
+import contextlib
 import datetime
+import errno
+import fcntl
 import json
 import os
 import pathlib
@@ -38,6 +41,7 @@ _TRIES = 100_000
 _CHAIN = 8
 _DAY_US = 24 * 3600 * 1_000_000
 _LINE = 65536
+_OFD_SETLK = 37  # as Linux has it; fcntl of older Pythons does not know the name
 _DEEPEST = 32  # brackets of a line within one another
 _MOST_EXPONENT = 2_147_483_647
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[\[\]{}]')
@@ -234,6 +238,27 @@ def _open_to_read(path: pathlib.Path) -> BinaryIO:
         file.close()
         raise Error(f"{path} is not a regular file")
     return file
+
+
+def _lock(path: pathlib.Path, held: contextlib.ExitStack) -> bool:
+    """Whether a file is there, which is to be replaced and is locked until `held` ends: FORMAT.md, "Locks"."""
+    try:
+        file = os.open(path, os.O_WRONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return False
+    held.callback(os.close, file)
+    if not stat.S_ISREG(os.fstat(file).st_mode):
+        raise OSError(errno.EEXIST, "is not a regular file", os.fspath(path))
+    try:
+        fcntl.fcntl(file, _OFD_SETLK, struct.pack("@hhqqi0q", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0))
+    except OSError as error:
+        if error.errno in (errno.EAGAIN, errno.EACCES):
+            raise OSError(errno.EBUSY, "is being written by a recording", os.fspath(path)) from error
+        if error.errno not in (errno.ENOLCK, errno.EINVAL, errno.EOPNOTSUPP, errno.ENOSYS):
+            raise
+    if not os.path.samestat(os.fstat(file), os.lstat(path)):
+        raise OSError(errno.EEXIST, "has been replaced meanwhile", os.fspath(path))
+    return True
 
 
 class _Files:
@@ -493,7 +518,8 @@ class Writer:
     """A new tape, which appears when it is closed without an exception: whole, or not at all.
 
     Times may be equal, and never go back within the reads, the writes or the events. `header` are further keys of the
-    header; a tape that is there is replaced only with `overwrite`. Raises Error.
+    header; a tape that is there is replaced only with `overwrite`, and never while a recording writes it. Its files have the
+    mode 0640 less the umask. Raises Error.
     """
 
     def __init__(
@@ -520,8 +546,10 @@ class Writer:
         self._names = {
             letter: self.path.with_name(f".{self.path.name}{letter}.new-{os.getpid()}-{mark}") for letter in "rwe"
         }
+        self._open: dict[str, BinaryIO] = {}
         try:
-            self._open = {letter: self._files.make(path) for letter, path in self._names.items()}
+            for letter, path in self._names.items():
+                self._open[letter] = self._files.make(path)
         except OSError as error:
             self.discard()
             raise Error(f"cannot make the tape {self.path}: {error}") from error
@@ -565,8 +593,7 @@ class Writer:
                 file.flush()
                 os.fsync(file.fileno())
             self._files.close()
-            for letter in "ewr":
-                self._publish(letter)
+            self._publish()
         except OSError as error:
             self.discard()
             raise Error(f"cannot make the tape {self.path}: {error}") from error
@@ -576,8 +603,8 @@ class Writer:
         """Leaves nothing of a tape that is not closed."""
         self._ended = True
         self._files.close()
-        for path in self._names.values():
-            path.unlink(missing_ok=True)
+        for letter in self._open:
+            self._names[letter].unlink(missing_ok=True)
 
     def __enter__(self) -> "Writer":
         return self
@@ -593,12 +620,24 @@ class Writer:
     def _final(self, letter: str) -> pathlib.Path:
         return pathlib.Path(f"{self.path}{letter}")
 
-    def _publish(self, letter: str) -> None:
-        if self._overwrite:
-            os.replace(self._names[letter], self._final(letter))
-        else:
-            os.link(self._names[letter], self._final(letter))
-            self._names[letter].unlink()
+    def _publish(self) -> None:
+        """The events first: who finds the blocks finds them, too. Of files that had no namesakes all appear, or none."""
+        with contextlib.ExitStack() as held:
+            replaced = [letter for letter in "rwe" if self._overwrite and _lock(self._final(letter), held)]
+            try:
+                for letter in "ewr":
+                    if letter not in replaced:
+                        os.link(self._names[letter], self._final(letter))
+                for letter in reversed(replaced):
+                    os.replace(self._names[letter], self._final(letter))
+            except OSError:
+                for letter in "ewr":
+                    with contextlib.suppress(FileNotFoundError):
+                        if os.path.samestat(os.lstat(self._names[letter]), os.lstat(self._final(letter))):
+                            self._final(letter).unlink()
+                raise
+            for path in self._names.values():
+                path.unlink(missing_ok=True)
 
     def _time(self, letter: str, t_us: int) -> int:
         if self._ended:
