@@ -115,9 +115,10 @@ class Blessing {
     old_ = request->replay().tape;
     target_ = overwrites_ ? old_ : output ? new_tape(output.mapped()) : next_free();
     if (!overwrites_ && is_taken(target_)) {
-      return make_error(Errc::usage, fmt::format("something is under the name of the tape {} already; give "
-                                                 "another --output",
-                                                 in_quotes(target_.name())));
+      return make_error(Errc::usage,
+                        fmt::format("there is a tape {} already, or another file under its name; give "
+                                    "another --output",
+                                    in_quotes(target_.name())));
     }
     Result<TapeSet> made = TapeSet::begin(target_, overwrites_ ? OnExisting::overwrite : OnExisting::refuse);
     if (!made) return made.error();

@@ -208,6 +208,10 @@ int export_from(const ConvertPlan& plan, Result<TapeReader> tape, const TapePath
   const bool overwrite = plan.writer.on_existing == OnExisting::overwrite;
   Result<NewFile> file = NewFile::create(plan.out, overwrite);
   if (!file) return fail(file.error());
+  // Of a file that is no tape the tape in between is gone by now.
+  for (const Result<void>& made : {file->made_of(from), file->made_of(plan.in)}) {
+    if (!made) return fail(made.error());
+  }
   Progress progress(err, "convert", size_of_tape(from));
   const auto told_bytes = [&](std::uint64_t bytes) { progress.at(bytes); };
   const auto lost = plan.to->export_at != nullptr

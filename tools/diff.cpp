@@ -127,6 +127,9 @@ Result<void> show_diff(const DiffPlan& plan, const TapeDiff& diff, const Command
   if (plan.html.empty()) return show_diff(plan, diff, audience);
   Result<NewFile> file = NewFile::create(plan.html, line.has("overwrite"));
   if (!file) return file.error();
+  for (const TapePaths* const tape : {&plan.one, &plan.other}) {
+    if (Result<void> made = file->made_of(*tape); !made) return made;
+  }
   HtmlDiffPrinter page(*file);
   audience.push_back({&page, all ? no_limit : kDifferencesOnPage});
   if (Result<void> shown = show_diff(plan, diff, audience); !shown) return shown;

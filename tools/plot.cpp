@@ -53,6 +53,7 @@ int run_plot(Arguments args, std::ostream& out, std::ostream& err) {
   if (const auto apart = check_report_apart(*output, *paths); !apart) return fail(apart.error());
   Result<NewFile> file = NewFile::create(*output, line.has("overwrite"));
   if (!file) return fail(file.error());
+  if (const Result<void> made = file->made_of(*paths); !made) return fail(made.error());
   auto tape = TapeReader::open(*paths, {.events_may_fail = true});
   if (!tape) return fail(tape.error());
   TapePlot plot;

@@ -54,6 +54,9 @@ Result<ViewPlan> read_view_plan(const CommandLine& line) {
 Result<std::vector<Error>> write_view(const ViewPlan& plan, bool overwrite, Progress& progress) {
   Result<NewFile> file = NewFile::create(plan.output, overwrite);
   if (!file) return file.error();
+  for (const TapePaths& tape : plan.tapes) {
+    if (Result<void> made = file->made_of(tape); !made) return made.error();
+  }
   ViewWriter page(*file, [&](std::uint64_t bytes) { progress.at(bytes); });
   if (Result<void> begun = page.begin(); !begun) return begun.error();
   for (const TapePaths& tape : plan.tapes) {

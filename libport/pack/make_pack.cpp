@@ -114,6 +114,9 @@ class PackMaker {
   Result<PackManifest> write() {
     Result<NewFile> file = NewFile::create(file_.string(), options_.overwrite);
     if (!file) return file.error();
+    for (const auto& source : sources_) {
+      if (Result<void> made = file->made_of(source->name()); !made) return made.error();
+    }
     Result<PackWriter> writer = PackWriter::begin([&](ByteView bytes) { return file->add(bytes); },
                                                   pack_format_of(file_), folder_in(file_));
     if (!writer) return writer.error();

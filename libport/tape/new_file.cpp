@@ -94,6 +94,29 @@ Result<NewFile> NewFile::create(const std::string& path, bool overwrite) {
   return file;
 }
 
+Result<void> NewFile::made_of(const std::string& source) {
+  struct stat status {};
+  if (::stat(source.c_str(), &status) != 0) return {};
+  return keep_from_others(status.st_mode);
+}
+
+Result<void> NewFile::made_of(const TapePaths& tape) {
+  for (const fs::path* const file : {&tape.read, &tape.write, &tape.events}) {
+    if (Result<void> kept = made_of(file->string()); !kept) return kept;
+  }
+  return {};
+}
+
+// What that mode keeps from the group and from others this one does.
+Result<void> NewFile::keep_from_others(unsigned mode) {
+  if (kind_ != Kind::file) return {};
+  struct stat own {};
+  if (::fstat(fd_.get(), &own) != 0) return failed(errno);
+  const mode_t now = own.st_mode & 07777U;
+  const mode_t less = now & (mode | S_IRWXU);
+  return less == now || ::fchmod(fd_.get(), less) == 0 ? Result<void>() : failed(errno);
+}
+
 NewFile NewFile::in_memory() { return {Kind::memory, "memory"}; }
 
 Result<void> NewFile::failed(int error) {
@@ -133,6 +156,10 @@ Result<void> NewFile::finish() {
   UniqueFd existing;
   if (overwrite_) {
     if (Result<void> locked = lock_existing(existing); !locked) return locked;
+    struct stat old {};
+    if (::lstat(path_.c_str(), &old) == 0 && S_ISREG(old.st_mode)) {
+      if (Result<void> kept = keep_from_others(old.st_mode); !kept) return kept;
+    }
   }
   const int error = publish();
   if (error == EEXIST)

@@ -8,6 +8,7 @@
 #include "libport/base/result.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/tape/leftover.hpp"
+#include "libport/tape/tape_name.hpp"
 
 namespace porttape {
 
@@ -15,6 +16,8 @@ namespace porttape {
 // added as it comes. Owns its descriptor. Until then the file has no name, or where the file system knows no
 // such files a hidden one beside its own. A tape that is being written is never replaced. After an error
 // nothing more is written, and every further call gives it again. Not thread-safe.
+//
+// Its mode is 0640 less the umask, and less what the file that it replaces keeps from the group.
 class NewFile {
  public:
   // Errc::usage: something has that name already (and is not to be replaced, is no regular file, or a tape
@@ -26,6 +29,11 @@ class NewFile {
   NewFile(NewFile&& other) noexcept = default;
   NewFile& operator=(NewFile&& other) noexcept = default;
   ~NewFile() = default;  // without finish(): nothing is left
+
+  // It is made of this file, or of this tape: it keeps from the group what one of its sources does. To be
+  // called before anything is added. What is not there is no source. Errc::io.
+  Result<void> made_of(const std::string& source);
+  Result<void> made_of(const TapePaths& tape);
 
   // Errc::io.
   Result<void> add(std::string_view text);
@@ -42,6 +50,7 @@ class NewFile {
   NewFile(Kind kind, std::string path) : kind_(kind), path_(std::move(path)) {}
   Result<void> flush();
   Result<void> failed(int error);
+  Result<void> keep_from_others(unsigned mode);
   Result<void> lock_existing(UniqueFd& existing) const;
   int publish();
 

@@ -9,6 +9,7 @@
 #include <sys/uio.h>
 #include <unistd.h>
 
+#include "libport/base/own_name.hpp"
 #include "libport/tape/tape_lock.hpp"
 
 namespace porttape {
@@ -27,13 +28,13 @@ std::unique_ptr<FileSink> FileSink::create(int folder, const std::filesystem::pa
   if (!fd) return nullptr;
   if (const TapeLock lock = lock_tape_file(fd.get(), folder, name); lock != TapeLock::held) {
     error = lock == TapeLock::failed ? errno : EEXIST;
-    if (lock == TapeLock::failed) ::unlinkat(folder, name.c_str(), 0);
+    if (lock == TapeLock::failed) (void)remove_if_same(folder, name, fd.get());
     return nullptr;  // else it is somebody else's by now
   }
   UniqueFd sync_fd(::fcntl(fd.get(), F_DUPFD_CLOEXEC, 0));
   error = sync_fd ? 0 : errno;
   if (!sync_fd) {
-    ::unlinkat(folder, name.c_str(), 0);
+    (void)remove_if_same(folder, name, fd.get());
     return nullptr;
   }
   return std::unique_ptr<FileSink>(new FileSink(std::move(fd), std::move(sync_fd)));

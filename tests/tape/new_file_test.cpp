@@ -5,6 +5,7 @@
 #include <fstream>
 #include <iterator>
 #include <string>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <gmock/gmock.h>
@@ -42,6 +43,35 @@ TEST(NewFileTest, AppearsWholeOrNotAtAll) {
   ASSERT_TRUE(moved.finish());
   EXPECT_EQ(content_of(dir / "x"), "abcd");
   EXPECT_EQ(moved.size(), 4U);
+}
+
+unsigned mode_of(const std::string& path) {
+  struct stat status {};
+  return ::stat(path.c_str(), &status) == 0 ? status.st_mode & 0777U : 0U;
+}
+
+TEST(NewFileTest, KeepsFromTheGroupWhatOneOfItsSourcesDoes) {
+  const test::TempDir dir;
+  const TapePaths tape = literal_tape(dir / "t.log");
+  test::write_file(tape.read, test::bytes_of("r"));
+  test::write_file(tape.events, test::bytes_of("e"));
+  ASSERT_EQ(::chmod(tape.read.c_str(), 0644), 0);
+  ASSERT_EQ(::chmod(tape.events.c_str(), 0600), 0);
+  auto file = NewFile::create(dir / "x", false);
+  ASSERT_TRUE(file && file->made_of(tape) && file->finish());
+  EXPECT_EQ(mode_of(dir / "x"), 0600U);
+  auto other = NewFile::create(dir / "y", false);
+  ASSERT_TRUE(other && other->made_of(tape.read.string()) && other->finish());
+  EXPECT_EQ(mode_of(dir / "y") & 07U, 0U);
+}
+
+TEST(NewFileTest, KeepsFromTheGroupWhatTheReplacedFileDoes) {
+  const test::TempDir dir;
+  test::write_file(dir / "x", test::bytes_of("old"));
+  ASSERT_EQ(::chmod((dir / "x").c_str(), 0600), 0);
+  auto file = NewFile::create(dir / "x", true);
+  ASSERT_TRUE(file && file->finish());
+  EXPECT_EQ(mode_of(dir / "x"), 0600U);
 }
 
 TEST(NewFileTest, WhatIsThereStaysUntilItIsToBeReplaced) {
