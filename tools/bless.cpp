@@ -8,6 +8,7 @@
 #include <optional>
 #include <ostream>
 #include <string>
+#include <sys/stat.h>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -175,11 +176,25 @@ class Blessing {
   }
 
   Result<void> place() {
+    keep_from_others();
     Result<void> published = made_->publish();
     if (published) return published;
     Error error = published.error();
     error.message += "; nothing is blessed, and the new tape is gone";
     return error;
+  }
+
+  // What the old tape keeps from the group the new one does; it is in a folder of ours until it is published.
+  void keep_from_others() const {
+    struct stat status {};
+    mode_t kept = 0;
+    for (const fs::path* const file : {&old_.read, &old_.write, &old_.events}) {
+      if (::stat(file->c_str(), &status) == 0) kept |= ~status.st_mode & (S_IRWXG | S_IRWXO);
+    }
+    const TapePaths& made = *request_->record_to;
+    for (const fs::path* const file : {&made.read, &made.write, &made.events}) {
+      if (::stat(file->c_str(), &status) == 0) (void)::chmod(file->c_str(), status.st_mode & 0777U & ~kept);
+    }
   }
 
   CommandVerbLine line_;

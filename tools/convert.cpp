@@ -13,6 +13,7 @@
 #include "libport/tape/part_writer.hpp"
 #include "libport/taped/report_file.hpp"
 #include "tools/command_line.hpp"
+#include "tools/mode_of_sources.hpp"
 #include "tools/new_tape_option.hpp"
 #include "tools/private_folder.hpp"
 #include "tools/progress.hpp"
@@ -275,6 +276,7 @@ int run_convert(Arguments args, std::ostream& out, std::ostream& err) {
   if (plan->to == nullptr) {
     const TapePaths to = new_tape(plan->out);
     if (const auto free = check_new_tape(to, plan->writer); !free) return fail(free.error());
+    const ModeOfSources mode(plan->in);
     const Result<ImportedTape> made = import_to(*plan, to, err);
     if (!made) return fail(made.error());
     tell_import(made->paths.name(), *made, *plan->from, out);

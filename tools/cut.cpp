@@ -9,6 +9,7 @@
 #include "libport/base/whole_number.hpp"
 #include "libport/tape/cut_tape.hpp"
 #include "tools/command_line.hpp"
+#include "tools/mode_of_sources.hpp"
 #include "tools/new_tape_option.hpp"
 #include "tools/progress.hpp"
 #include "tools/text.hpp"
@@ -120,6 +121,7 @@ int run_cut(Arguments args, std::ostream& out, std::ostream& err) {
   if (!from) return line.usage_error(err, from.error().message);
   if (const auto free = check_new_tape(to->paths, to->writer); !free)
     return fail_verb("cut", free.error(), out, err);
+  const ModeOfSources mode(*from);
   Progress progress(err, "cut", size_of_tape(*from));
   const Result<CutTape> cut = cut_tape(*from, to->paths,
                                        {.range = std::move(*range),

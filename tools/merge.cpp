@@ -9,6 +9,7 @@
 #include "libport/base/printable.hpp"
 #include "libport/tape/merge_tapes.hpp"
 #include "tools/command_line.hpp"
+#include "tools/mode_of_sources.hpp"
 #include "tools/new_tape_option.hpp"
 #include "tools/progress.hpp"
 #include "tools/text.hpp"
@@ -88,6 +89,7 @@ int run_merge(Arguments args, std::ostream& out, std::ostream& err) {
   }
   if (const auto free = check_new_tape(to->paths, to->writer); !free)
     return fail_verb("merge", free.error(), out, err);
+  const ModeOfSources mode(tapes);
   Progress progress(err, "merge", bytes);
   options.progress = [&](std::uint64_t done) { progress.at(done); };
   const Result<MergedTape> merged = merge_tapes(tapes, to->paths, options);

@@ -7,6 +7,7 @@
 #include "libport/base/printable.hpp"
 #include "libport/tape/recover_tape.hpp"
 #include "tools/command_line.hpp"
+#include "tools/mode_of_sources.hpp"
 #include "tools/new_tape_option.hpp"
 #include "tools/progress.hpp"
 #include "tools/text.hpp"
@@ -55,6 +56,7 @@ int run_recover(Arguments args, std::ostream& out, std::ostream& err) {
   if (!from) return line.usage_error(err, from.error().message);
   if (const auto free = check_new_tape(to->paths, to->writer); !free)
     return fail_verb("recover", free.error(), out, err);
+  const ModeOfSources mode(*from);
   Progress progress(err, "recover", size_of_tape(*from));
   const Result<RecoveredTape> tape = recover_tape(
       *from, to->paths, {.writer = to->writer, .progress = [&](std::uint64_t bytes) { progress.at(bytes); }});

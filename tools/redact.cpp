@@ -12,6 +12,7 @@
 #include "libport/taped/report_file.hpp"
 #include "libport/taped/rules_file.hpp"
 #include "tools/command_line.hpp"
+#include "tools/mode_of_sources.hpp"
 #include "tools/new_tape_option.hpp"
 #include "tools/progress.hpp"
 #include "tools/spool.hpp"
@@ -276,6 +277,7 @@ int run_redact(Arguments args, std::ostream& out, std::ostream& err) {
       told << printable_line(place_of(redaction)) << ", " << counted(redaction.length, "byte") << ": "
            << printable_line(name_of_rule(request->rules, redaction.rule)) << '\n';
   };
+  const ModeOfSources mode(request->from);
   const Result<RedactedTape> tape = redact_tape(request->from, request->to.paths,
                                                 {.rules = request->rules,
                                                  .key = random_key(),

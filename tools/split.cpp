@@ -11,6 +11,7 @@
 #include "libport/base/printable.hpp"
 #include "libport/tape/split_tape.hpp"
 #include "tools/command_line.hpp"
+#include "tools/mode_of_sources.hpp"
 #include "tools/new_tape_option.hpp"
 #include "tools/progress.hpp"
 #include "tools/text.hpp"
@@ -99,6 +100,7 @@ int run_split(Arguments args, std::ostream& out, std::ostream& err) {
   if (!from) return line.usage_error(err, from.error().message);
   if (const auto free = check_new_tape(part_tape(to->paths, 1), to->writer); !free)
     return fail_verb("split", free.error(), out, err);
+  const ModeOfSources mode(*from);
   Progress progress(err, "split", size_of_tape(*from));
   options->writer = to->writer;
   options->progress = [&](std::uint64_t bytes) { progress.at(bytes); };

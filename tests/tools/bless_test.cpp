@@ -155,6 +155,24 @@ TEST_F(Bless, ATapeThatIsBeingWrittenIsRefusedBeforeTheCommandRuns) {
   EXPECT_THAT(files(), testing::UnorderedElementsAre("t.logr", "t.logw", "t.loge"));
 }
 
+TEST_F(Bless, WhatIsMadeOfATapeIsForNobodyWhomThatTapeIsNotFor) {
+  using std::filesystem::perms;
+  for (const std::string letter : {"r", "w"})
+    std::filesystem::permissions(tape + letter, perms::owner_read | perms::owner_write);
+  EXPECT_EQ(bless("Ask!\\n", "more\\n").status, 0);
+  EXPECT_EQ(run({"cut", tape, "--from", "0", "-o", dir / "part"}).status, 0);
+  EXPECT_EQ(run({"split", tape, "--every", "1", "-o", dir / "split"}).status, 0);
+  EXPECT_EQ(run({"recover", tape, "-o", dir / "sound"}).status, 0);
+  EXPECT_EQ(run({"merge", tape, dir / "part", "-o", dir / "both"}).status, 0);
+  EXPECT_EQ(run({"convert", tape, "--to", "csv", "-o", dir / "table"}).status, 0);
+  EXPECT_EQ(run({"plot", tape, "-o", dir / "picture"}).status, 0);
+  EXPECT_EQ(run({"view", tape, "-o", dir / "page"}).status, 0);
+  EXPECT_EQ(run({"pack", tape, "-o", dir / "pack.tar.gz"}).status, 0);
+  for (const auto& entry : std::filesystem::directory_iterator(dir / "")) {
+    EXPECT_EQ(entry.status().permissions(), perms::owner_read | perms::owner_write) << entry.path();
+  }
+}
+
 TEST_F(Bless, ALinkThatLeadsNowhereTakesAName) {
   std::filesystem::create_symlink("nowhere", dir / "t.2.logw");
   const Ran ran = bless("Ask!\\n", "more\\n");
