@@ -17,6 +17,7 @@
 #include "tools/command_end.hpp"
 #include "tools/fault_case.hpp"
 #include "tools/fault_pool.hpp"
+#include "tools/mode_of_sources.hpp"
 #include "tools/output.hpp"
 #include "tools/private_folder.hpp"
 #include "tools/shrinker.hpp"
@@ -82,6 +83,7 @@ class Shrink {
     const ShrinkCase& best = shrinker.run();
     clear_progress();
     if (trouble_) return *trouble_;
+    const ModeOfSources mode(case_.tape);
     if (Result<void> written = tape_.write(output_, best.parts, true); !written) return written.error();
     const int status = tell(given, best);
     return pool_.interrupted_by() == 0 ? status : interrupted();
