@@ -23,7 +23,10 @@ endfunction()
 
 # A path from the source folder on. get_filename_component would make slashes of its backslashes.
 function(_porttape_path _result _path)
-  if(NOT IS_ABSOLUTE "${_path}")
+  if("${_path}" MATCHES "^~/")
+    string(SUBSTRING "${_path}" 1 -1 _path)
+    set(_path "$ENV{HOME}${_path}")
+  elseif(NOT IS_ABSOLUTE "${_path}")
     set(_path "${CMAKE_CURRENT_SOURCE_DIR}/${_path}")
   endif()
   set(${_result} "${_path}" PARENT_SCOPE)

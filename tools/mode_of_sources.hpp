@@ -32,10 +32,11 @@ class ModeOfSources {
   ~ModeOfSources() { (void)::umask(before_); }
 
  private:
-  // What is not there is no source.
+  // What is not there is no source, nor is a pipe, whose mode says nothing.
   void keep(const std::string& file) {
     struct stat status {};
-    if (::stat(file.c_str(), &status) == 0) kept_ |= ~status.st_mode & (S_IRWXG | S_IRWXO);
+    if (::stat(file.c_str(), &status) == 0 && S_ISREG(status.st_mode))
+      kept_ |= ~status.st_mode & (S_IRWXG | S_IRWXO);
   }
   void set() {
     before_ = ::umask(S_IRWXG | S_IRWXO);

@@ -117,6 +117,9 @@ class Expectation {
   // What makes the answers follow, anew for each that plays the tape; null: they are played as recorded.
   [[nodiscard]] virtual std::unique_ptr<Replies> replies() const { return nullptr; }
 
+  // Whether the driver may leave a frame out, whose answer does not come then.
+  [[nodiscard]] virtual bool leaves_out() const { return false; }
+
   // Nothing may vary.
   [[nodiscard]] static Held exactly(ByteView recorded, ByteView came) {
     const ByteView shorter = recorded.first(std::min(recorded.size(), came.size()));

@@ -53,6 +53,7 @@ ReplayRun::ReplayRun(const ReplayConfig& config, const Engine::TapeFacts& facts,
       hang_ups_(drives() ? std::vector<TapeTime>() : facts.hang_ups),
       opens_(facts.opens),
       ruled_(parts.expectation != nullptr),
+      leaves_out_(ruled_ && parts.expectation->leaves_out()),
       totals_(facts.totals),
       gaps_(facts.gaps),
       budget_(budget),
@@ -426,6 +427,7 @@ void ReplayRun::end(Instant now, EndedBy by) {
   report.reads_excused = player_.reads_excused();
   report.output_flushes = player_.schedule().output_flushes();
   report.ruled = ruled_;
+  report.leaves_out = leaves_out_;
   report.rewritten = replies_ != nullptr;
   report.think_times = player_.think_times().times();
   report.idle = std::chrono::floor<Micros>(now - last_byte_);

@@ -172,6 +172,7 @@ class ReplayRun {
   std::vector<TapeTime> hang_ups_;
   std::uint64_t opens_;  // on the tape
   bool ruled_;           // something may vary
+  bool leaves_out_;      // the driver may leave something out
   std::optional<TapeTotals> totals_;
   std::vector<TapeGap> gaps_;
   Budget& budget_;

@@ -49,13 +49,13 @@ struct Unread {
   std::uint64_t of = 0;
 };
 
-// Of endless loops those that were played to their end count.
+// Of endless loops those count that were played to their end: the last may end anywhere, but for the first.
 std::uint64_t due_of(const RunReport& report) {
   const PlaybackReport& played = report.playback;
   const std::uint64_t all = report.to_driver_of.value_or(0);
   if (played.loops_of || played.loops == 0) return all;
-  return played.prerolled.reads +
-         (all - std::min(all, played.prerolled.reads)) / played.loops * played.loops_complete;
+  const std::uint64_t whole = played.loops == 1 ? played.loops_complete : played.loops - 1;
+  return played.prerolled.reads + (all - std::min(all, played.prerolled.reads)) / played.loops * whole;
 }
 
 // Where a user steered it by hand, how much was due is not known.
@@ -66,7 +66,7 @@ Unread unread_of(const RunReport& report) {
     return {left + waits, report.to_driver_bytes + waits};
   }
   const bool again = report.playback.loops_of != 1;
-  if (report.playback.steered() || !report.to_driver_of || (report.rewritten && again))
+  if (report.playback.steered() || !report.to_driver_of || report.leaves_out || (report.rewritten && again))
     return {left, report.to_driver_of.value_or(0)};
   // What is rewritten may be longer than on the tape, or shorter.
   const std::uint64_t came =
@@ -89,13 +89,14 @@ void judge_reading(RunReport& report) {
   if (!judged) return;
   const auto [unread, all] = unread_of(report);
   if (unread == 0) {
-    if (report.must_read && !report.left_unread)
+    if (report.must_read && report.closed && !report.left_unread)
       report.doubts.push_back({Doubt::Kind::unread,
-                               "what the driver left unread when it closed is not known: of a pty alone does "
-                               "the kernel tell that"});
+                               "what the driver left unread when it closed is not known: the kernel did not "
+                               "tell it"});
     return;
   }
   report.unread = unread;
+  if (all >= unread) report.unread_of = all;
   const bool speaks_alone = report.from_driver_of == 0U;
   const bool took_none = report.to_driver_bytes <= report.left_unread.value_or(0);
   if (report.strictness > 0 && (report.must_read || (speaks_alone && took_none))) {

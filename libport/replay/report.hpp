@@ -160,6 +160,7 @@ struct RunReport {
   std::string chunks;      // `bytes`, or `random:SEED`, the option that cuts so again; empty: nothing was cut
   bool ruled = false;      // there are rules of what may vary
   bool rewritten = false;  // and of how answers follow from it
+  bool leaves_out = false;  // and of what the driver may leave out, with its answer
   Nanos duration{};
   std::uint64_t to_driver_bytes = 0;
   std::optional<std::uint64_t> to_driver_of;  // nothing: the tape was not counted
@@ -211,8 +212,9 @@ struct RunReport {
   // Of the tape's reads, what no driver could read: it came with nobody there, was dropped by a flush of the
   // driver's own, or answered what a rule let be left out.
   std::uint64_t reads_excused = 0;
-  std::uint64_t output_flushes = 0;          // of the tape's driver, each behind other writes
-  bool must_read = false;                    // what was not read is part of the verdict
+  std::uint64_t output_flushes = 0;             // of the tape's driver, each behind other writes
+  bool must_read = false;                       // what was not read is part of the verdict
+  std::optional<std::uint64_t> unread_of = {};  // so many bytes could have been read, where that is known
   std::optional<std::uint64_t> unread = {};  // of what was recorded as read, where judge_reading() found any
   Micros idle{};                             // from the last byte of either direction to the run's end
   bool hung = false;                         // `porttape test`: it slept, or ran too long, and was ended

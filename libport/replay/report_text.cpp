@@ -201,7 +201,7 @@ bool all_came(const RunReport& report) {
 
 Headline unsent_headline(const RunReport& report) {
   if (is_incomplete_by_unread(report)) {
-    const std::string all = report.to_driver_of ? " of " + std::to_string(*report.to_driver_of) : "";
+    const std::string all = report.unread_of ? " of " + std::to_string(*report.unread_of) : "";
     return {"incomplete", text_of(roles_of(report.writer).one) + " did not read " +
                               std::to_string(*report.unread) + all + " bytes that were recorded as read"};
   }

@@ -62,6 +62,10 @@ std::unique_ptr<Replies> RuleExpectation::replies() const {
   return std::make_unique<RuleReplies>(book_);
 }
 
+bool RuleExpectation::leaves_out() const {
+  return std::ranges::any_of(book_->set().rules, [](const Rule& rule) { return rule.optional; });
+}
+
 Held RuleExpectation::hold(const Stretch& recorded, ByteView came, Memory& memory) const {
   if (memory.settled) return use_rest(recorded, memory, 0);
   if (memory.frame.empty()) begin_frame(recorded, memory);

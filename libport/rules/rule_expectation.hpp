@@ -20,6 +20,7 @@ class RuleExpectation final : public Expectation {
   [[nodiscard]] Held hold_beyond(ByteView came, Memory& memory) const override;
   [[nodiscard]] Reach reach() const override;
   [[nodiscard]] std::unique_ptr<Replies> replies() const override;
+  [[nodiscard]] bool leaves_out() const override;
 
   [[nodiscard]] const RuleBook& book() const { return *book_; }
 

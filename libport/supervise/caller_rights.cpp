@@ -1,6 +1,7 @@
 #include "libport/supervise/caller_rights.hpp"
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdint>
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -37,12 +38,19 @@ bool is_same_place(const std::string& one, const std::string& other) {
   return mount && mount == mount_of(other) && is_same_file(one, other);
 }
 
-// What a security module knows it as; empty without one.
+// A kernel without them (CONFIG_USER_NS) shows none.
+bool has_user_namespaces() {
+  struct stat status {};
+  return ::stat("/proc/thread-self/ns/user", &status) == 0 || errno != ENOENT;
+}
+
+// What a security module knows it as; empty without one, and of a profile that restricts nothing.
 std::string label_of(const std::string& folder) {
   std::string label;
   std::ifstream file(folder + "attr/current");
   std::getline(file, label);
-  return label;
+  while (!label.empty() && label.back() == '\0') label.pop_back();
+  return label == "unconfined" || label.ends_with(" (unconfined)") ? std::string() : label;
 }
 
 // What the kernel says of a thread.
@@ -98,7 +106,7 @@ std::string why_not_ours(pid_t thread) {
     return "it has not the rights that porttape has";
   const std::string folder = folder_of(thread);
   // The capabilities of a user namespace count for what belongs to that namespace alone.
-  if (!is_same_file(folder + "ns/user", "/proc/thread-self/ns/user"))
+  if (has_user_namespaces() && !is_same_file(folder + "ns/user", "/proc/thread-self/ns/user"))
     return "its rights are those of another user namespace";
   if (label_of(folder) != label_of("/proc/thread-self/"))
     return "a security module gives it other rights than porttape";
@@ -106,6 +114,22 @@ std::string why_not_ours(pid_t thread) {
       !is_same_place(folder + "root", "/proc/thread-self/root"))
     return "the files that it sees are others";
   return {};
+}
+
+std::vector<pid_t> lineage_of(pid_t thread) {
+  std::vector<pid_t> lineage;
+  for (pid_t next = thread; next > 1;) {
+    std::ifstream file(fmt::format("/proc/{}/status", next));
+    pid_t process = 0;
+    pid_t parent = 0;
+    for (std::string line; std::getline(file, line);) {
+      if (line.starts_with("Tgid:")) process = std::atoi(line.c_str() + 5);
+      if (line.starts_with("PPid:")) parent = std::atoi(line.c_str() + 5);
+    }
+    if (process > 0) lineage.push_back(process);
+    next = parent;
+  }
+  return lineage;
 }
 
 bool is_administrator(pid_t thread) {

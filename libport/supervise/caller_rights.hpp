@@ -2,6 +2,7 @@
 
 #include <string>
 #include <sys/types.h>
+#include <vector>
 
 namespace porttape {
 
@@ -17,6 +18,10 @@ namespace porttape {
 // security label are others than ours, or the files that it sees are. Empty: it would open what we do, as far
 // as /proc shows that, which does not show Landlock (TapCalls sees a program restrict itself by that).
 std::string why_not_ours(pid_t thread);
+
+// The process of a thread and those that it descends from, as far as /proc shows them: of an orphan's
+// ancestors none is known.
+std::vector<pid_t> lineage_of(pid_t thread);
 
 // Whether the thread may do here what the kernel asks CAP_SYS_ADMIN for.
 bool is_administrator(pid_t thread);

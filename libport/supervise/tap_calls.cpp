@@ -199,7 +199,8 @@ CallPart::Decision TapCalls::decide(Supervisor& supervisor, const Call& call) {
     case SYS_io_uring_setup:
       return outcome::Refuse{ENOSYS};
     case kRestrictSelf:
-      restricted_ = true;
+      if (const std::vector<pid_t> lineage = lineage_of(call.thread()); !lineage.empty())
+        restricted_.insert(lineage.front());
       return outcome::Pass{};
     default:
       return NotMine{};
@@ -238,10 +239,14 @@ CallPart::Decision TapCalls::decide_open(Supervisor& supervisor, const Call& cal
   return open_tapped(supervisor, call, *wanted, status.st_rdev);
 }
 
-// Who has restricted itself by Landlock, and who was started by one that had, is not to be known.
+// Landlock holds for who restricts itself, and for all that it starts from then on.
 std::string TapCalls::why_not_opened(const Call& call, const OpenArguments& wanted) const {
   if (wanted.own_way) return "by a path with rules of its own";
-  if (restricted_) return "a program of it has restricted itself by Landlock";
+  if (!restricted_.empty()) {
+    const std::vector<pid_t> lineage = lineage_of(call.thread());
+    if (std::ranges::any_of(lineage, [this](pid_t process) { return restricted_.contains(process); }))
+      return "it has restricted itself by Landlock";
+  }
   return why_not_ours(call.thread());
 }
 

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <sys/types.h>
@@ -89,7 +90,7 @@ class TapCalls final : public CallPart {
   PortDevices ports_;
   std::uint32_t files_from_;
   std::optional<std::uint64_t> device_;
-  bool restricted_ = false;  // a program has used Landlock
+  std::set<pid_t> restricted_;  // processes that have used Landlock
   Timer holders_timer_;
   std::vector<std::string> told_;
   std::vector<std::unique_ptr<Holder>> holders_;

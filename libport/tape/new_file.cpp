@@ -96,7 +96,7 @@ Result<NewFile> NewFile::create(const std::string& path, bool overwrite) {
 
 Result<void> NewFile::made_of(const std::string& source) {
   struct stat status {};
-  if (::stat(source.c_str(), &status) != 0) return {};
+  if (::stat(source.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return {};
   return keep_from_others(status.st_mode);
 }
 
@@ -114,7 +114,10 @@ Result<void> NewFile::keep_from_others(unsigned mode) {
   if (::fstat(fd_.get(), &own) != 0) return failed(errno);
   const mode_t now = own.st_mode & 07777U;
   const mode_t less = now & (mode | S_IRWXU);
-  return less == now || ::fchmod(fd_.get(), less) == 0 ? Result<void>() : failed(errno);
+  if (less == now || ::fchmod(fd_.get(), less) == 0) return {};
+  // A file system without modes (vfat, a share) has one for all files.
+  const bool has_modes = errno != EPERM && errno != EOPNOTSUPP && errno != ENOSYS;
+  return has_modes ? failed(errno) : Result<void>();
 }
 
 NewFile NewFile::in_memory() { return {Kind::memory, "memory"}; }

@@ -97,7 +97,11 @@ Result<void> TapeSet::move(const fs::path& from, const fs::path& to) {
     return make_error(error == EEXIST ? Errc::usage : Errc::io,
                       "cannot make " + in_quotes(to.string()) + ": " + errno_text(error));
   };
-  const UniqueFd existing(::open(to.c_str(), O_WRONLY | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC));
+  constexpr int flags = O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC;
+  UniqueFd existing(::open(to.c_str(), O_WRONLY | flags));
+  // One that cannot be written has no lock of ours to take.
+  const bool lockable = existing || errno != EACCES;
+  if (!lockable) existing.reset(::open(to.c_str(), O_RDONLY | flags));
   if (!existing && errno != ENOENT) return failed(errno);
   const std::optional<FileIdentity> file = FileIdentity::at(AT_FDCWD, from);
   if (!file) return failed(errno);
@@ -107,7 +111,8 @@ Result<void> TapeSet::move(const fs::path& from, const fs::path& to) {
     return {};
   }
   if (on_existing_ != OnExisting::overwrite) return failed(EEXIST);
-  const TapeLock lock = lock_tape_file(existing.get(), AT_FDCWD, to);
+  const TapeLock none = is_being_written(to) ? TapeLock::taken : TapeLock::held;
+  const TapeLock lock = lockable ? lock_tape_file(existing.get(), AT_FDCWD, to) : none;
   if (lock == TapeLock::taken)
     return make_error(Errc::usage, in_quotes(to.string()) + " is being written by a recording");
   if (lock == TapeLock::read)

@@ -161,12 +161,15 @@ TEST(JudgeReading, WhatIsNotKnownIsADoubtOfWhoeverMustRead) {
   judge_reading(report);
   EXPECT_EQ(doubts_of(report), "");
   report.must_read = true;
+  report.closed = false;
+  judge_reading(report);
+  EXPECT_EQ(doubts_of(report), "") << "it has not closed";
+  report.closed = true;
   judge_reading(report);
   EXPECT_EQ(report.verdict, Verdict::pass);
   EXPECT_EQ(report.unread, std::nullopt);
   EXPECT_EQ(doubts_of(report),
-            "what the driver left unread when it closed is not known: of a pty alone does the kernel tell "
-            "that\n");
+            "what the driver left unread when it closed is not known: the kernel did not tell it\n");
 }
 
 TEST(JudgeReading, WhatWasNotIsADoubtWithItsShare) {
@@ -250,6 +253,13 @@ TEST(JudgeReading, RulesOfWritesLeaveTheAnswersAsLongAsTheyAre) {
   EXPECT_EQ(report.unread, 37U);
 }
 
+TEST(JudgeReading, TheAnswerOfAFrameThatMayBeLeftOutIsNotMissed) {
+  RunReport report = spoken_to(50, 7);
+  report.ruled = report.leaves_out = true;
+  judge_reading(report);
+  EXPECT_EQ(report.unread, 7U);
+}
+
 TEST(JudgeReading, OfRewrittenAnswersTheTapesBytesCount) {
   const auto judged = [](std::uint64_t rewritten, std::uint64_t delivered) {
     RunReport report = spoken_to(rewritten, 0);
@@ -276,6 +286,7 @@ TEST(JudgeReading, OfEndlessLoopsThoseThatWereCompleteCount) {
   EXPECT_EQ(judged(1, 1, 0), 100U);
   EXPECT_EQ(judged(1, 0, 10), std::nullopt);
   EXPECT_EQ(judged(3, 2, 190), std::nullopt);
+  EXPECT_EQ(judged(3, 3, 190), std::nullopt) << "the last one ends where the driver is stopped";
   EXPECT_EQ(judged(3, 2, 189), 1U);
 }
 

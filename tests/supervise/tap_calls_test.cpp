@@ -15,6 +15,7 @@
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <termios.h>
+#include <thread>
 #include <unistd.h>
 #include <utility>
 #include <vector>
@@ -25,6 +26,7 @@
 #include "libport/base/line_settings_text.hpp"
 #include "libport/loop/fd_watch.hpp"
 #include "libport/loop/timer.hpp"
+#include "libport/supervise/caller_rights.hpp"
 #include "libport/supervise/supervised_command.hpp"
 #include "libport/supervise/waiting_open.hpp"
 #include "tests/support/descriptor_limit.hpp"
@@ -475,6 +477,18 @@ TEST_F(TapCallsOfAProgramThatGivesUpRights, OneInAnotherMountOfTheSameRootOpensI
 
 TEST_F(TapCallsOfAProgramThatGivesUpRights, OneThatRestrictsItselfByLandlockOpensItself) {
   expect_opened_by_itself("landlock", "Landlock");
+}
+
+TEST(CallerLineage, BeginsWithTheProcessAndGoesOnWithItsParents) {
+  std::vector<pid_t> of_thread;
+  std::thread([&] { of_thread = lineage_of(::gettid()); }).join();
+  ASSERT_GE(of_thread.size(), 1U);
+  EXPECT_EQ(of_thread.front(), ::getpid());
+  if (::getppid() > 1) {
+    ASSERT_GE(of_thread.size(), 2U);
+    EXPECT_EQ(of_thread[1], ::getppid());
+  }
+  EXPECT_TRUE(lineage_of(-1).empty());
 }
 
 TEST_F(TapCallsOfAProgramThatGivesUpRights, WhatItHasOpenStaysOnTheTape) {

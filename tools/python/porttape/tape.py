@@ -246,6 +246,11 @@ def _lock(path: pathlib.Path, held: contextlib.ExitStack) -> bool:
         file = os.open(path, os.O_WRONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
     except FileNotFoundError:
         return False
+    except PermissionError:
+        # What we may not write has no lock of ours to take, and is replaced by the rights to its folder.
+        if not stat.S_ISREG(os.lstat(path).st_mode):
+            raise
+        return True
     held.callback(os.close, file)
     if not stat.S_ISREG(os.fstat(file).st_mode):
         raise OSError(errno.EEXIST, "is not a regular file", os.fspath(path))
@@ -259,6 +264,18 @@ def _lock(path: pathlib.Path, held: contextlib.ExitStack) -> bool:
     if not os.path.samestat(os.fstat(file), os.lstat(path)):
         raise OSError(errno.EEXIST, "has been replaced meanwhile", os.fspath(path))
     return True
+
+
+def _give_name(made: pathlib.Path, final: pathlib.Path, overwrite: bool) -> None:
+    """A second name, under which nothing was; on a file system without second names the only one."""
+    try:
+        os.link(made, final)
+    except OSError as error:
+        if error.errno not in (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK):
+            raise
+        if not overwrite:  # holds the name: nothing is replaced that was there
+            os.close(os.open(final, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o640))
+        os.replace(made, final)
 
 
 class _Files:
@@ -627,10 +644,10 @@ class Writer:
             try:
                 for letter in "ewr":
                     if letter not in replaced:
-                        os.link(self._names[letter], self._final(letter))
+                        _give_name(self._names[letter], self._final(letter), self._overwrite)
                 for letter in reversed(replaced):
                     os.replace(self._names[letter], self._final(letter))
-            except OSError:
+            except BaseException:
                 for letter in "ewr":
                     with contextlib.suppress(FileNotFoundError):
                         if os.path.samestat(os.lstat(self._names[letter]), os.lstat(self._final(letter))):
