@@ -364,14 +364,14 @@ TEST_F(RefusedCalls, AHeaderSaysWhatTheSystemTellsAndHasAnIdOfItsOwnAnyway) {
 }
 
 TEST_F(RefusedCalls, AFileOfASetThatMayNotBeOpenedIsTold) {
-  const RefusedCall no_write{
-      SYS_openat, EACCES, RefusedCall::Argument{2, O_WRONLY | O_NOFOLLOW | O_CREAT, O_WRONLY | O_NOFOLLOW}};
-  EXPECT_TRUE(holds_without({no_write}, [&] {
+  const RefusedCall::Argument to_write{2, O_WRONLY | O_NOFOLLOW | O_CREAT, O_WRONLY | O_NOFOLLOW};
+  const RefusedCall no_write{SYS_openat, EACCES, to_write};
+  EXPECT_TRUE(holds_without({RefusedCall{SYS_openat, EIO, to_write}}, [&] {
     auto set = TapeSet::begin(paths, OnExisting::refuse);
     ASSERT_TRUE(set);
     write_all(*set->place(paths), "new");
     EXPECT_EQ(set->publish().error(),
-              make_error(Errc::io, "cannot make '" + paths.events.string() + "': Permission denied"));
+              make_error(Errc::io, "cannot make '" + paths.events.string() + "': Input/output error"));
   }));
   EXPECT_THAT(names(), IsEmpty());
   write_all(paths, "old");
