@@ -57,7 +57,7 @@ int write_number(int fd) {
 std::string why_not_trusted(int fd) {
   struct stat status {};
   if (::fstat(fd, &status) != 0) return "cannot be looked at: " + errno_text(errno);
-  if (status.st_uid != 0 && status.st_uid != ::geteuid()) return "is another user's";
+  if (!is_own_or_root(status.st_uid)) return "is another user's";
   if (status.st_nlink > 1) return "has other names too";
   if ((status.st_mode & (S_IWGRP | S_IWOTH)) != 0) return "can be written by other users";
   return {};

@@ -11,23 +11,15 @@
 
 #include <spdlog/spdlog.h>
 
+#include "libport/base/own_name.hpp"
 #include "libport/loop/outbox.hpp"
+#include "libport/net/peer_process.hpp"
 
 namespace porttape {
 namespace {
 
 // Without descriptors, say.
 constexpr Nanos kAcceptAgain = std::chrono::seconds(1);
-
-bool is_own_or_root(uid_t user) { return user == 0 || user == ::geteuid(); }
-
-// Nothing where the kernel does not tell.
-std::optional<uid_t> peer_of(int fd) {
-  ucred peer{};
-  socklen_t size = sizeof peer;
-  if (::getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0) return std::nullopt;
-  return peer.uid;
-}
 
 }  // namespace
 
@@ -143,7 +135,7 @@ Nanos ControlServer::accept() {
                  errno_text(error));
     return kAcceptAgain;
   }
-  if (const auto user = peer_of(fd.get()); !user || !options_.admits(*user)) {
+  if (const auto peer = peer_process(fd.get()); !peer || !options_.admits(peer->uid)) {
     const std::string no =
         control_usage_error("this daemon is another user's; ask as that user or as root") + '\n';
     (void)::send(fd.get(), no.data(), no.size(), MSG_NOSIGNAL);

@@ -8,12 +8,12 @@
 #include <optional>
 #include <ostream>
 #include <string>
-#include <sys/stat.h>
 #include <system_error>
 #include <utility>
 #include <vector>
 
 #include "libport/base/printable.hpp"
+#include "libport/tape/source_mode.hpp"
 #include "libport/tape/tape_set.hpp"
 #include "libport/tape/tape_writer.hpp"
 #include "tools/command_verb.hpp"
@@ -176,8 +176,8 @@ class Blessing {
   }
 
   Result<void> place() {
-    keep_from_others();
-    Result<void> published = made_->publish();
+    Result<void> published = keep_from_others();
+    if (published) published = made_->publish();
     if (published) return published;
     Error error = published.error();
     error.message += "; nothing is blessed, and the new tape is gone";
@@ -185,16 +185,15 @@ class Blessing {
   }
 
   // What the old tape keeps from the group the new one does; it is in a folder of ours until it is published.
-  void keep_from_others() const {
-    struct stat status {};
-    mode_t kept = 0;
-    for (const fs::path* const file : {&old_.read, &old_.write, &old_.events}) {
-      if (::stat(file->c_str(), &status) == 0) kept |= ~status.st_mode & (S_IRWXG | S_IRWXO);
-    }
+  [[nodiscard]] Result<void> keep_from_others() const {
+    const mode_t kept = kept_from_others(old_);
     const TapePaths& made = *request_->record_to;
     for (const fs::path* const file : {&made.read, &made.write, &made.events}) {
-      if (::stat(file->c_str(), &status) == 0) (void)::chmod(file->c_str(), status.st_mode & 0777U & ~kept);
+      std::error_code error;
+      fs::permissions(*file, fs::perms(kept), fs::perm_options::remove, error);
+      if (error) return make_error(Errc::io, in_quotes(file->string()) + ": " + error.message());
     }
+    return {};
   }
 
   CommandVerbLine line_;

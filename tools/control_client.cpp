@@ -20,6 +20,7 @@
 
 #include "libport/base/own_name.hpp"
 #include "libport/base/whole_number.hpp"
+#include "libport/net/peer_process.hpp"
 #include "tools/command_line.hpp"
 #include "tools/verb_clock.hpp"
 
@@ -47,22 +48,16 @@ void set_limit(int fd, Nanos limit) {
   (void)::setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &time, sizeof time);
 }
 
-std::optional<ucred> peer_of(int fd) {
-  ucred peer{};
-  socklen_t size = sizeof peer;
-  return ::getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 ? std::optional(peer) : std::nullopt;
-}
-
 // A folder that is not root's may be one of a user who wants us to take something else for a daemon.
 bool is_of_its_daemon(int fd, const ControlSocket& socket) {
   if (socket.owner == 0) return true;
-  const std::optional<ucred> peer = peer_of(fd);
+  const std::optional<ucred> peer = peer_process(fd);
   return peer && peer->pid == socket.pid && (peer->uid == socket.owner || peer->uid == 0);
 }
 
 // Of the one who serves there, whatever he says. 0 is one whom our namespace does not see.
 pid_t pid_of_daemon(int fd, const ControlSocket& socket) {
-  const std::optional<ucred> peer = peer_of(fd);
+  const std::optional<ucred> peer = peer_process(fd);
   return peer && peer->pid > 0 ? peer->pid : socket.pid;
 }
 

@@ -1,11 +1,11 @@
 #pragma once
 
-#include <initializer_list>
 #include <span>
 #include <string>
 #include <sys/stat.h>
 #include <sys/types.h>
 
+#include "libport/tape/source_mode.hpp"
 #include "libport/tape/tape_name.hpp"
 
 namespace porttape {
@@ -16,28 +16,16 @@ namespace porttape {
 class ModeOfSources {
  public:
   explicit ModeOfSources(std::span<const TapePaths> tapes) {
-    for (const TapePaths& tape : tapes) {
-      for (const std::string& file : {tape.read.string(), tape.write.string(), tape.events.string()})
-        keep(file);
-    }
+    for (const TapePaths& tape : tapes) kept_ |= kept_from_others(tape);
     set();
   }
   explicit ModeOfSources(const TapePaths& tape) : ModeOfSources(std::span(&tape, 1)) {}
-  explicit ModeOfSources(const std::string& file) {
-    keep(file);
-    set();
-  }
+  explicit ModeOfSources(const std::string& file) : kept_(kept_from_others(file)) { set(); }
   ModeOfSources(const ModeOfSources&) = delete;
   ModeOfSources& operator=(const ModeOfSources&) = delete;
   ~ModeOfSources() { (void)::umask(before_); }
 
  private:
-  // What is not there is no source, nor is a pipe, whose mode says nothing.
-  void keep(const std::string& file) {
-    struct stat status {};
-    if (::stat(file.c_str(), &status) == 0 && S_ISREG(status.st_mode))
-      kept_ |= ~status.st_mode & (S_IRWXG | S_IRWXO);
-  }
   void set() {
     before_ = ::umask(S_IRWXG | S_IRWXO);
     (void)::umask(before_ | kept_);

@@ -25,6 +25,8 @@ std::optional<FileIdentity> FileIdentity::at(int folder, const std::string& name
   return file;
 }
 
+bool is_own_or_root(uid_t user) { return user == 0 || user == ::geteuid(); }
+
 bool remove_if_same(int folder, const std::string& name, const FileIdentity& file) {
   return FileIdentity::at(folder, name) == file && ::unlinkat(folder, name.c_str(), 0) == 0;
 }

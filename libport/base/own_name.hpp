@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <sys/types.h>
 
 namespace porttape {
 
@@ -31,6 +32,9 @@ class FileIdentity {
   std::int64_t made_s_ = 0;
   std::uint32_t made_ns_ = 0;
 };
+
+// Whether what belongs to that user is as good as ours: it is our user's, or root's.
+bool is_own_or_root(uid_t user);
 
 // Removes the name if it means that file, and returns whether it did.
 bool remove_if_same(int folder, const std::string& name, const FileIdentity& file);

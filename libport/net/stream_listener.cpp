@@ -12,6 +12,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include "libport/net/peer_process.hpp"
 #include "libport/net/socket_address.hpp"
 #include "libport/net/stream_line.hpp"
 
@@ -25,14 +26,13 @@ constexpr Nanos kTellEvery = std::chrono::seconds(1);
 // The address of a connection's other end, or the process there.
 std::string peer_of(int fd, const SocketAddress& address) {
   if (address.family() != AF_UNIX) return address.text();
-  ucred process{};
-  socklen_t size = sizeof process;
-  if (::getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &process, &size) != 0) return "a process";
+  const std::optional<ucred> process = peer_process(fd);
+  if (!process) return "a process";
   std::string name;
-  std::ifstream comm(fmt::format("/proc/{}/comm", process.pid));
+  std::ifstream comm(fmt::format("/proc/{}/comm", process->pid));
   std::getline(comm, name);
-  return name.empty() ? fmt::format("process {}", process.pid)
-                      : fmt::format("{} (pid {})", name, process.pid);
+  return name.empty() ? fmt::format("process {}", process->pid)
+                      : fmt::format("{} (pid {})", name, process->pid);
 }
 
 std::size_t unread(int fd) {

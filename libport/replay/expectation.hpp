@@ -143,8 +143,8 @@ class Comparison {
     held.differs = held.differs || (nothing && !came.empty());
     return held;
   }
-  // The same once the driver writes no more: what of the tape need not have come (`recorded`), and whether
-  // what came last is no beginning of what was recorded (`differs`).
+  // hold() once the driver writes no more. `recorded` counts the bytes of the tape that need not have come.
+  // `differs` says that the last bytes that came do not begin what was recorded.
   [[nodiscard]] Expectation::Held at_end(const Expectation::Stretch& recorded) {
     if (expectation_ == nullptr) return {};
     memory_.ended = true;

@@ -24,11 +24,11 @@ RuleSet frames_alone(const RuleSet& set) {
 
 RedactBook::RedactBook(const RuleSet& set, const Filler::Key& key)
     : rules_(set.redactions), frames_(frames_alone(set)), filler_(key, set.frames) {
+  const std::size_t count = 2 * rules_.size();
   for (const RedactRule& rule : rules_) {
     std::string place = rule.kind == RedactRule::Kind::pattern ? rule.pattern : rule.place.capture;
     if (rule.kind == RedactRule::Kind::text) place = re2::RE2::QuoteMeta(as_piece(rule.text));
-    compiled_.push_back(
-        {redact_expression(rule.when, 2 * rules_.size()), redact_expression(place, 2 * rules_.size())});
+    compiled_.push_back({redact_expression(rule.when, count), redact_expression(place, count)});
   }
 }
 

@@ -115,7 +115,7 @@ void RuleExpectation::begin_frame(const Stretch& recorded, Memory& memory) const
   memory.sums_right = book_->checksum_holds(memory.format, memory.frame).value_or(memory.sums_right);
 }
 
-// Where the tape's checksums are right, what comes beside its frames is none with a wrong one.
+// If the tape's checksums are right, a frame with a wrong checksum repeats none of them.
 bool RuleExpectation::repeats(int format, const Memory& memory) const {
   if (memory.sums_right && !book_->checksum_holds(format, memory.came).value_or(true)) return false;
   return book_->repeats(memory.came, format).has_value();

@@ -12,6 +12,7 @@
 
 #include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/tape/source_mode.hpp"
 #include "libport/tape/tape_lock.hpp"
 
 namespace porttape {
@@ -94,26 +95,16 @@ Result<NewFile> NewFile::create(const std::string& path, bool overwrite) {
   return file;
 }
 
-Result<void> NewFile::made_of(const std::string& source) {
-  struct stat status {};
-  if (::stat(source.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return {};
-  return keep_from_others(status.st_mode);
-}
+Result<void> NewFile::made_of(const std::string& source) { return keep(kept_from_others(source)); }
 
-Result<void> NewFile::made_of(const TapePaths& tape) {
-  for (const fs::path* const file : {&tape.read, &tape.write, &tape.events}) {
-    if (Result<void> kept = made_of(file->string()); !kept) return kept;
-  }
-  return {};
-}
+Result<void> NewFile::made_of(const TapePaths& tape) { return keep(kept_from_others(tape)); }
 
-// What that mode keeps from the group and from others this one does.
-Result<void> NewFile::keep_from_others(unsigned mode) {
-  if (kind_ != Kind::file) return {};
+Result<void> NewFile::keep(mode_t from_others) {
+  if (kind_ != Kind::file || from_others == 0) return {};
   struct stat own {};
   if (::fstat(fd_.get(), &own) != 0) return failed(errno);
   const mode_t now = own.st_mode & 07777U;
-  const mode_t less = now & (mode | S_IRWXU);
+  const mode_t less = now & ~from_others;
   if (less == now || ::fchmod(fd_.get(), less) == 0) return {};
   // A file system without modes (vfat, a share) has one for all files.
   const bool has_modes = errno != EPERM && errno != EOPNOTSUPP && errno != ENOSYS;
@@ -159,10 +150,7 @@ Result<void> NewFile::finish() {
   UniqueFd existing;
   if (overwrite_) {
     if (Result<void> locked = lock_existing(existing); !locked) return locked;
-    struct stat old {};
-    if (::lstat(path_.c_str(), &old) == 0 && S_ISREG(old.st_mode)) {
-      if (Result<void> kept = keep_from_others(old.st_mode); !kept) return kept;
-    }
+    if (Result<void> kept = keep(kept_from_others(path_)); !kept) return kept;
   }
   const int error = publish();
   if (error == EEXIST)

@@ -50,7 +50,7 @@ class NewFile {
   NewFile(Kind kind, std::string path) : kind_(kind), path_(std::move(path)) {}
   Result<void> flush();
   Result<void> failed(int error);
-  Result<void> keep_from_others(unsigned mode);
+  Result<void> keep(mode_t from_others);
   Result<void> lock_existing(UniqueFd& existing) const;
   int publish();
 

@@ -228,7 +228,7 @@ class TapeRecoverer {
     return file.advance();
   }
 
-  // What is lost behind the last sound thing of each file, and what never was there.
+  // Tells what each file lost after its last sound block or event, and which of the files never was there.
   Result<void> take_end() {
     const TapeTime last = tape_->latest();
     for (SalvageFile* const file : {&read_, &write_}) {

@@ -111,8 +111,9 @@ Result<void> TapeSet::move(const fs::path& from, const fs::path& to) {
     return {};
   }
   if (on_existing_ != OnExisting::overwrite) return failed(EEXIST);
-  const TapeLock none = is_being_written(to) ? TapeLock::taken : TapeLock::held;
-  const TapeLock lock = lockable ? lock_tape_file(existing.get(), AT_FDCWD, to) : none;
+  const TapeLock lock = lockable               ? lock_tape_file(existing.get(), AT_FDCWD, to)
+                        : is_being_written(to) ? TapeLock::taken
+                                               : TapeLock::held;
   if (lock == TapeLock::taken)
     return make_error(Errc::usage, in_quotes(to.string()) + " is being written by a recording");
   if (lock == TapeLock::read)

@@ -9,6 +9,7 @@
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
 
 namespace porttape {
@@ -17,8 +18,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kMostLinks = 40;  // as the kernel follows
-
-bool trusted(const struct stat& node) { return node.st_uid == 0 || node.st_uid == ::geteuid(); }
 
 // /proc/PID/fd: a link there leads to an open file, its text is no path.
 bool is_descriptor(const fs::path& path) {
@@ -43,11 +42,12 @@ Result<ReportPlace> find_report_place(const std::string& path) {
     }
     if (!S_ISLNK(node.st_mode)) {
       if (!S_ISREG(node.st_mode)) return ReportPlace{at.string(), ReportPlace::Kind::written};
-      if (links == 0 || trusted(node)) return ReportPlace{at.string(), ReportPlace::Kind::replaced};
+      if (links == 0 || is_own_or_root(node.st_uid))
+        return ReportPlace{at.string(), ReportPlace::Kind::replaced};
       return trouble(fmt::format("the link leads to {}, which is another user's; name a file of your own",
                                  in_quotes(at.string())));
     }
-    if (!trusted(node))
+    if (!is_own_or_root(node.st_uid))
       return trouble(fmt::format("{} is a link that another user made; remove it, or name another file",
                                  in_quotes(at.string())));
     std::error_code error;

@@ -11,6 +11,7 @@
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
 
 namespace porttape {
@@ -52,7 +53,7 @@ Result<UniqueFd> open_trusted_folder(const std::string& path) {
       continue;
     }
     if (!S_ISLNK(status.st_mode)) return cannot_open(ENOTDIR, path);
-    if (status.st_uid != 0 && status.st_uid != ::geteuid())
+    if (!is_own_or_root(status.st_uid))
       return trouble(
           fmt::format("{} on the way there is a link that another user made; name the folder itself",
                       in_quotes(part.string())));

@@ -15,6 +15,11 @@ source "$e2e/../support/time_bound.sh"
 work=$(mktemp -d "${TMPDIR:-/tmp}/porttape-e2e.XXXXXX")
 export RUNTIME_DIRECTORY=$work/control # daemons of other tests, and of this machine, are not seen
 pids=()
+# What the caller has open is no test's: some tests count descriptors.
+for inherited in /proc/self/fd/*; do
+  inherited=${inherited##*/}
+  if ((inherited > 2 && inherited != 255)); then exec {inherited}>&-; fi
+done
 
 say() { printf '%s: %s\n' "$self" "$*"; }
 die() { printf '%s: FAIL: %s\n' "$self" "$*" >&2; exit 1; }

@@ -322,39 +322,5 @@ TEST(GiveUpTotals, WhatWasOpenIsIncomplete) {
   EXPECT_EQ(damaged.trouble, "damaged") << "what was told first stays";
 }
 
-TEST(JudgeReadingLimits, ATenthOfAPercentIsAShare) {
-  const auto doubt = [](std::uint64_t unread) {
-    RunReport report = passing();
-    report.to_driver_of = report.to_driver_bytes = 10'000;
-    report.left_unread = unread;
-    judge_reading(report);
-    return report.doubts.at(0).text;
-  };
-  EXPECT_THAT(doubt(10), HasSubstr("(0.1 %)"));
-  EXPECT_THAT(doubt(9), HasSubstr("(less than 0.1 %)"));
-}
-
-TEST(JudgeReadingLimits, WhatIsMoreThanTheTapeHasHasNoShare) {
-  RunReport report = passing();
-  report.to_driver_of = report.to_driver_bytes = 10;
-  report.playback.seeks = 1;
-  report.left_unread = 11;
-  RunReport all = report;
-  all.left_unread = 10;
-  judge_reading(report);
-  judge_reading(all);
-  EXPECT_THAT(report.doubts.at(0).text, StartsWith("11 bytes that were recorded"));
-  EXPECT_THAT(all.doubts.at(0).text, StartsWith("10 bytes of 10 (100.0 %) that were"));
-  EXPECT_EQ(all.doubts.at(0).kind, Doubt::Kind::unread);
-}
-
-TEST(JudgeReadingLimits, ADriverThatIsAskedForNothingButReadsIsJudgedByThat) {
-  RunReport report = passing();
-  report.from_driver_of = 1;
-  report.to_driver_of = report.left_unread = report.to_driver_bytes = 10;
-  judge_reading(report);
-  EXPECT_EQ(report.verdict, Verdict::pass) << "the tape does not only speak";
-}
-
 }  // namespace
 }  // namespace porttape

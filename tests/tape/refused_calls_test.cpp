@@ -376,6 +376,13 @@ TEST_F(RefusedCalls, AFileOfASetThatMayNotBeOpenedIsTold) {
   EXPECT_THAT(names(), IsEmpty());
   write_all(paths, "old");
   EXPECT_TRUE(holds_without({no_write}, [&] {
+    auto set = TapeSet::begin(paths, OnExisting::overwrite);
+    ASSERT_TRUE(set);
+    write_all(*set->place(paths), "newer");
+    EXPECT_TRUE(set->publish()) << "the rights to the folder are enough";
+  }));
+  expect_all(paths, "newer");
+  EXPECT_TRUE(holds_without({no_write}, [&] {
     EXPECT_EQ(
         TapeWriter::create(paths, {"device", "driver"}, {.on_existing = OnExisting::overwrite}).error(),
         make_error(Errc::usage, "cannot make the tape: '" + paths.read.string() +

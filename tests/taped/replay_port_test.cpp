@@ -301,8 +301,10 @@ TEST_F(TwoSessions, UnderLookupAllTheirRequestsAreAnsweredInEither) {
   port->close();
   (void)finish();
   EXPECT_EQ(log.status, 0) << book.text();
-  EXPECT_THAT(std::string(as_text(test::read_file(dir / "report.json"))),
-              HasSubstr(R"("lookup":{"requests":2,"asked":2,"answered":3,"unknown":0,"undelivered":0,"never_asked":[]})"));
+  EXPECT_THAT(
+      std::string(as_text(test::read_file(dir / "report.json"))),
+      HasSubstr(
+          R"("lookup":{"requests":2,"asked":2,"answered":3,"unknown":0,"undelivered":0,"never_asked":[]})"));
 }
 
 TEST_F(TwoSessions, UnderLookupOneOfThemIsAllThereIs) {
