@@ -12,8 +12,8 @@
 #include <spdlog/spdlog.h>
 
 #include "libport/base/own_name.hpp"
+#include "libport/base/peer_process.hpp"
 #include "libport/loop/outbox.hpp"
-#include "libport/net/peer_process.hpp"
 
 namespace porttape {
 namespace {

@@ -19,8 +19,8 @@
 #include <boost/json/serialize.hpp>
 
 #include "libport/base/own_name.hpp"
+#include "libport/base/peer_process.hpp"
 #include "libport/base/whole_number.hpp"
-#include "libport/net/peer_process.hpp"
 #include "tools/command_line.hpp"
 #include "tools/verb_clock.hpp"
 

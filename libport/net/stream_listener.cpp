@@ -12,7 +12,7 @@
 
 #include <spdlog/spdlog.h>
 
-#include "libport/net/peer_process.hpp"
+#include "libport/base/peer_process.hpp"
 #include "libport/net/socket_address.hpp"
 #include "libport/net/stream_line.hpp"
 

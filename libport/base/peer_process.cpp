@@ -1,4 +1,4 @@
-#include "libport/net/peer_process.hpp"
+#include "libport/base/peer_process.hpp"
 
 namespace porttape {
 
