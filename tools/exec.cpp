@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "libport/base/printable.hpp"
+#include "libport/base/tty_device.hpp"
 #include "libport/catalog/channel.hpp"
 #include "libport/catalog/port_types.hpp"
 #include "libport/supervise/tapped_line.hpp"
@@ -84,7 +85,7 @@ Result<int> run_on_line(const CommandVerbLine& line, ChannelMode mode, const Sup
 
 struct TappedDevice {
   std::string path;
-  std::optional<std::uint64_t> number = {};  // st_rdev
+  std::optional<TtyDevice> device = {};
 };
 
 // The serial device of this name, a path or a port.
@@ -104,9 +105,9 @@ Result<TappedDevice> tapped_device(const std::string& named) {
   if (::stat(path.c_str(), &status) != 0)
     return make_error(Errc::device_missing,
                       fmt::format("--device {}: {}", in_quotes(path), errno_text(errno)));
-  if (!S_ISCHR(status.st_mode))
-    return make_error(Errc::usage, fmt::format("--device {} is no tty", in_quotes(path)));
-  return TappedDevice{path, status.st_rdev};
+  const std::optional<TtyDevice> device = tty_device_at(path);
+  if (!device) return make_error(Errc::usage, fmt::format("--device {} is no tty", in_quotes(path)));
+  return TappedDevice{path, device};
 }
 
 // The command on its own device, of which a tape is made.
@@ -124,7 +125,7 @@ Result<int> run_tapped(CommandVerbLine line, Supervision supervision, std::ostre
   if (device->path.empty() && std::ranges::any_of(line.command, wants_port))
     return make_error(Errc::usage, "with --tap {port} is the path of --device, which is missing");
   line.values["device"] = "serial:" + (device->path.empty() ? "its-own" : device->path);
-  supervision.tapped_device = device->number;
+  supervision.tapped_device = device->device;
   supervision.tapped = std::make_shared<TappedLine>(device->path);
   return record_supervised(std::move(line), supervision, err);
 }

@@ -9,6 +9,7 @@
 
 #include "libport/base/port_identity.hpp"
 #include "libport/base/result.hpp"
+#include "libport/base/tty_device.hpp"
 #include "libport/port/port_type.hpp"
 #include "libport/supervise/line_model.hpp"
 #include "libport/supervise/tapped_line.hpp"
@@ -22,7 +23,7 @@ struct Supervision {
   std::optional<PortIdentity> as = {};  // or by this
   // It keeps its own device, which is told here; null: it has the driver's port.
   std::shared_ptr<TappedLine> tapped = {};
-  std::optional<std::uint64_t> tapped_device = {};  // st_rdev; none: the first that it opens
+  std::optional<TtyDevice> tapped_device = {};  // none: the first that it opens
 };
 
 // --lines, --as; with `flag` also --exec, without which they count for nothing.

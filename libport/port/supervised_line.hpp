@@ -7,6 +7,7 @@
 #include "libport/base/line_request.hpp"
 #include "libport/base/line_settings.hpp"
 #include "libport/base/line_signal.hpp"
+#include "libport/base/tty_device.hpp"
 
 namespace porttape {
 
@@ -37,9 +38,8 @@ class SupervisedLine {
   // The descriptor that stands for the line, as long as supervise() holds: through it settings are read and
   // made. -1: there is none just now.
   [[nodiscard]] virtual int line_fd() const = 0;
-  // The device number (st_rdev) by which the peer's descriptors are known; nothing: there is no line just
-  // now.
-  [[nodiscard]] virtual std::optional<std::uint64_t> line_device() const = 0;
+  // The tty by which the peer's descriptors are known; nothing: there is no line just now.
+  [[nodiscard]] virtual std::optional<TtyDevice> line_device() const = 0;
   // Passes on what the peer has written so far, and learns of opens and closes so far. False: some of it has
   // to wait, since the device takes nothing yet.
   virtual bool catch_up() = 0;

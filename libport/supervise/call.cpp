@@ -5,11 +5,12 @@
 #include <climits>
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <fstream>
 #include <linux/kcmp.h>
 #include <linux/seccomp.h>
+#include <sstream>
 #include <string_view>
 #include <sys/ioctl.h>
-#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/uio.h>
 #include <unistd.h>
@@ -26,9 +27,43 @@ namespace {
 
 constexpr std::uint64_t kDevTty = 5U << 8U;  // 5:0
 
-// Where process_vm_readv() and its like are forbidden (a container's filter).
+// /proc/PID/mem, for where process_vm_readv() and its like are forbidden (a container's filter) or not built
+// in.
 UniqueFd open_memory(pid_t thread, int mode) {
   return UniqueFd(::open(fmt::format("/proc/{}/mem", thread).c_str(), mode | O_CLOEXEC));
+}
+
+// Whether what process_vm_*() gave says no more than that it may not be used here.
+bool is_forbidden(ssize_t done) { return done < 0 && (errno == EPERM || errno == ENOSYS); }
+
+// Whether the program itself may reach all of it so: /proc/PID/mem asks for no such right. By the list in
+// proc_pid_maps(5), whose ranges are in order.
+bool may_reach(pid_t thread, std::uint64_t address, std::size_t size, char right) {
+  std::ifstream maps(fmt::format("/proc/{}/maps", thread));
+  const std::uint64_t end = address + size;
+  for (std::string line; address < end && std::getline(maps, line);) {
+    std::istringstream words(line);
+    std::uint64_t from = 0;
+    std::uint64_t to = 0;
+    char dash = 0;
+    std::string rights;
+    if (!(words >> std::hex >> from >> dash >> to >> rights)) return false;
+    if (to <= address) continue;
+    if (from > address || rights.find(right) == std::string::npos) return false;
+    address = to;
+  }
+  return address >= end;
+}
+
+// Whether it is open as a place alone (O_PATH), by the flags in proc_pid_fdinfo(5).
+bool is_place_only(pid_t thread, int fd) {
+  std::ifstream info(fmt::format("/proc/{}/fdinfo/{}", thread, fd));
+  for (std::string word; info >> word;) {
+    if (word != "flags:") continue;
+    unsigned flags = 0;
+    return !(info >> std::oct >> flags) || (flags & O_PATH) != 0;
+  }
+  return true;
 }
 
 }  // namespace
@@ -59,22 +94,19 @@ Call Call::for_later() const {
 }
 
 // To look at a duplicate takes half as long as to walk through /proc; that is for where there is none.
-std::optional<std::uint64_t> Call::device_of(int fd) const {
-  struct stat status {};
+std::optional<TtyDevice> Call::device_of(int fd) const {
   UniqueFd file = duplicate_by_thread(fd);
-  if (file) {
-    if (::fstat(file.get(), &status) != 0) return std::nullopt;
-  } else {
-    std::array<char, 64> path{};
-    *fmt::format_to_n(path.data(), path.size() - 1, "/proc/{}/fd/{}", thread_, fd).out = '\0';
-    if (::stat(path.data(), &status) != 0) return std::nullopt;
-  }
-  if (!S_ISCHR(status.st_mode)) return std::nullopt;
-  if (status.st_rdev != kDevTty) return status.st_rdev;
+  std::optional<TtyDevice> device;
+  if (file)
+    device = tty_device_of(file.get());
+  else if (!is_place_only(thread_, fd))
+    device = tty_device_at(fmt::format("/proc/{}/fd/{}", thread_, fd));
+  if (!device || device->number != kDevTty) return device;
   // A descriptor of it stays what it was opened as, whatever terminal its process has now.
   if (!file) file = duplicate(fd);
   unsigned number = 0;
-  return file && ::ioctl(file.get(), TIOCGDEV, &number) == 0 ? device_number(number) : status.st_rdev;
+  if (file && ::ioctl(file.get(), TIOCGDEV, &number) == 0) device->number = device_number(number);
+  return device;
 }
 
 bool Call::has_as(int fd, int ours) const {
@@ -111,8 +143,9 @@ bool Call::read(std::uint64_t address, std::span<std::byte> into) const {
   // NOLINTNEXTLINE(performance-no-int-to-ptr): an address in another process
   const iovec remote{reinterpret_cast<void*>(address), into.size()};
   const auto size = static_cast<ssize_t>(into.size());
-  if (::process_vm_readv(thread_, &local, 1, &remote, 1, 0) == size) return true;
-  if (errno == EFAULT) return false;
+  const ssize_t done = ::process_vm_readv(thread_, &local, 1, &remote, 1, 0);
+  if (done == size) return true;
+  if (!is_forbidden(done) || !may_reach(thread_, address, into.size(), 'r')) return false;
   const UniqueFd memory = open_memory(thread_, O_RDONLY);
   return memory && ::pread(memory.get(), into.data(), into.size(), static_cast<off_t>(address)) == size;
 }
@@ -123,8 +156,9 @@ bool Call::write(std::uint64_t address, std::span<const std::byte> what) const {
   const iovec remote{reinterpret_cast<void*>(address), what.size()};
   const auto size = static_cast<ssize_t>(what.size());
   if (!(stays_ && seen_) && !waits()) return false;
-  if (::process_vm_writev(thread_, &local, 1, &remote, 1, 0) == size) return true;
-  if (errno == EFAULT) return false;
+  const ssize_t done = ::process_vm_writev(thread_, &local, 1, &remote, 1, 0);
+  if (done == size) return true;
+  if (!is_forbidden(done) || !may_reach(thread_, address, what.size(), 'w')) return false;
   const UniqueFd memory = open_memory(thread_, O_WRONLY);
   return memory && waits() &&
          ::pwrite(memory.get(), what.data(), what.size(), static_cast<off_t>(address)) == size;

@@ -8,6 +8,7 @@
 #include <string>
 #include <sys/types.h>
 
+#include "libport/base/tty_device.hpp"
 #include "libport/base/unique_fd.hpp"
 
 struct seccomp_notif;
@@ -36,9 +37,9 @@ class Call {
   // For one that is answered later: what was seen of its thread up to now counts no more.
   [[nodiscard]] Call for_later() const;
 
-  // The device number of the file that the thread knows as `fd`, of /dev/tty that of the terminal which it
-  // stands for; nothing where there is none.
-  [[nodiscard]] std::optional<std::uint64_t> device_of(int fd) const;
+  // The device that the thread has open as `fd`, of /dev/tty the terminal which it stands for (by its number
+  // alone); nothing where there is none.
+  [[nodiscard]] std::optional<TtyDevice> device_of(int fd) const;
 
   // A descriptor of ours for that same open file; nothing where that is forbidden, or there is none.
   [[nodiscard]] UniqueFd duplicate(int fd) const;

@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "libport/base/printable.hpp"
+#include "libport/base/tty_device.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/supervise/device_tree.hpp"
 #include "libport/supervise/port_devices.hpp"

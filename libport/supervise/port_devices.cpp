@@ -8,6 +8,8 @@
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 
+#include "libport/base/tty_device.hpp"
+
 namespace porttape {
 namespace {
 
@@ -73,7 +75,5 @@ bool is_serial(std::uint64_t device, const std::string& drivers) {
   }
   return false;
 }
-
-bool is_pty(std::uint64_t device) { return major(device) >= kFirstPty && major(device) <= kLastPty; }
 
 }  // namespace porttape

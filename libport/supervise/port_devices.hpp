@@ -19,8 +19,6 @@ class PortDevices {
   std::vector<std::uint64_t> terminals_;
 };
 
-bool is_pty(std::uint64_t device);
-
 // Whether it is of a tty driver of the kind `serial`, by the kernel's list of these (proc_tty(5): a name, a
 // path, a major number, one or a range of minor numbers, a kind in each line).
 bool is_serial(std::uint64_t device, const std::string& drivers = "/proc/tty/drivers");

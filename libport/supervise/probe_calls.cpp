@@ -16,6 +16,8 @@
 #include <sys/sysmacros.h>
 #include <unistd.h>
 
+#include "libport/base/tty_device.hpp"
+
 namespace porttape {
 namespace {
 
@@ -161,9 +163,9 @@ CallPart::Decision ProbeCalls::decide(Supervisor&, const Call& call) {
 
 void ProbeCalls::look_at_request(const Call& call) {
   const int fd = static_cast<int>(call.argument(0));
-  const std::optional<std::uint64_t> device = call.device_of(fd);
-  if (!device || !ports_.can_be(*device)) return;
-  note_port(call, fd, is_pty(*device));
+  const std::optional<TtyDevice> device = call.device_of(fd);
+  if (!device || !ports_.can_be(device->number)) return;
+  note_port(call, fd, is_pty(device->number));
   const auto request = static_cast<std::uint32_t>(call.argument(1));
   if (request == TCSBRK) {
     if (call.argument(2) == 0) return note("TCSBRK (break)", Effect::bends, kNoBreak);

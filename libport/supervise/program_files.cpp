@@ -1,12 +1,15 @@
 #include "libport/supervise/program_files.hpp"
 
+#include <algorithm>
 #include <array>
 #include <fcntl.h>
+#include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
 #include <optional>
 #include <sstream>
 #include <string_view>
+#include <system_error>
 
 #include "libport/supervise/pending_signals.hpp"
 
@@ -20,13 +23,35 @@ std::optional<std::string_view> below(std::string_view path, std::string_view pr
   return path.empty() || path.front() == '/' ? std::optional(path) : std::nullopt;
 }
 
-}  // namespace
-
-std::string path_here(pid_t thread, const std::string& path, int folder) {
-  if (!path.starts_with('/')) {
-    return folder == AT_FDCWD ? fmt::format("/proc/{}/cwd/{}", thread, path)
-                              : fmt::format("/proc/{}/fd/{}/{}", thread, folder, path);
+// Without slashes that are repeated, and without `.` as a part.
+std::string without_repeats(std::string_view path) {
+  std::string made;
+  while (!path.empty()) {
+    const std::size_t end = std::min(path.find('/'), path.size());
+    const std::string_view part = path.substr(0, end);
+    if (part != ".") made += part;
+    const bool slash = end < path.size();
+    if (slash && (made.empty() ? part.empty() : made.back() != '/')) made += '/';
+    path.remove_prefix(slash ? end + 1 : end);
   }
+  return made;
+}
+
+// As the program names it, from `/` on or from its folder's place in /proc.
+std::string absolute_here(pid_t thread, const std::string& named, int folder) {
+  std::string path = without_repeats(named);
+  if (path.starts_with('/')) return path;
+  const std::string from = folder == AT_FDCWD ? fmt::format("/proc/{}/cwd", thread)
+                                              : fmt::format("/proc/{}/fd/{}", thread, folder);
+  std::error_code error;
+  // Below it there may be the links by which a process names itself.
+  const std::string place = std::filesystem::read_symlink(from, error).native();
+  if (error || (place != "/proc" && place != "/dev" && place != "/")) return from + "/" + path;
+  return (place == "/" ? "" : place) + "/" + path;
+}
+
+// The names by which a process has its own files, as these are called here; nothing for another name.
+std::optional<std::string> own_names_here(pid_t thread, const std::string& path) {
   constexpr std::array<std::string_view, 3> kStandard{"/dev/stdin", "/dev/stdout", "/dev/stderr"};
   for (std::size_t fd = 0; fd < kStandard.size(); ++fd) {
     if (path == kStandard.at(fd)) return fmt::format("/proc/{}/fd/{}", thread, fd);
@@ -36,7 +61,23 @@ std::string path_here(pid_t thread, const std::string& path, int folder) {
     return fmt::format("/proc/{}{}", process_of(thread), *rest);
   if (const auto rest = below(path, "/proc/thread-self"))
     return fmt::format("/proc/{}/task/{}{}", process_of(thread), thread, *rest);
-  return path;
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::string path_here(pid_t thread, const std::string& named, int folder) {
+  constexpr int kMostLinks = 40;  // as many as the kernel follows
+  std::string path = absolute_here(thread, named, folder);
+  for (int followed = 0; followed < kMostLinks; ++followed) {
+    if (const auto own = own_names_here(thread, path)) return *own;
+    // What it leads to may be such a name, and is the program's own then.
+    std::error_code error;
+    const std::filesystem::path target = std::filesystem::read_symlink(path, error);
+    if (error || path.starts_with("/proc/")) break;
+    path = without_repeats((std::filesystem::path(path).parent_path() / target).native());
+  }
+  return absolute_here(thread, named, folder);
 }
 
 bool gets_terminal(pid_t thread) {

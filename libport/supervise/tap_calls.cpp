@@ -7,18 +7,21 @@
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
+#include <linux/openat2.h>
 #include <poll.h>
 #include <sys/ioctl.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/sysmacros.h>
+#include <sys/uio.h>
 #include <system_error>
 #include <termios.h>
 #include <unistd.h>
 #include <utility>
 
 #include "libport/base/printable.hpp"
+#include "libport/base/tty_device.hpp"
 #include "libport/supervise/caller_rights.hpp"
 #include "libport/supervise/pending_signals.hpp"
 #include "libport/supervise/program_files.hpp"
@@ -34,6 +37,29 @@ constexpr std::uint32_t kFilesKept = 64;  // for it, where the limit is lower
 constexpr rlim_t kFilesOfGuard = 32;      // which closes some before anybody answers
 constexpr Nanos kHoldersLook = milliseconds(1);
 constexpr int kRestrictSelf = 446;  // landlock_restrict_self, which older headers do not name
+
+// What openat2(2) takes; of flags that it does not know it makes an error.
+struct OpenHow {
+  std::uint64_t flags = 0;
+  std::uint64_t mode = 0;
+  std::uint64_t resolve = 0;
+};
+constexpr std::uint64_t kOpenFlags = O_ACCMODE | O_CREAT | O_EXCL | O_NOCTTY | O_TRUNC | O_APPEND |
+                                     O_NONBLOCK | O_SYNC | O_DSYNC | O_ASYNC | O_DIRECT | O_LARGEFILE |
+                                     O_DIRECTORY | O_NOFOLLOW | O_NOATIME | O_CLOEXEC | O_PATH | O_TMPFILE;
+
+// What preadv2(2) and pwritev2(2) may be told that changes nothing for a tty.
+constexpr std::uint64_t kNothingToTtys = RWF_HIPRI | RWF_DSYNC | RWF_SYNC;
+
+// The head of an `iocb` of io_submit(2).
+struct AioRequest {
+  std::uint64_t data = 0;
+  std::uint64_t key_and_flags = 0;
+  std::uint16_t operation = 0;
+  std::int16_t priority = 0;
+  std::uint32_t file = 0;
+};
+constexpr std::uint64_t kMostAioLooked = 65536;
 
 std::uint32_t files_from_here() {
   rlimit limit{};
@@ -77,6 +103,13 @@ bool is_other_kind(std::uint64_t device) {
   return !error && kind.filename() != "tty";
 }
 
+// Whether it leads through what names a process's own files (/proc/self/fd): another one's here.
+bool leads_through_process(const std::string& path) {
+  const OpenHow how{.flags = O_PATH | O_CLOEXEC, .resolve = RESOLVE_NO_MAGICLINKS};
+  const UniqueFd place(static_cast<int>(::syscall(SYS_openat2, AT_FDCWD, path.c_str(), &how, sizeof(how))));
+  return !place && errno == ELOOP;
+}
+
 bool lives(pid_t process) {
   const UniqueFd file(static_cast<int>(::syscall(SYS_pidfd_open, process, 0)));
   if (!file) return errno != ESRCH;
@@ -101,10 +134,12 @@ std::optional<TapCalls::OpenArguments> TapCalls::open_arguments(const Call& call
   std::uint64_t flags = call.argument(2);
   bool own_way = false;
   if (call.number() == SYS_openat2) {
-    const auto how = call.read_as<std::array<std::uint64_t, 3>>(call.argument(2));
-    if (!how) return std::nullopt;
-    flags = (*how)[0];
-    own_way = (*how)[2] != 0;
+    const auto how = call.read_as<OpenHow>(call.argument(2));
+    if (!how || call.argument(3) < sizeof(OpenHow)) return std::nullopt;
+    flags = how->flags;
+    const bool makes = (flags & (O_CREAT | O_TMPFILE)) != 0;
+    if ((flags & ~kOpenFlags) != 0 || (how->mode != 0 && !makes)) return std::nullopt;
+    own_way = how->resolve != 0 || call.argument(3) > sizeof(OpenHow);
   }
   return OpenArguments{path_here(call.thread(), *path, static_cast<int>(call.argument(0))),
                        static_cast<int>(flags), own_way};
@@ -143,13 +178,15 @@ std::vector<CallTrap> TapCalls::traps() const {
            SYS_open, SYS_creat,
 #endif
            SYS_openat, SYS_openat2, SYS_close_range, SYS_sendfile, SYS_splice, SYS_tee, SYS_copy_file_range,
-           SYS_io_uring_setup, kRestrictSelf})
+           SYS_io_uring_setup, SYS_io_submit, SYS_pidfd_getfd, kRestrictSelf})
     traps.push_back({.number = static_cast<int>(number)});
   return traps;
 }
 
 bool TapCalls::is_tapped(const Call& call, int fd) const {
-  return device_ && line_->open() && call.device_of(fd) == device_;
+  if (!device_ || !line_->open()) return false;
+  const std::optional<TtyDevice> found = call.device_of(fd);
+  return found && found->is(*device_);
 }
 
 CallPart::Decision TapCalls::decide(Supervisor& supervisor, const Call& call) {
@@ -161,11 +198,16 @@ CallPart::Decision TapCalls::decide(Supervisor& supervisor, const Call& call) {
     case SYS_openat:
     case SYS_openat2:
       return decide_open(supervisor, call);
-    // At a place (which a tty has not), or in a way of its own.
+    // At a place, which a tty has not.
     case SYS_preadv2:
     case SYS_pwritev2:
-      if (static_cast<std::int64_t>(call.argument(3)) != -1 || call.argument(5) != 0) return outcome::Pass{};
-      return decide_device(supervisor, call);
+      if (static_cast<std::int64_t>(call.argument(3)) != -1) return outcome::Pass{};
+      if ((call.argument(5) & ~kNothingToTtys) == 0) return decide_device(supervisor, call);
+      if (is_tapped(call, static_cast<int>(call.argument(0))))
+        tell_once(
+            "the command reads or writes its device by preadv2 or pwritev2 with flags of its own: that is "
+            "not on the tape; record it by `porttape exec --device`");
+      return outcome::Pass{};
     case SYS_read:
     case SYS_readv:
     case SYS_write:
@@ -198,6 +240,15 @@ CallPart::Decision TapCalls::decide(Supervisor& supervisor, const Call& call) {
     }
     case SYS_io_uring_setup:
       return outcome::Refuse{ENOSYS};
+    case SYS_io_submit:
+      if (submits_to_device(call)) return outcome::Refuse{EINVAL};
+      return outcome::Pass{};
+    case SYS_pidfd_getfd:
+      if (takes_device(call))
+        tell_once(
+            "the command takes its device from another process (pidfd_getfd): what it says by that "
+            "descriptor is not on the tape; record it by `porttape exec --device`");
+      return outcome::Pass{};
     case kRestrictSelf:
       if (const std::vector<pid_t> lineage = lineage_of(call.thread()); !lineage.empty())
         restricted_.insert(lineage.front());
@@ -207,24 +258,48 @@ CallPart::Decision TapCalls::decide(Supervisor& supervisor, const Call& call) {
   }
 }
 
+// As io_submit(2) reads them: a pointer to each request.
+bool TapCalls::submits_to_device(const Call& call) const {
+  if (!device_ || !line_->open()) return false;
+  const std::uint64_t count = std::min(call.argument(1), kMostAioLooked);
+  for (std::uint64_t i = 0; i < count; ++i) {
+    const auto at = call.read_as<std::uint64_t>(call.argument(2) + i * sizeof(std::uint64_t));
+    const auto request = at ? call.read_as<AioRequest>(*at) : std::nullopt;
+    if (!request) return false;  // which the kernel finds, too
+    if (is_tapped(call, static_cast<int>(request->file))) return true;
+  }
+  return false;
+}
+
+// Whether that is the device, as far as we may look there.
+bool TapCalls::takes_device(const Call& call) const {
+  if (!device_ || !line_->open()) return false;
+  const UniqueFd process = call.duplicate(static_cast<int>(call.argument(0)));
+  const UniqueFd file(
+      process ? static_cast<int>(::syscall(SYS_pidfd_getfd, process.get(), call.argument(1), 0)) : -1);
+  const std::optional<TtyDevice> found = file ? tty_device_of(file.get()) : std::nullopt;
+  return found && found->is(*device_);
+}
+
 CallPart::Decision TapCalls::decide_open(Supervisor& supervisor, const Call& call) {
   const std::optional<OpenArguments> wanted = open_arguments(call);
-  struct stat status {};
   if (!wanted && call.is_closed())
     tell_once(
         "a program that lets nobody look into its memory opens files: if its device is among them, that is "
         "not on the tape; record it by `porttape exec --device`");
-  if (!wanted || (wanted->flags & O_PATH) != 0 || ::stat(wanted->path.c_str(), &status) != 0 ||
-      !S_ISCHR(status.st_mode))
+  // A file that is there is an error for one that is to be made, a device too.
+  if (!wanted || (wanted->flags & O_PATH) != 0 || (wanted->flags & (O_CREAT | O_EXCL)) == (O_CREAT | O_EXCL))
     return outcome::Pass{};
-  if (device_ ? status.st_rdev != *device_ : !ports_.can_be(status.st_rdev)) return outcome::Pass{};
+  const std::optional<TtyDevice> device = tty_device_at(wanted->path);
+  if (!device) return outcome::Pass{};
+  if (device_ ? !device->is(*device_) : !ports_.can_be(device->number)) return outcome::Pass{};
   if (call.is_small()) {
     tell_once(
         "a 32-bit program opens its device: what it says is not on the tape; record it by "
         "`porttape exec --device`");
     return outcome::Pass{};
   }
-  if (!device_ && is_other_kind(status.st_rdev)) return outcome::Pass{};
+  if (!device_ && is_other_kind(device->number)) return outcome::Pass{};
   if (const std::string why = why_not_opened(call, *wanted); !why.empty()) {
     tell_once(
         fmt::format("the command opens its device where that cannot be done for it ({}): what it says then "
@@ -236,12 +311,14 @@ CallPart::Decision TapCalls::decide_open(Supervisor& supervisor, const Call& cal
     tell_unseen();
     return outcome::Pass{};
   }
-  return open_tapped(supervisor, call, *wanted, status.st_rdev);
+  return open_tapped(supervisor, call, *wanted, *device);
 }
 
 // Landlock holds for who restricts itself, and for all that it starts from then on.
 std::string TapCalls::why_not_opened(const Call& call, const OpenArguments& wanted) const {
   if (wanted.own_way) return "by a path with rules of its own";
+  if (!wanted.path.starts_with("/proc/") && leads_through_process(wanted.path))
+    return "by a link to what a process has open";
   if (!restricted_.empty()) {
     const std::vector<pid_t> lineage = lineage_of(call.thread());
     if (std::ranges::any_of(lineage, [this](pid_t process) { return restricted_.contains(process); }))
@@ -252,13 +329,13 @@ std::string TapCalls::why_not_opened(const Call& call, const OpenArguments& want
 
 // A tty may wait for its carrier; a pty has none.
 CallPart::Decision TapCalls::open_tapped(Supervisor& supervisor, const Call& call,
-                                         const OpenArguments& wanted, std::uint64_t device) {
+                                         const OpenArguments& wanted, const TtyDevice& device) {
   if ((wanted.flags & O_NOCTTY) == 0 && gets_terminal(call.thread()))
     tell_once(
         "the command's device does not become its controlling terminal, as without --tap: a hang-up sends "
         "it no SIGHUP");
   files_.let_go();
-  if ((wanted.flags & O_NONBLOCK) != 0 || is_pty(device)) {
+  if ((wanted.flags & O_NONBLOCK) != 0 || is_pty(device.number)) {
     const int flags = wanted.flags & ~(O_CREAT | O_EXCL | O_TRUNC);
     UniqueFd file(::open(wanted.path.c_str(), flags | O_NOCTTY | O_CLOEXEC));
     if (!file) return outcome::Refuse{errno};
@@ -284,7 +361,8 @@ CallPart::Decision TapCalls::open_tapped(Supervisor& supervisor, const Call& cal
   return Kept{};
 }
 
-Outcome TapCalls::opened(const Call& call, const OpenArguments& wanted, std::uint64_t device, UniqueFd file) {
+Outcome TapCalls::opened(const Call& call, const OpenArguments& wanted, const TtyDevice& device,
+                         UniqueFd file) {
   termios made{};
   if (::tcgetattr(file.get(), &made) != 0 && errno == ENOTTY) return outcome::Pass{};
   device_ = device;
@@ -386,9 +464,8 @@ bool TapCalls::holds(pid_t process) const {
   std::error_code error;
   for (std::filesystem::directory_iterator each(fmt::format("/proc/{}/fd", process), error), end;
        !error && each != end; each.increment(error)) {
-    struct stat status {};
-    if (::stat(each->path().c_str(), &status) == 0 && S_ISCHR(status.st_mode) && status.st_rdev == *device_)
-      return true;
+    const std::optional<TtyDevice> found = tty_device_at(each->path());
+    if (found && found->is(*device_)) return true;
   }
   return error && error != std::errc::no_such_file_or_directory && lives(process);
 }

@@ -11,6 +11,7 @@
 #include <sys/types.h>
 #include <vector>
 
+#include "libport/base/tty_device.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/fd_watch.hpp"
 #include "libport/loop/loop.hpp"
@@ -35,7 +36,7 @@ namespace porttape {
 class TapCalls final : public CallPart {
  public:
   struct Options {
-    std::optional<std::uint64_t> device = {};  // st_rdev; none: the first that is opened
+    std::optional<TtyDevice> device = {};  // none: the first that is opened
     // Of the programs that may have it open.
     std::function<std::vector<pid_t>()> processes;
     // What the user should know.
@@ -68,12 +69,14 @@ class TapCalls final : public CallPart {
   Decision decide_open(Supervisor& supervisor, const Call& call);
   [[nodiscard]] std::string why_not_opened(const Call& call, const OpenArguments& wanted) const;
   Decision open_tapped(Supervisor& supervisor, const Call& call, const OpenArguments& wanted,
-                       std::uint64_t device);
-  Outcome opened(const Call& call, const OpenArguments& wanted, std::uint64_t device, UniqueFd file);
+                       const TtyDevice& device);
+  Outcome opened(const Call& call, const OpenArguments& wanted, const TtyDevice& device, UniqueFd file);
   void begin_line(int file, const std::string& path);
   Decision decide_copy(const Call& call);
   Decision decide_flags(const Call& call);
   Decision set_non_blocking(const Call& call, const TappedFile& file);
+  [[nodiscard]] bool submits_to_device(const Call& call) const;
+  [[nodiscard]] bool takes_device(const Call& call) const;
   Decision decide_device(Supervisor& supervisor, const Call& call);
   [[nodiscard]] bool holds(pid_t process) const;
   void watch_process(pid_t process);
@@ -89,7 +92,7 @@ class TapCalls final : public CallPart {
   Options options_;
   PortDevices ports_;
   std::uint32_t files_from_;
-  std::optional<std::uint64_t> device_;
+  std::optional<TtyDevice> device_;
   std::set<pid_t> restricted_;  // processes that have used Landlock
   Timer holders_timer_;
   std::vector<std::string> told_;

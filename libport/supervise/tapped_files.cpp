@@ -3,7 +3,6 @@
 #include <cerrno>
 #include <chrono>
 #include <fcntl.h>
-#include <sys/stat.h>
 #include <utility>
 
 namespace porttape {
@@ -30,7 +29,7 @@ WithoutWaiting::~WithoutWaiting() {
 
 TappedFiles::TappedFiles(Loop& loop) : loop_(&loop), timer_(loop, [this] { look(); }) {}
 
-std::shared_ptr<TappedFile> TappedFiles::find(const Call& call, int fd, std::uint64_t device, int& error) {
+std::shared_ptr<TappedFile> TappedFiles::find(const Call& call, int fd, const TtyDevice& device, int& error) {
   error = 0;
   used_ = true;
   if (kept_) {
@@ -43,9 +42,8 @@ std::shared_ptr<TappedFile> TappedFiles::find(const Call& call, int fd, std::uin
     error = errno;
     return nullptr;
   }
-  struct stat status {};
-  if (::fstat(file.get(), &status) != 0 || !S_ISCHR(status.st_mode) || status.st_rdev != device)
-    return nullptr;
+  const std::optional<TtyDevice> found = tty_device_of(file.get());
+  if (!found || !found->is(device)) return nullptr;
   let_go();
   kept_ = std::make_shared<TappedFile>(std::move(file));
   timer_.set_after(kUnused);

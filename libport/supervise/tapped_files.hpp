@@ -5,6 +5,7 @@
 #include <sys/types.h>
 #include <utility>
 
+#include "libport/base/tty_device.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/base/workers.hpp"
 #include "libport/loop/loop.hpp"
@@ -67,7 +68,7 @@ class TappedFiles {
 
   // What the call's thread has as `fd`, if that is `device`. Else nothing, and why: an error number, or 0
   // where it is another file.
-  std::shared_ptr<TappedFile> find(const Call& call, int fd, std::uint64_t device, int& error);
+  std::shared_ptr<TappedFile> find(const Call& call, int fd, const TtyDevice& device, int& error);
 
   // A file that is used no more. Of a program that has ended it may be the last one, whose close waits until
   // the device has sent everything: done elsewhere.

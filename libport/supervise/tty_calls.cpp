@@ -91,9 +91,9 @@ CallPart::Decision TtyCalls::decide(Supervisor& supervisor, const Call& call) {
   if (line_ == nullptr || call.number() != SYS_ioctl) return NotMine{};
   const auto request = static_cast<std::uint32_t>(call.argument(1));
   if (std::ranges::find(kRequests, request) == kRequests.end()) return NotMine{};
-  const std::optional<std::uint64_t> device = line_->line_device();
+  const std::optional<TtyDevice> device = line_->line_device();
   if (!device) return NotMine{};
-  const std::optional<std::uint64_t> asked = call.device_of(static_cast<int>(call.argument(0)));
+  const std::optional<TtyDevice> asked = call.device_of(static_cast<int>(call.argument(0)));
   if (!asked && tell_ && call.is_closed()) {
     tell_(
         "a program that lets nobody look into its memory asks something of a tty: if that is its port, it "
@@ -101,7 +101,7 @@ CallPart::Decision TtyCalls::decide(Supervisor& supervisor, const Call& call) {
         "what a plain pty gives; run porttape as root, or the program from a file that its user may read");
     tell_ = nullptr;
   }
-  if (asked != device) return NotMine{};
+  if (!asked || !asked->is(*device)) return NotMine{};
   if (gives_settings(request)) return give_settings(call, request);
   if (makes_settings(request) || makes_settings_when_sent(request))
     return decide_settings(supervisor, call, request);

@@ -5,7 +5,6 @@
 #include <chrono>
 #include <cstdio>
 #include <sys/ioctl.h>
-#include <sys/stat.h>
 #include <unistd.h>
 #include <utility>
 
@@ -34,16 +33,11 @@ constexpr std::size_t kMostHeld = std::size_t{128} * 1024;
 constexpr Nanos kRenewAgain = std::chrono::milliseconds(500);
 constexpr Nanos kRenewSeldom = std::chrono::seconds(5);
 
-std::optional<std::uint64_t> device_number(const std::string& path) {
-  struct stat status {};
-  return ::stat(path.c_str(), &status) == 0 ? std::optional<std::uint64_t>(status.st_rdev) : std::nullopt;
-}
-
 }  // namespace
 
 PtyPort::Line::Line(PtyPort& port, Pty made)
     : pty(std::move(made)),
-      device(device_number(pty.slave_path())),
+      device(tty_device_at(pty.slave_path())),
       settings(pty.master()),
       clocal_watch(port.supervisor_ != nullptr
                        ? nullptr

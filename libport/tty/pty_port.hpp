@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "libport/base/signal_queue.hpp"
+#include "libport/base/tty_device.hpp"
 #include "libport/loop/backoff.hpp"
 #include "libport/loop/fd_watch.hpp"
 #include "libport/loop/outbox.hpp"
@@ -95,7 +96,7 @@ class PtyPort final : public Port, private SupervisedLine {
   struct Line {
     Line(PtyPort& port, Pty made);
     Pty pty;
-    std::optional<std::uint64_t> device;
+    std::optional<TtyDevice> device;
     PtySettings settings;
     std::unique_ptr<UrgentEvents::Watch> clocal_watch;  // keeps it cleared; null: the looks alone do
     FdWatch master_watch;
@@ -104,7 +105,7 @@ class PtyPort final : public Port, private SupervisedLine {
 
   void supervise(LineSupervisor* supervisor) override;
   [[nodiscard]] int line_fd() const override { return line_ ? line_->pty.master() : -1; }
-  [[nodiscard]] std::optional<std::uint64_t> line_device() const override {
+  [[nodiscard]] std::optional<TtyDevice> line_device() const override {
     return line_ ? line_->device : std::nullopt;
   }
   bool catch_up() override;

@@ -55,11 +55,6 @@ TEST(PortDevices, WhatProgramsTalkToPeopleByIsNoPort) {
     EXPECT_TRUE(ports.can_be(makedev(kind, number))) << kind << ':' << number;
 }
 
-TEST(PortDevices, APtyIsKnownByItsMajorNumber) {
-  for (const unsigned kind : {136U, 143U}) EXPECT_TRUE(is_pty(makedev(kind, 7))) << kind;
-  for (const unsigned kind : {135U, 144U}) EXPECT_FALSE(is_pty(makedev(kind, 7))) << kind;
-}
-
 // TIOCGDEV and proc_pid_stat(5): major in bits 8 to 19, minor in bits 0 to 7 and 20 to 31.
 TEST(PortDevices, AKernelsWordIsADevicesNumber) {
   EXPECT_EQ(device_number(0x8803U), makedev(136, 3));

@@ -40,6 +40,7 @@ using std::chrono::milliseconds;
 using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::IsEmpty;
 using testing::Not;
 
 // What a session would be told.
@@ -401,6 +402,39 @@ TEST_F(TapCallsTest, ItIsOpenedByOtherCallsAndNamesToo) {
   EXPECT_EQ(events.written, "a");
   EXPECT_THAT(same({"open", "raw:1:0", "reopen", "write:b"}), ElementsAre("open 0", "reopen 0", "write 1"));
   EXPECT_EQ(events.written, "b");
+}
+
+TEST_F(TapCallsTest, ItIsOpenedByItsNameHoweverThatIsWritten) {
+  EXPECT_THAT(same({"openas:slashes", "write:a"}), ElementsAre("slashes 0", "write 1"));
+  EXPECT_THAT(same({"openas:number", "write:b"}), ElementsAre("number 0", "write 1"));
+  EXPECT_THAT(same({"openas:link", "write:c"}), ElementsAre("link 0", "write 1"));
+  EXPECT_THAT(told, IsEmpty());
+}
+
+TEST_F(TapCallsTest, WhatTheKernelRefusesAtAnOpenIsRefused) {
+  for (const char* const how : {"small", "mode", "unknown"})
+    EXPECT_THAT(same({std::string("openas:") + how}), ElementsAre(std::string(how) + " EINVAL"));
+  EXPECT_THAT(same({"openas:new"}), ElementsAre("new EEXIST"));
+  EXPECT_THAT(events.all, Not(Contains("open")));
+  EXPECT_THAT(same({"openas:plain"}), ElementsAre("plain 0"));
+}
+
+TEST_F(TapCallsTest, AWriteThatIsToBeSafeIsOneAsAnyOther) {
+  EXPECT_THAT(same({"open", "raw:1:0", "dsync:safe"}), ElementsAre("open 0", "dsync 4"));
+}
+
+TEST_F(TapCallsTest, WhatIsGivenToTheKernelForLaterIsRefusedForTheDeviceAlone) {
+  EXPECT_THAT(tap({"open", "raw:1:0", "aio"}), ElementsAre("open 0", "aio EINVAL", "aio elsewhere 1"));
+}
+
+TEST_F(TapCallsTest, ADescriptorThatIsTakenFromAProcessIsTold) {
+  EXPECT_THAT(tap({"open", "getfd"}), ElementsAre("open 0", "getfd 0"));
+  EXPECT_THAT(told, ElementsAre(HasSubstr("pidfd_getfd")));
+}
+
+TEST_F(TapCallsTest, AReadChangesNoMemoryThatTheProgramMayOnlyRead) {
+  EXPECT_THAT(same({"open", "raw:3:0", "write:give abc", "readonly"}),
+              ElementsAre("open 0", "write 8", "readonly EFAULT", "untouched 1"));
 }
 
 TEST_F(TapCallsTest, ACopyIsTheLowestThatIsFree) {

@@ -7,6 +7,8 @@
 #include <cstdlib>
 #include <cstring>
 #include <fcntl.h>
+#include <linux/aio_abi.h>
+#include <linux/openat2.h>
 #include <sched.h>
 #include <string>
 #include <sys/ioctl.h>
@@ -44,6 +46,8 @@ const char* error_name() {
       return "EFAULT";
     case EINVAL:
       return "EINVAL";
+    case EEXIST:
+      return "EEXIST";
     case EIO:
       return "EIO";
     case EBADF:
@@ -355,6 +359,55 @@ void do_give_up(const std::string& how) {
   std::fflush(out);
 }
 
+// In ways that name the line otherwise, or that the kernel refuses.
+void do_open_as(const std::string& how) {
+  open_how wanted{};
+  wanted.flags = O_RDWR | O_NOCTTY;
+  std::size_t size = sizeof(wanted);
+  if (how == "new") {
+    line = ::open(path, O_RDWR | O_NOCTTY | O_CREAT | O_EXCL, 0600);
+  } else if (how == "slashes") {
+    line = ::open(("//" + std::string(path).insert(1, "./")).c_str(), O_RDWR | O_NOCTTY);
+  } else if (how == "number" || how == "link") {
+    const int before = ::open(path, O_RDWR | O_NOCTTY);
+    const std::string own = "self/fd/" + std::to_string(before);
+    if (how == "number") {
+      if (::chdir("/proc") != 0) std::abort();
+      line = ::open(own.c_str(), O_RDWR | O_NOCTTY);
+    } else {
+      const std::string link = results + ".link";
+      ::unlink(link.c_str());
+      if (::symlink(("/proc/" + own).c_str(), link.c_str()) != 0) std::abort();
+      line = ::open(link.c_str(), O_RDWR | O_NOCTTY);
+    }
+    ::close(before);
+  } else {
+    if (how == "small") size = 16;
+    if (how == "mode") wanted.mode = 0600;
+    if (how == "unknown") wanted.flags |= 1ULL << 40U;
+    line = static_cast<int>(::syscall(SYS_openat2, AT_FDCWD, path, &wanted, size));
+  }
+  say(how, line < 0 ? -1 : 0);
+}
+
+// By what a thread can do without read() and write().
+void do_aio() {
+  aio_context_t context = 0;
+  if (::syscall(SYS_io_setup, 1, &context) != 0) std::abort();
+  char text[] = "aio";
+  iocb request{};
+  request.aio_lio_opcode = IOCB_CMD_PWRITE;
+  request.aio_fildes = static_cast<unsigned>(line);
+  request.aio_buf = reinterpret_cast<std::uint64_t>(text);
+  request.aio_nbytes = 3;
+  iocb* requests[] = {&request};
+  say("aio", ::syscall(SYS_io_submit, context, 1, requests));
+  request.aio_fildes = static_cast<unsigned>(::fileno(out));
+  request.aio_nbytes = 0;
+  say("aio elsewhere", ::syscall(SYS_io_submit, context, 1, requests));
+  ::syscall(SYS_io_destroy, context);
+}
+
 bool do_line_step(const std::string& name, const std::string& value) {
   if (name == "open") {
     open_line(0);
@@ -391,6 +444,8 @@ bool do_line_step(const std::string& name, const std::string& value) {
     do_copy(value);
   } else if (name == "fork") {
     do_fork();
+  } else if (name == "openas") {
+    do_open_as(value);
   } else if (name == "creat") {
     line = ::creat(path, 0600);
     say("creat", line < 0 ? -1 : 0);
@@ -442,6 +497,20 @@ bool do_step(const std::string& name, const std::string& value) {
     part = {bytes, 3};
     const ssize_t got = ::preadv2(line, &part, 1, -1, 0);
     say("preadv2", got, bytes);
+  } else if (name == "dsync") {
+    const iovec part{const_cast<char*>(value.data()), value.size()};
+    say("dsync", ::pwritev2(line, &part, 1, -1, RWF_DSYNC));
+  } else if (name == "aio") {
+    do_aio();
+  } else if (name == "getfd") {
+    const auto own = static_cast<int>(::syscall(SYS_pidfd_open, ::getpid(), 0));
+    line = static_cast<int>(::syscall(SYS_pidfd_getfd, own, line, 0));
+    say("getfd", line < 0 ? -1 : 0);
+  } else if (name == "readonly") {
+    char* const end = half_page();
+    ::mprotect(end - 4096, 4096, PROT_READ);
+    say("readonly", ::read(line, end - 3, 3));
+    say("untouched", end[-3] == 'p');
   } else if (name == "vectors") {
     do_vectors();
   } else if (name == "bad") {

@@ -42,13 +42,12 @@ class PtyLine final : public SupervisedLine {
     ::grantpt(master_.get());
     ::unlockpt(master_.get());
     path = ::ptsname(master_.get());
-    struct stat status {};
-    if (::stat(path.c_str(), &status) == 0) device_ = status.st_rdev;
+    device_ = tty_device_at(path);
   }
 
   void supervise(LineSupervisor* by) override { supervisor = by; }
   [[nodiscard]] int line_fd() const override { return master_.get(); }
-  [[nodiscard]] std::optional<std::uint64_t> line_device() const override { return device_; }
+  [[nodiscard]] std::optional<TtyDevice> line_device() const override { return device_; }
   bool catch_up() override {
     std::array<char, 256> some{};
     const ssize_t size = takes ? ::read(master_.get(), some.data(), some.size()) : -1;
@@ -96,7 +95,7 @@ class PtyLine final : public SupervisedLine {
 
  private:
   UniqueFd master_;
-  std::optional<std::uint64_t> device_;
+  std::optional<TtyDevice> device_;
 };
 
 std::vector<std::string> environment_here() {
