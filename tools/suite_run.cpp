@@ -41,6 +41,7 @@ std::string packed(const TestCase& test, const std::string& report) {
   add(std::to_string(test.exit_status));
   add(fmt::format("{}", test.seconds));
   for (const std::string* text : {&test.kind, &test.message, &test.text, &report}) add(*text);
+  for (const std::string& doubt : test.doubts) add(doubt);
   return out;
 }
 
@@ -56,6 +57,7 @@ void unpack(std::string_view text, TestCase& test, std::string& report) {
   test.exit_status = std::stoi(next());
   test.seconds = std::stod(next());
   for (std::string* one : {&test.kind, &test.message, &test.text, &report}) *one = next();
+  while (!text.empty()) test.doubts.push_back(next());
 }
 
 // In a worker, whose folder is the suite's.
@@ -200,6 +202,12 @@ class SuiteRun {
                                               options_.folder, "--only", test.name};
       fmt::print(out_, "    again     {}\n", shell_line(again));
       out_.flush();
+    } else if (!test.doubts.empty()) {
+      clear_progress();
+      fmt::print(out_, "{}pass{}, with doubts  {}\n", color_begin(Color::doubtful, colors_),
+                 color_end(colors_), printable_line(test.name));
+      for (const std::string& doubt : test.doubts) fmt::print(out_, "    doubt     {}\n", doubt);
+      out_.flush();
     }
     tell_progress();
   }
@@ -242,6 +250,7 @@ class SuiteRun {
           .add("exit", exit_status())
           .add("tests", counts_.all())
           .add("passed", counts_.passed)
+          .add("doubtful", counts_.doubtful)
           .add("failed", counts_.failed)
           .add("errors", counts_.errors)
           .add("skipped", counts_.skipped)
@@ -250,12 +259,13 @@ class SuiteRun {
     }
     if (options_.format == TestFormat::text) {
       const bool good = exit_status() == exit_status::kPass;
-      fmt::print(out_, "{}{}{}  {}: {}, {} passed, {} failed, {} skipped, {:.2f} s\n",
+      fmt::print(out_, "{}{}{}  {}: {}, {} passed{}, {} failed, {} skipped, {:.2f} s\n",
                  color_begin(good ? Color::good : Color::bad, colors_),
                  interrupted_by_ != 0 ? why
                  : good               ? "pass"
                                       : "failed",
                  color_end(colors_), printable_line(name_), counted(counts_.all(), "test"), counts_.passed,
+                 counts_.doubtful > 0 ? fmt::format(" ({} with doubts)", counts_.doubtful) : "",
                  counts_.failed + counts_.errors, counts_.skipped, seconds);
     }
     out_.flush();

@@ -45,7 +45,10 @@ std::string tap_of(const TestCase& test, std::size_t number) {
   const bool skipped = test.outcome == TestCase::Outcome::skipped;
   std::string out = fmt::format("{} {} - {}{}\n", good ? "ok" : "not ok", number, description(test.name),
                                 skipped ? " # SKIP " + printable_line(test.message) : "");
-  if (good) return out;
+  if (good) {
+    for (const std::string& doubt : test.doubts) out += "# doubt: " + printable_line(doubt) + '\n';
+    return out;
+  }
   out += fmt::format("  ---\n  message: {}\n  kind: {}\n  exit: {}\n  duration_ms: {:.3f}\n",
                      json_quote(test.message), json_quote(test.kind), test.exit_status, test.seconds * 1e3);
   // In quotes: Perl's reader takes neither blocks with an indentation nor lists of texts with colons.
@@ -71,6 +74,8 @@ std::string_view to_string(TestCase::Outcome outcome) {
 }
 
 JsonObject json_of(const TestCase& test, std::string_view report) {
+  JsonList doubts;
+  for (const std::string& doubt : test.doubts) doubts.add(doubt);
   JsonObject json;
   json.add("test", test.name)
       .add("outcome", to_string(test.outcome))
@@ -80,6 +85,7 @@ JsonObject json_of(const TestCase& test, std::string_view report) {
       .add("message", test.message)
       .add("text", test.text)
       .add("output", test.output)
+      .add("doubts", doubts)
       .add_raw("report", report.empty() ? "null" : report);
   return json;
 }

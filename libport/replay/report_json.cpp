@@ -283,7 +283,8 @@ std::string run_json(const RunReport& report) {
                    : "null")
       .add("bytes", JsonObject()
                         .add("to_driver", driver ? report.to_driver_bytes : report.from_driver_bytes)
-                        .add("from_driver", driver ? report.from_driver_bytes : report.to_driver_bytes));
+                        .add("from_driver", driver ? report.from_driver_bytes : report.to_driver_bytes))
+      .add_raw("doubts", doubts_json(report.doubts));
   if (report.connection) json.add("connection", *report.connection);
   return json.str();
 }

@@ -27,6 +27,9 @@ struct TestCase {
   std::string message = {};  // in one line
   std::string text = {};     // all of it, as a person reads it
   std::string output = {};   // what the command wrote, where that was kept
+  // What makes the outcome doubtful, each in one line: a test that passed with doubts has not simply passed,
+  // and every format says so.
+  std::vector<std::string> doubts = {};
   int exit_status = 0;
   double seconds = 0;
 };
@@ -39,6 +42,7 @@ struct TestCounts {
   std::size_t failed = 0;
   std::size_t errors = 0;
   std::size_t skipped = 0;
+  std::size_t doubtful = 0;  // of those that passed
 
   void add(const TestCase& test);
   [[nodiscard]] std::size_t all() const { return passed + failed + errors + skipped; }

@@ -39,6 +39,27 @@ TEST(Junit, HasOneSuiteWithItsSums) {
   EXPECT_THAT(xml, HasSubstr("<skipped message=\"no device yet\"/>"));
 }
 
+TEST(Junit, ATestThatPassedWithDoubtsHasItsReport) {
+  RunReport report;
+  report.tape = "laser.log";
+  const TestCase sure = test_case_of(report, "laser", "s");
+  EXPECT_TRUE(sure.doubts.empty());
+  EXPECT_THAT(to_junit("s", {&sure, 1}, 0), Not(HasSubstr("system-out")));
+  report.doubts.push_back({Doubt::Kind::unread, "2 bytes\nwere not read"});
+  TestCase test = test_case_of(report, "laser", "s");
+  test.output = "what it wrote";
+  EXPECT_EQ(test.outcome, TestCase::Outcome::passed);
+  EXPECT_THAT(test.doubts, testing::ElementsAre("2 bytes\\nwere not read"));
+  const std::string xml = to_junit("s", {&test, 1}, 0);
+  EXPECT_THAT(xml, HasSubstr("<system-out>pass, with doubts  "));
+  EXPECT_THAT(xml, HasSubstr("  doubt     2 bytes\\nwere not read\nwhat it wrote</system-out>"));
+  TestCounts counts;
+  counts.add(sure);
+  counts.add(test);
+  EXPECT_EQ(counts.passed, 2U);
+  EXPECT_EQ(counts.doubtful, 1U);
+}
+
 TEST(Junit, NothingInATextIsMarkup) {
   TestCase test = failing_case("a < b && \"c\" > ]]>");
   test.name = "<\"&\n'>";

@@ -155,9 +155,9 @@ TEST(RunList, EachRunIsToldByWhatIdentifiesIt) {
       runs.json(),
       R"({"count":2,"looks":0,"worst":"data-mismatch","list":[)"
       R"({"verdict":"pass","exit":0,"when":"2024-05-06T07:08:09.000010Z","duration_s":1.5,"mismatch":null,)"
-      R"("bytes":{"to_driver":7,"from_driver":3}},)"
+      R"("bytes":{"to_driver":7,"from_driver":3},"doubts":[]},)"
       R"({"verdict":"data-mismatch","exit":3,"when":"2024-05-06T07:08:09.000010Z","duration_s":1.5,)"
-      R"("mismatch":{"kind":"data","offset":2},"bytes":{"to_driver":7,"from_driver":3}}]})");
+      R"("mismatch":{"kind":"data","offset":2},"bytes":{"to_driver":7,"from_driver":3},"doubts":[]}]})");
 }
 
 TEST(RunList, TheLatestThousandAreListedAndAllAreCounted) {

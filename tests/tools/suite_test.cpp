@@ -2,6 +2,7 @@
 #include <fstream>
 #include <string>
 #include <unistd.h>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -13,6 +14,7 @@
 namespace porttape::test {
 namespace {
 
+using testing::ContainsRegex;
 using testing::EndsWith;
 using testing::HasSubstr;
 using testing::MatchesRegex;
@@ -27,9 +29,14 @@ class Suites : public testing::Test {
   Suites() { make_tape(dir, "t", {{2000, "42\n"}}, {{1000, "ask\n"}}); }
 
   void write(const std::string& text) const { std::ofstream(dir / "suite.toml") << text; }
-  Ran run_suite(std::vector<std::string> options = {}) const {
+  Ran run_suite_with_doubts(std::vector<std::string> options = {}) const {
     options.insert(options.begin(), {"test", "--suite", dir / "", "-j", "3", "--timeout", "20"});
-    return run(options);
+    return run_with_doubts(options);
+  }
+  Ran run_suite(std::vector<std::string> options = {}) const {
+    Ran ran = run_suite_with_doubts(std::move(options));
+    ran.out = without_doubts(std::move(ran.out));
+    return ran;
   }
   // What is wrong with a suite, without the folder's name.
   std::string problem(const std::string& text) const {
@@ -64,6 +71,22 @@ TEST_F(Suites, OnlyFailuresAreShownAndHowToRunThemAgain) {
   EXPECT_THAT(ran.out, HasSubstr(": 2 tests, 1 passed, 1 failed, 0 skipped, "));
   const Ran again = run_suite({"--only", "wro*"});
   EXPECT_THAT(again.out, HasSubstr(": 1 test, 0 passed, 1 failed, 0 skipped, "));
+}
+
+// The driver leaves its last answer unread.
+TEST_F(Suites, ATestThatPassedWithDoubtsSaysSoInEachFormat) {
+  make_tape(dir, "doubtful", {{2000, "42\n"}}, {{1000, "ask\n"}});
+  write("[[test]]\ntape = \"doubtful\"\ncommand = \"exec 3<>{port}; echo ask >&3; sleep 0.1\"\n");
+  const Ran text = run_suite_with_doubts({"--junit", dir / "j.xml"});
+  EXPECT_EQ(text.status, 0) << text.out << text.err;
+  EXPECT_THAT(text.out, StartsWith("pass, with doubts  doubtful\n    doubt     3 bytes of 3 (100.0 %)"));
+  EXPECT_THAT(text.out, HasSubstr(": 1 test, 1 passed (1 with doubts), 0 failed, 0 skipped, "));
+  EXPECT_THAT(std::string(as_text(read_file(dir / "j.xml"))), HasSubstr("<system-out>pass, with doubts  "));
+  const std::string tap = run_suite_with_doubts({"--format", "tap"}).out;
+  EXPECT_THAT(tap, HasSubstr("ok 1 - doubtful\n# doubt: 3 bytes of 3 (100.0 %)"));
+  const std::string json = run_suite_with_doubts({"--format", "json"}).out;
+  EXPECT_THAT(json, HasSubstr("\"doubts\":[\"3 bytes of 3 (100.0 %)"));
+  EXPECT_THAT(json, HasSubstr("\"passed\":1,\"doubtful\":1,"));
 }
 
 TEST_F(Suites, TheWorstTestsStatusIsTheSuites) {
@@ -121,7 +144,9 @@ TEST_F(Suites, JsonHasALineForEachTestAndOneForAll) {
   EXPECT_THAT(ran.out, StartsWith(R"({"test":"t","outcome":"pass","exit":0,)"));
   EXPECT_THAT(ran.out, HasSubstr(R"("report":{"verdict":"pass",)"));
   EXPECT_THAT(ran.out, HasSubstr("\n{\"suite\":"));
-  EXPECT_THAT(ran.out, HasSubstr(R"("exit":0,"tests":1,"passed":1,"failed":0,"errors":0,"skipped":0,)"));
+  EXPECT_THAT(
+      ran.out,
+      ContainsRegex(R"("exit":0,"tests":1,"passed":1,"doubtful":[01],"failed":0,"errors":0,"skipped":0,)"));
 }
 
 TEST_F(Suites, WhatTheCommandLineSaysHoldsForAllTests) {

@@ -89,7 +89,18 @@ def _own_error(item: pytest.Item, error: BaseException) -> str:
 
 def _failure(item: pytest.Item, verdict: Verdict, error: BaseException | None) -> str | None:
     """What the test is to fail with: the report, unless the test's own error is what came first."""
-    if verdict.passed or isinstance(error, (KeyboardInterrupt, pytest.skip.Exception)):
+    doubts = verdict.report.get("doubts") or []
+    for doubt in doubts:
+        item.warn(pytest.PytestWarning(f"porttape: doubt: {doubt['text']}"))
+    if isinstance(error, KeyboardInterrupt):
+        return None
+    if verdict.passed:
+        if doubts:
+            item.add_report_section("call", "porttape", verdict.text)
+        return None
+    # What the test says of itself stands, and the verdict beside it.
+    if isinstance(error, (pytest.skip.Exception, pytest.xfail.Exception)):
+        item.add_report_section("call", "porttape", verdict.text)
         return None
     if error is None:
         return verdict.text

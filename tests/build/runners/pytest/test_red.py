@@ -35,6 +35,20 @@ def test_own_error(porttape):
     assert 1 == 2
 
 
+@pytest.mark.porttape("tapes/ask")
+def test_skipped_behind_other_data(porttape):
+    with pytest.raises(OSError):
+        write(porttape.port, b"axk\n")
+    pytest.skip("not here")
+
+
+@pytest.mark.porttape("tapes/ask")
+def test_expected_behind_other_data(porttape):
+    with pytest.raises(OSError):
+        write(porttape.port, b"axk\n")
+    pytest.xfail("known")
+
+
 @pytest.mark.porttape("tapes/none")
 def test_no_tape(porttape):
     pass
