@@ -47,6 +47,7 @@ namespace {
 struct Unread {
   std::uint64_t bytes = 0;
   std::uint64_t of = 0;
+  bool all_known = true;  // else more may have been due
 };
 
 // Of endless loops those count that were played to their end: the last may end anywhere, but for the first.
@@ -67,12 +68,19 @@ Unread unread_of(const RunReport& report) {
   }
   const bool again = report.playback.loops_of != 1;
   if (report.playback.steered() || !report.to_driver_of || report.leaves_out || (report.rewritten && again))
-    return {left, report.to_driver_of.value_or(0)};
+    return {left, report.to_driver_of.value_or(0), false};
   // What is rewritten may be longer than on the tape, or shorter.
   const std::uint64_t came =
       report.rewritten ? report.delivered : report.to_driver_bytes + report.reads_excused;
   const std::uint64_t due = due_of(report);
   return {left + due - std::min(due, came), due};
+}
+
+// Of a tape that has reads alone the driver took none at all: whatever decides how many were due, it is
+// certain that these were not read.
+bool only_ignored(const RunReport& report) {
+  return report.from_driver_of == 0U && report.to_driver_of.value_or(0) > report.reads_excused &&
+         report.to_driver_bytes <= report.left_unread.value_or(0);
 }
 
 // The share in percent; of a small one that there is any.
@@ -87,19 +95,23 @@ void judge_reading(RunReport& report) {
   const bool judged =
       report.verdict == Verdict::pass && report.writer == Writer::driver && !report.nobody_came;
   if (!judged) return;
-  const auto [unread, all] = unread_of(report);
+  const bool ignored = only_ignored(report);
+  const auto [unread, all, all_known] =
+      ignored ? Unread{*report.to_driver_of - report.reads_excused, *report.to_driver_of} : unread_of(report);
   if (unread == 0) {
     if (report.must_read && report.closed && !report.left_unread)
       report.doubts.push_back({Doubt::Kind::unread,
                                "what the driver left unread when it closed is not known: the kernel did not "
                                "tell it"});
+    else if (report.must_read && !all_known)
+      report.doubts.push_back({Doubt::Kind::unread,
+                               "whether the driver read all that it should have is not known: rules, or who "
+                               "steered the run, decide how much that is"});
     return;
   }
   report.unread = unread;
   if (all >= unread) report.unread_of = all;
-  const bool speaks_alone = report.from_driver_of == 0U;
-  const bool took_none = report.to_driver_bytes <= report.left_unread.value_or(0);
-  if (report.strictness > 0 && (report.must_read || (speaks_alone && took_none))) {
+  if (report.strictness > 0 && (report.must_read || ignored)) {
     report.verdict = Verdict::incomplete;
     return;
   }

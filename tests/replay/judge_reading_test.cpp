@@ -124,6 +124,41 @@ TEST(JudgeReading, ATapeThatOnlySpeaksIsToBeListenedTo) {
   EXPECT_EQ(doubts_of(loose), "100 bytes of 100 (100.0 %) that were recorded as read were not read\n");
 }
 
+TEST(JudgeReading, ADriverThatIgnoresATapeThatOnlySpeaksNeverPasses) {
+  const auto judged = [](const auto& change) {
+    RunReport report = spoken_to(0, 0);
+    report.from_driver_bytes = report.from_driver_matched = 0;
+    report.from_driver_of = 0;
+    change(report);
+    judge_reading(report);
+    return report.verdict;
+  };
+  EXPECT_EQ(judged([](RunReport& report) { report.lookup.emplace(); }), Verdict::incomplete);
+  EXPECT_EQ(judged([](RunReport& report) { report.playback.pauses = 1; }), Verdict::incomplete);
+  EXPECT_EQ(judged([](RunReport& report) { report.leaves_out = true; }), Verdict::incomplete);
+  EXPECT_EQ(judged([](RunReport& report) {
+              report.playback.loops = 1;
+              report.playback.loops_complete = 0;
+              report.playback.loops_of.reset();
+            }),
+            Verdict::incomplete);
+  EXPECT_EQ(judged([](RunReport& report) { report.reads_excused = 100; }), Verdict::pass)
+      << "nothing of it could be read";
+  EXPECT_EQ(judged([](RunReport& report) { report.to_driver_of = 0; }), Verdict::pass);
+}
+
+TEST(JudgeReading, WhereWhatWasDueIsNotKnownWhoeverMustReadIsToldSo) {
+  RunReport report = spoken_to(50, 0);
+  report.leaves_out = report.closed = true;
+  judge_reading(report);
+  EXPECT_EQ(doubts_of(report), "");
+  report.must_read = true;
+  judge_reading(report);
+  EXPECT_EQ(report.verdict, Verdict::pass);
+  EXPECT_THAT(doubts_of(report),
+              StartsWith("whether the driver read all that it should have is not known: "));
+}
+
 TEST(JudgeReading, WhereTheTapesLengthSaysNothingOnlyWhatIsCertainCounts) {
   const auto judged = [](const auto& change) {
     RunReport report = spoken_to(50, 7);
