@@ -107,6 +107,12 @@ class Blessing {
   Result<void> prepare() {
     const auto output = line_.values.extract("output");
     overwrites_ = !line_.values.extract("overwrite").empty();
+    if (const auto group = line_.values.find("connections");
+        group != line_.values.end() && group->second == "each")
+      return make_error(
+          Errc::usage,
+          "connections 'each' plays several tapes, and one is blessed at a time: bless the tape "
+          "of each connection by itself");
     if (output && overwrites_)
       return make_error(Errc::usage, "options 'output' and 'overwrite' do not go together; choose one");
     line_.values["strictness"] = "0";
@@ -138,6 +144,16 @@ class Blessing {
     if (status != exit_status::kPass) {
       out_ << to_text(verdict.report) << std::flush;
       fmt::print(err_, "porttape bless: nothing is blessed: the command is to end well first\n");
+      return exit_status::kRuntime;
+    }
+    for (const Doubt& doubt : verdict.report.doubts)
+      fmt::print(err_, "porttape bless: doubt: {}\n", printable_line(doubt.text));
+    if (std::ranges::find(verdict.report.doubts, Doubt::Kind::gap, &Doubt::kind) !=
+        verdict.report.doubts.end()) {
+      fmt::print(err_,
+                 "porttape bless: nothing is blessed: {} is not whole, and a new tape would not show it; "
+                 "record it anew\n",
+                 printable_line(old_.name()));
       return exit_status::kRuntime;
     }
     const Result<std::vector<WrittenExchange>> before = read_exchanges(old_);

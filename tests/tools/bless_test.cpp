@@ -130,6 +130,25 @@ TEST_F(Bless, ADriverThatFailsIsNotBlessed) {
   EXPECT_THAT(files(), testing::UnorderedElementsAre("t.logr", "t.logw"));
 }
 
+// The new tape would be whole, whatever is missing of the old one.
+TEST_F(Bless, ATapeThatIsNotWholeIsNotBlessed) {
+  make_tape(dir, "t", {{2000, "42\n"}, {4000, "43\n"}}, {{1000, "ask\n"}, {3000, "more\n"}},
+            R"({"event":"gap","t_us":2500,"from_us":2200,"bytes":4,"why":"the disk was full"})"
+            "\n");
+  const Ran ran = bless("Ask!\\n", "more\\n");
+  EXPECT_EQ(ran.status, 1) << ran.out << ran.err;
+  EXPECT_THAT(ran.err, HasSubstr("porttape bless: doubt: "));
+  EXPECT_THAT(ran.err, HasSubstr("is not whole, and a new tape would not show it"));
+  EXPECT_THAT(files(), testing::UnorderedElementsAre("t.logr", "t.logw", "t.loge"));
+}
+
+TEST_F(Bless, SeveralConnectionsAreNotBlessedByTheFirst) {
+  const Ran ran =
+      bless("Ask!\\n", "more\\n", {"--connections", "each", "--driver", "tcp-listen:127.0.0.1:0"});
+  EXPECT_EQ(ran.status, 2) << ran.out << ran.err;
+  EXPECT_THAT(ran.err, HasSubstr("bless the tape of each connection by itself"));
+}
+
 TEST_F(Bless, NothingThatIsThereIsTouched) {
   make_tape(dir, "other", {}, {});
   EXPECT_EQ(bless("x", "y", {"--output", dir / "other"}).status, 2);
