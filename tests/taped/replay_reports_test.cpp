@@ -14,6 +14,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/manual_clock.hpp"
+#include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
 #include "tests/support/tape_bytes.hpp"
 #include "tests/support/temp_dir.hpp"
@@ -41,6 +42,8 @@ class ReplayReportsTest : public testing::Test {
     ReplayReports::Options options;
     options.tape = literal_tape(dir / "t.log");
     options.totals = totals;
+    options.file = report_file;
+    options.junit_file = junit_file;
     reports =
         std::make_unique<ReplayReports>(PortContext{&loop, book.log()}, std::move(options),
                                         [this](const RunReport& report) { published.push_back(report); });
@@ -64,6 +67,8 @@ class ReplayReportsTest : public testing::Test {
   ManualClock clock;
   Loop loop{clock};
   LogBook book;
+  std::string report_file;
+  std::string junit_file;
   std::vector<RunReport> published;
   std::unique_ptr<ReplayReports> reports;
 };
@@ -174,6 +179,78 @@ TEST_F(HintsOfARun, AreOfNoUseWhereTheTimeAloneIsWrong) {
   EXPECT_EQ(told(), 0U);
   mismatches(1, MismatchKind::extra);
   EXPECT_EQ(told(), 1U);
+}
+
+class FilesOfReports : public ReplayReportsTest {
+ protected:
+  static std::string text_of(const std::string& path) {
+    const Bytes bytes = test::read_file(path);
+    return std::string(as_text(bytes));
+  }
+  // One run that passed, to its end: whether the files could be written.
+  std::optional<bool> write() {
+    begin(TapeTotals{});
+    reports->add({});
+    std::optional<bool> written;
+    reports->finish(clock.now() + std::chrono::hours(1), [&written](bool all) { written = all; });
+    run_until(loop, [&written] { return written.has_value(); });
+    return written;
+  }
+  [[nodiscard]] bool told(const std::string& text) const {
+    return book.text().find(text) != std::string::npos;
+  }
+};
+
+TEST_F(FilesOfReports, EachIsWrittenWhereItIsWanted) {
+  report_file = dir / "report.json";
+  junit_file = dir / "report.xml";
+  EXPECT_EQ(write(), true);
+  EXPECT_THAT(text_of(report_file), HasSubstr("\"verdict\":\"pass\""));
+  EXPECT_THAT(text_of(junit_file), HasSubstr("<testsuite"));
+}
+
+TEST_F(FilesOfReports, EitherMayBeTheOnlyOne) {
+  report_file = dir / "report.json";
+  EXPECT_EQ(write(), true);
+  EXPECT_TRUE(std::filesystem::exists(report_file));
+  report_file.clear();
+  junit_file = dir / "report.xml";
+  EXPECT_EQ(write(), true);
+  EXPECT_TRUE(std::filesystem::exists(junit_file));
+}
+
+TEST_F(FilesOfReports, EitherThatCannotBeWrittenIsAFailureAndTold) {
+  report_file = dir / "report.json";
+  junit_file = dir / "none/report.xml";
+  EXPECT_EQ(write(), false);
+  EXPECT_TRUE(told("none/report.xml"));
+  EXPECT_TRUE(std::filesystem::exists(report_file)) << "the other one is written all the same";
+}
+
+TEST_F(FilesOfReports, TheOtherIsWrittenThoughTheFirstCannotBe) {
+  report_file = dir / "none/report.json";
+  junit_file = dir / "report.xml";
+  EXPECT_EQ(write(), false);
+  EXPECT_TRUE(told("none/report.json"));
+  EXPECT_TRUE(std::filesystem::exists(junit_file));
+}
+
+TEST_F(FilesOfReports, OfTwoTroublesTheFirstIsTold) {
+  report_file = dir / "none/report.json";
+  junit_file = dir / "none/report.xml";
+  EXPECT_EQ(write(), false);
+  EXPECT_TRUE(told("none/report.json"));
+  EXPECT_FALSE(told("none/report.xml"));
+}
+
+TEST_F(FilesOfReports, HaveTheRunsThatEndedWhileTheyWereWritten) {
+  report_file = dir / "report.json";
+  begin(TapeTotals{});
+  for (int run = 0; run < 3; ++run) reports->add({});
+  std::optional<bool> written;
+  reports->finish(clock.now() + std::chrono::hours(1), [&written](bool all) { written = all; });
+  run_until(loop, [&written] { return written.has_value(); });
+  EXPECT_THAT(text_of(report_file), HasSubstr("\"count\":3"));
 }
 
 }  // namespace
