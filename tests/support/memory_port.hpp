@@ -41,6 +41,9 @@ class MemoryPort final : public Port, private Recorder {
     bool shows_signals = false;
     std::vector<std::function<void()>> drains;  // that the test ends
     std::vector<TakeAnswer> questions;          // that the test answers
+    std::vector<FlushQueue> flushes;            // of peer_flushed()
+    std::vector<SettingsOrder> orders;          // of peer_set()
+    std::string gap_why;                        // of the last note_gap()
     int status = 0;
 
     void up() { port->listener().on_up(); }
@@ -52,6 +55,11 @@ class MemoryPort final : public Port, private Recorder {
     void down(LineDown::Reason reason, std::string why = {}) {
       port->listener().on_down({.reason = reason, .error = make_error(Errc::device_lost, std::move(why))});
     }
+    void hang_up(bool after_reading) {
+      port->listener().on_down(
+          {.reason = LineDown::Reason::hung_up, .error = {}, .after_reading = after_reading});
+    }
+    [[nodiscard]] std::optional<std::size_t> unread_by_driver() const { return port->listener().unread(); }
     PortListener::Answers end() { return port->listener().on_ended(); }
     [[nodiscard]] bool other_half_closes() const { return port->listener().half_closes(); }
     bool wants_rest() { return port->listener().wants_rest(); }
@@ -130,8 +138,14 @@ class MemoryPort final : public Port, private Recorder {
   void read_pending() override {
     if (peer_->pending) peer_->pending();
   }
-  void peer_flushed(FlushQueue) override { peer_->calls += "peer_flushed "; }
-  void peer_set(const SeenSettings&, SettingsOrder) override { peer_->calls += "peer_set "; }
+  void peer_flushed(FlushQueue queue) override {
+    peer_->calls += "peer_flushed ";
+    peer_->flushes.push_back(queue);
+  }
+  void peer_set(const SeenSettings&, SettingsOrder order) override {
+    peer_->calls += "peer_set ";
+    peer_->orders.push_back(order);
+  }
   void finish() override {
     peer_->calls += "finish ";
     if (peer_->completes) listener().on_complete(peer_->status);
@@ -144,7 +158,10 @@ class MemoryPort final : public Port, private Recorder {
     peer_->calls += what.kind == RecorderRequest::Kind::mark ? "mark:" + what.text + " " : "next_tape ";
     return {};
   }
-  void note_gap(std::uint64_t bytes, std::string_view) override { peer_->gaps += bytes; }
+  void note_gap(std::uint64_t bytes, std::string_view why) override {
+    peer_->gaps += bytes;
+    peer_->gap_why = why;
+  }
 
   Peer* peer_;
 };
