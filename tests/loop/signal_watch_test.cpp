@@ -1,12 +1,16 @@
 #include "libport/loop/signal_watch.hpp"
 
+#include <cerrno>
 #include <csignal>
+#include <cstddef>
 #include <memory>
 #include <sys/time.h>
+#include <system_error>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "tests/support/descriptor_limit.hpp"
 #include "tests/support/port_log.hpp"
 
 namespace porttape {
@@ -60,6 +64,47 @@ TEST(SignalWatch, ASignalAfterItsEndDoesNotEndTheProgram) {
     watch.add({SIGUSR1});
   }
   std::raise(SIGUSR1);
+}
+
+TEST(SignalWatch, AllThatCameBeforeTheLoopLooksAreToldInTheirOrder) {
+  Loop loop;
+  std::vector<int> came;
+  SignalWatch watch(loop, [&came](int number) { came.push_back(number); });
+  watch.add({SIGUSR1, SIGUSR2});
+  std::vector<int> raised;
+  for (int i = 0; i < 40; ++i) raised.push_back(i % 3 == 0 ? SIGUSR1 : SIGUSR2);
+  for (const int number : raised) std::raise(number);
+  run_until(loop, [&] { return came.size() == raised.size(); });
+  EXPECT_EQ(came, raised);
+}
+
+TEST(SignalWatch, ASignalForWhichThereIsNoRoomIsLostAndLeavesErrnoAlone) {
+  Loop loop;
+  std::size_t came = 0;
+  SignalWatch watch(loop, [&came](int) { ++came; });
+  watch.add({SIGUSR1});
+  constexpr std::size_t kMoreThanAPipeHolds = 70'000;
+  for (std::size_t i = 0; i < kMoreThanAPipeHolds; ++i) {
+    errno = ENOENT;
+    std::raise(SIGUSR1);
+    ASSERT_EQ(errno, ENOENT);
+  }
+  run_until(loop, [&came] { return came > 0; });
+  while (loop.poll_one()) {
+  }
+  EXPECT_LT(came, kMoreThanAPipeHolds);
+}
+
+TEST(SignalWatch, AProgramWithoutDescriptorsIsToldThatItHasNoPipe) {
+  PORTTAPE_SKIP_UNDER_SANITIZERS();
+  Loop loop;
+  const test::NoDescriptors none;
+  try {
+    const SignalWatch watch(loop, [](int) {});
+    FAIL() << "there is a pipe";
+  } catch (const std::system_error& error) {
+    EXPECT_EQ(error.code(), std::errc::too_many_files_open);
+  }
 }
 
 }  // namespace
