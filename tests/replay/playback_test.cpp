@@ -56,6 +56,35 @@ TEST(Pause, WhatIsLeftComesAsMuchLater) {
   }
 }
 
+TEST(Pause, GoingOnWhereNothingStandsIsNoPause) {
+  Rig rig(stream());
+  rig.open().stand(false).until(20'000).stand(false).until(50'000);
+  EXPECT_EQ(rig.finish(), Verdict::pass);
+  EXPECT_EQ(rig.report->playback.pauses, 0U);
+  EXPECT_FALSE(rig.report->playback.steered());
+}
+
+TEST(Pause, OfAPausedRunIsNoOther) {
+  Rig rig(stream());
+  rig.open().stand().stand().until(20'000).stand(false).until(90'000);
+  EXPECT_EQ(rig.finish(), Verdict::pass);
+  EXPECT_EQ(rig.report->playback.pauses, 1U);
+}
+
+TEST(Pause, EachIsCountedInItsRun) {
+  Rig rig(stream());
+  rig.open().stand().until(20'000).stand(false).stand().until(30'000).stand(false).until(90'000);
+  EXPECT_EQ(rig.finish(), Verdict::pass);
+  EXPECT_EQ(rig.report->playback.pauses, 2U);
+}
+
+TEST(Pause, FromBeforeTheRunIsOneOfIt) {
+  Rig rig(stream());
+  rig.stand().open().until(20'000).stand(false).until(90'000);
+  EXPECT_EQ(rig.finish(), Verdict::pass);
+  EXPECT_EQ(rig.report->playback.pauses, 1U);
+}
+
 TEST(Pause, BeforeTheOpenHoldsTheFirstSession) {
   Rig rig(stream());
   rig.stand().wait(1'000).open().until(50'000);
@@ -288,6 +317,22 @@ TEST(Seek, OverMuchTapeIsDoneInSlicesAndACloseWaitsForIt) {
   rig.engine.on_close(rig.now());
   rig.settle();
   EXPECT_EQ(rig.runs, 1);
+}
+
+TEST(Rate, EachChangeIsCounted) {
+  Rig rig(stream());
+  rig.open().rate(2).until(10'000).rate(1).until(90'000);
+  EXPECT_EQ(rig.finish(), Verdict::pass);
+  EXPECT_EQ(rig.report->playback.rates, 2U);
+  EXPECT_TRUE(rig.report->playback.steered());
+}
+
+TEST(Seek, BeforeTheRunIsNone) {
+  Rig rig(stream());
+  rig.seek(30'000).open().until(90'000);
+  EXPECT_EQ(rig.finish(), Verdict::pass);
+  EXPECT_EQ(rig.delivered, "abcd");
+  EXPECT_EQ(rig.report->playback.seeks, 0U);
 }
 
 TEST(Rate, ChangesFromNowOn) {

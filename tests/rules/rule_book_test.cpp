@@ -156,6 +156,23 @@ TEST(RuleBookTest, ALayoutHasWhatIsAboutTheFrameByPlace) {
   EXPECT_FALSE(book_of("at=0\nignore=true\n").any_repeated());
 }
 
+TEST(RuleBookTest, AFrameVariesWhereOneOfItsFieldsDoes) {
+  const std::string frame = "[[frame]]\nname='f'\nkind='length'\nlength={at=1,size=1,adds=3}\n";
+  const std::string fixed = "[[rule]]\nname='a'\nat=0\nsize=1\nignore=true\n";
+  const std::string varying = "[[rule]]\nname='b'\nat=2\nto=-1\nignore=true\nlength=[0,9]\n";
+  const std::string_view bytes = "a\x03xyz!";
+  for (const std::string& rules : {varying + fixed, fixed + varying}) {
+    const FrameLayout layout = RuleBook(rules_of(frame + rules)).layout(as_bytes(bytes), 0);
+    EXPECT_TRUE(layout.varies) << rules;
+    ASSERT_EQ(layout.fields.size(), 3U) << rules;
+    EXPECT_EQ(layout.fields[1].of, FrameField::Of::length) << "it follows from what comes";
+    EXPECT_EQ(layout.fields[1].span, (FrameSpan{1, 2}));
+  }
+  const FrameLayout layout = RuleBook(rules_of(frame + fixed)).layout(as_bytes(bytes), 0);
+  EXPECT_FALSE(layout.varies);
+  EXPECT_EQ(layout.fields.size(), 1U) << "the length is as recorded";
+}
+
 TEST(RuleBookTest, FramesThatTouchDoNotOverlap) {
   const RuleBook book(rules_of(std::string(kBookLine) + "[[rule]]\nname='a'\nat=1\nsize=1\nignore=true\n"
                                                         "[[rule]]\nname='b'\nat=2\nsize=1\nignore=true\n"
