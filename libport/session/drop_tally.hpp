@@ -17,6 +17,7 @@ class DropTally {
   };
 
   void add(std::uint64_t bytes, std::string_view why) {
+    if (bytes == 0) return;  // no bytes have no reason
     sum_.bytes += bytes;
     sum_.why = why;
   }

@@ -412,12 +412,12 @@ void Session::close_device() {
   continue_end();
 }
 
+// At the limit, or before it for a next driver that waits.
 void Session::on_drain_timer() {
   const std::optional<std::size_t> left = device_->unread_by_peer();
-  const bool stands_still = driver_up_ && left && left == left_at_look_;
+  const bool stands_still = left && left == left_at_look_;
   left_at_look_ = left;
-  if (context_.loop->now() < drain_until_ && !stands_still)
-    return driver_up_ ? drain_timer_.set_after(kNoProgress) : drain_timer_.set(drain_until_);
+  if (context_.loop->now() < drain_until_ && !stands_still) return drain_timer_.set_after(kNoProgress);
   context_.log->warn("{} does not take the driver's last bytes; they are dropped", device_->name());
   close_device();
 }
@@ -563,8 +563,7 @@ void Session::give_up_left() {
   const bool was_up = driver_up_;
   driver_->close();
   if (!was_up) return;
-  if (const std::size_t unread = driver_->unread_by_peer().value_or(0); unread > 0)
-    dropped_by_driver(unread, "the driver did not read them before the end");
+  dropped_by_driver(driver_->unread_by_peer().value_or(0), "the driver did not read them before the end");
 }
 
 void Session::device_complete(int exit_status) {

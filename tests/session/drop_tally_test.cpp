@@ -22,5 +22,12 @@ TEST(DropTally, NoBytesAreNoNews) {
   EXPECT_FALSE(tally.take().has_value());
 }
 
+TEST(DropTally, NoBytesAreNoReason) {
+  DropTally tally;
+  tally.add(1, "one was left");
+  tally.add(0, "nothing was left");
+  EXPECT_EQ(tally.take()->why, "one was left");
+}
+
 }  // namespace
 }  // namespace porttape
