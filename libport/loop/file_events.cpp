@@ -15,6 +15,8 @@
 namespace porttape {
 namespace {
 
+constexpr int kUnwatched = -1;  // as the kernel tells that it refuses
+
 constexpr std::uint32_t kFileMask = IN_OPEN | IN_CLOSE;
 // IN_ATTRIB: udev gives a new node its permissions after making it.
 constexpr std::uint32_t kFolderMask = IN_CREATE | IN_MOVED_TO | IN_DELETE | IN_MOVED_FROM | IN_ATTRIB;
@@ -27,9 +29,9 @@ struct FileEvents::Entry {
   FileEvents* owner;  // null once it is gone
   std::string path;
   std::uint32_t mask;
-  std::string name = {};  // of a folder's: what is watched there
-  int number = -1;        // the kernel's; -1: refused
-  int parent = -1;        // that of its folder, which keeps it exact
+  std::string name = {};    // of a folder's: what is watched there
+  int number = kUnwatched;  // the kernel's
+  int parent = kUnwatched;  // that of its folder, which keeps it exact
   std::vector<Event> events = {};
   std::function<void()> callback = {};
   std::shared_ptr<Fence> fence = {};  // of the one who watches
@@ -47,8 +49,8 @@ FileEvents::Watch::~Watch() {
 }
 
 void FileEvents::Watch::on_event(std::function<void()> callback) { entry_->callback = std::move(callback); }
-bool FileEvents::Watch::exact() const { return entry_->parent >= 0; }
-bool FileEvents::Watch::is_watching() const { return entry_->number >= 0; }
+bool FileEvents::Watch::exact() const { return entry_->parent != kUnwatched; }
+bool FileEvents::Watch::is_watching() const { return entry_->number != kUnwatched; }
 
 std::vector<FileEvents::Event> FileEvents::Watch::take() {
   entry_->owner->gather();
@@ -112,7 +114,7 @@ void FileEvents::add(const std::shared_ptr<Entry>& entry) {
 void FileEvents::watch(const std::shared_ptr<Entry>& entry) {
   if (start())
     entry->number = ::inotify_add_watch(inotify_.get(), entry->path.c_str(), entry->mask | IN_MASK_ADD);
-  if (entry->number >= 0) {
+  if (entry->number != kUnwatched) {
     by_number_.emplace(entry->number, entry);
     if (entry->mask == kFileMask) watch_parent(*entry);
   } else if (entry->mask == kFileMask) {
@@ -137,7 +139,7 @@ std::string FileEvents::take_trouble() {
 void FileEvents::watch_parent(Entry& entry) {
   const std::string folder = std::filesystem::path(entry.path).parent_path().string();
   entry.parent = ::inotify_add_watch(inotify_.get(), folder.c_str(), kFileMask | IN_MASK_ADD | IN_ONLYDIR);
-  if (entry.parent >= 0) ++parents_[entry.parent];
+  if (entry.parent != kUnwatched) ++parents_[entry.parent];
 }
 
 void FileEvents::remove(const std::shared_ptr<Entry>& entry) {
@@ -152,9 +154,9 @@ void FileEvents::remove(const std::shared_ptr<Entry>& entry) {
     return;
   }
   std::erase_if(by_number_, [&entry](const auto& known) { return known.second == entry; });
-  if (entry->parent >= 0 && --parents_[entry->parent] == 0) parents_.erase(entry->parent);
+  if (entry->parent != kUnwatched && --parents_[entry->parent] == 0) parents_.erase(entry->parent);
   for (const int number : {entry->number, entry->parent}) {
-    if (number >= 0 && !by_number_.contains(number) && !parents_.contains(number))
+    if (number != kUnwatched && !by_number_.contains(number) && !parents_.contains(number))
       (void)::inotify_rm_watch(inotify_.get(), number);  // may be gone with its file
   }
 }
@@ -222,14 +224,14 @@ void FileEvents::on_poll() {
   const bool begins = !early && std::exchange(begins_, Instant{}) != Instant{};
   bool unwatched = false;
   for (const std::shared_ptr<Entry>& entry : entries_) {
-    if (entry->number >= 0) continue;
+    if (entry->number != kUnwatched) continue;
     if (begins) watch(entry);
     if (entry->mask == kFolderMask) {
       if (begins) pend(entry, Event::unknown);  // what came before
       unwatched = unwatched || early;
       continue;
     }
-    unwatched = unwatched || entry->number < 0;
+    unwatched = unwatched || entry->number == kUnwatched;
     pend(entry, Event::unknown);
   }
   if (unwatched) poll_timer_.set_after(early ? kQuickPoll : kPoll);
