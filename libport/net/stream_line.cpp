@@ -33,18 +33,17 @@ constexpr Nanos kLeaveLimit = seconds(2);
 constexpr int kMostReads = 256;
 constexpr std::size_t kMostDiscarded = std::size_t{4} << 20;
 
-// Whether it is broken or ended both ways.
-bool hung_up(int fd) {
-  pollfd poll{fd, 0, 0};
+// Whether one of these events is there, or the line is broken or ended both ways.
+bool has_event(int fd, short events) {
+  pollfd poll{fd, events, 0};
   return ::poll(&poll, 1, 0) > 0;
 }
+
+bool hung_up(int fd) { return has_event(fd, 0); }
 
 }  // namespace
 
-bool has_ended(int fd) {
-  pollfd poll{fd, POLLRDHUP, 0};
-  return ::poll(&poll, 1, 0) > 0;
-}
+bool has_ended(int fd) { return has_event(fd, POLLRDHUP); }
 
 StreamLine::StreamLine(Loop& loop, Owner& owner, Side side, std::string name, UniqueFd fd)
     : loop_(&loop),
