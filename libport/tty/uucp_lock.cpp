@@ -54,10 +54,8 @@ std::optional<UucpHolder> holder_of(const std::string& file) {
   const std::optional<pid_t> pid = pid_in(beginning_of(file));
   if (!pid || *pid == ::getpid() || !is_alive(*pid)) return std::nullopt;
   UucpHolder holder{.file = file, .pid = *pid};
-  const UniqueFd comm(::open(fmt::format("/proc/{}/comm", *pid).c_str(), O_RDONLY | O_CLOEXEC));
-  std::array<char, 32> name{};
-  const ssize_t size = comm ? ::read(comm.get(), name.data(), name.size()) : 0;
-  if (size > 1) holder.program.assign(name.data(), static_cast<std::size_t>(size) - 1);  // ends in a newline
+  const std::string name = beginning_of(fmt::format("/proc/{}/comm", *pid));
+  holder.program = name.substr(0, name.rfind('\n'));
   return holder;
 }
 
