@@ -53,7 +53,7 @@ bool FaultPort::away() const { return now() < away_until_; }
 
 void FaultPort::open() {
   if (!away()) return FilterPort::open();
-  if (interrupted_ || options_.waits || options_.always_open) {
+  if (options_.waits || options_.always_open) {
     open_wanted_ = true;
     back_timer_.set(away_until_);
     return;

@@ -50,12 +50,12 @@ class Listener final : public ForwardingPort {
 
 class FaultPortTest : public testing::Test {
  protected:
-  void make(const std::string& text, bool always_open = false) {
+  void make(const std::string& text, bool always_open = false, bool waits = false) {
     Result<FaultPlan> plan = parse_fault_plan(text, {});
     ASSERT_TRUE(plan.has_value());
     auto faults = std::make_unique<FaultPort>(
         PortContext{&loop, book.log()}, std::make_unique<ToldPort>(device, inner_told),
-        FaultOptions{.plan = std::move(*plan), .seed = 1, .always_open = always_open});
+        FaultOptions{.plan = std::move(*plan), .seed = 1, .always_open = always_open, .waits = waits});
     port = std::make_unique<Listener>(std::move(faults), told);
     port->listen(log);
     ASSERT_TRUE(port->prepare().has_value());
@@ -154,6 +154,32 @@ TEST_F(FaultPortTest, AReplugIsAwayAsLongAsItSays) {
   (void)let_pass(loop, clock, milliseconds(5));
   port->open();
   EXPECT_EQ(log.events, "up lost failed up ");
+}
+
+TEST_F(FaultPortTest, AnOpenThatWaitsForAMissingDeviceWaitsForTheEndOfAReplug) {
+  make("replug:byte=0,for=0.02", false, true);
+  device.send("a");
+  EXPECT_EQ(log.events, "up lost ");
+  port->close();
+  device.calls.clear();
+  port->open();
+  (void)let_pass(loop, clock, milliseconds(19));
+  EXPECT_EQ(log.events, "up lost ") << "neither up nor failed";
+  EXPECT_EQ(device.calls, "");
+  (void)let_pass(loop, clock, milliseconds(1));
+  EXPECT_EQ(log.events, "up lost up ");
+  EXPECT_EQ(device.calls, "open ");
+}
+
+TEST_F(FaultPortTest, AnOpenThatWaitedAndWasClosedStaysClosed) {
+  make("replug:byte=0,for=0.02", false, true);
+  device.send("a");
+  port->open();
+  port->close();
+  device.calls.clear();
+  (void)let_pass(loop, clock, hours(1));
+  EXPECT_EQ(log.events, "up lost ");
+  EXPECT_EQ(device.calls, "");
 }
 
 TEST_F(FaultPortTest, ALineThatIsKeptOpenIsInterruptedAndBack) {
