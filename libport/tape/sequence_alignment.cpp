@@ -164,12 +164,13 @@ std::vector<AlignedPair> unique_pairs(Elements one, Elements other) {
     return a.value != b.value ? a.value < b.value : a.in_other < b.in_other;
   });
   std::vector<AlignedPair> pairs;
-  for (std::size_t i = 0; i < entries.size();) {
-    std::size_t end = i + 1;
-    while (end < entries.size() && entries[end].value == entries[i].value) ++end;
-    if (end - i == 2 && !entries[i].in_other && entries[i + 1].in_other)
-      pairs.push_back({entries[i].index, entries[i + 1].index});
-    i = end;
+  for (auto first = entries.begin(); first != entries.end();) {
+    const auto second = first + 1;
+    const auto end = std::find_if(second, entries.end(),
+                                  [&first](const Entry& entry) { return entry.value != first->value; });
+    if (end - first == 2 && !first->in_other && second->in_other)
+      pairs.push_back({first->index, second->index});
+    first = end;
   }
   std::sort(pairs.begin(), pairs.end(),
             [](const AlignedPair& a, const AlignedPair& b) { return a.one < b.one; });
