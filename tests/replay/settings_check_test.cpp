@@ -243,5 +243,44 @@ TEST_F(SettingsCheckTest, AWriteThatStandsWhereTheSettingDoesIsBehindIt) {
   EXPECT_EQ(result(Reach::written, 4), "0/2 1 2");
 }
 
+TEST_F(SettingsCheckTest, EachKeyCountsWhereTheReplayingLineShowsIt) {
+  const std::vector<SeenSettings> each = {{.baud = 300},    {.data_bits = 7},  {.parity = Parity::even},
+                                          {.stop_bits = 2}, {.hw_flow = true}, {.sw_flow = true}};
+  for (std::size_t taped_key = 0; taped_key < each.size(); ++taped_key) {
+    for (std::size_t shown = 0; shown < each.size(); ++shown) {
+      check.begin(SeenSettings::of({}));
+      wait().taped(each[taped_key]).wait();
+      check.made(each[shown]);
+      EXPECT_EQ(result(), taped_key == shown ? "1/1" : "0/0") << taped_key << ' ' << shown;
+    }
+  }
+}
+
+TEST_F(SettingsCheckTest, AKeyThatWasShownOnceCounts) {
+  const std::vector<SeenSettings> each = {{.baud = 300},    {.data_bits = 7},  {.parity = Parity::even},
+                                          {.stop_bits = 2}, {.hw_flow = true}, {.sw_flow = true}};
+  for (std::size_t key = 0; key < each.size(); ++key) {
+    check.begin(SeenSettings::of({}));
+    wait().taped(each[key]).wait();
+    check.made(each[key]);
+    check.made(each[(key + 1) % each.size()]);
+    EXPECT_EQ(result(), "1/1") << key;
+  }
+}
+
+TEST_F(SettingsCheckTest, AnOpenSetsTheSignalsAnew) {
+  check.begin(SeenSettings::of({}), true);
+  const Event off = signal_event({Side::driver, {LineSignal::Name::rts, false}});
+  for (int session = 0; session < 2; ++session) {
+    wait().pass(RecordKind::open).wait();
+    Record record;
+    record.at = tape_time_us(us);
+    record.event = &off;
+    check.pass(record, writes);
+    wait().pass(RecordKind::close);
+  }
+  EXPECT_EQ(check.report(Reach::all, 0).recorded, 2U);
+}
+
 }  // namespace
 }  // namespace porttape
