@@ -233,6 +233,13 @@ TEST_F(RuleRepliesAlone, APieceOfAnAnswerIsKeptUntilItsFrameIsWhole) {
   EXPECT_FALSE(replies.keeps());
 }
 
+TEST_F(RuleRepliesAlone, WhatNoReplyIsAboutPassesAsItComes) {
+  asked("X1\n", "X1\n");
+  EXPECT_EQ(answer("A"), "A") << "whole or not";
+  EXPECT_FALSE(replies.keeps());
+  EXPECT_EQ(answer("1\nB"), "1\nB");
+}
+
 TEST_F(RuleRepliesAlone, ARequestThatWasLeftOutIsNoRequest) {
   asked("T1\nT2\n", "T8\nxx\n");
   EXPECT_EQ(answer("A1\n"), "A8\n") << "the latest that came";

@@ -245,5 +245,11 @@ TEST(RulesReaderTest, AnyLetterMayStandInTextsAndComments) {
   }
 }
 
+TEST(RulesReaderTest, ACounterWithoutAModuloHasNone) {
+  const Result<RuleSet> rules = read_rules("[[rule]]\nname='r'\nat=0\nsize=1\ncounter={}\n", "my.rules");
+  ASSERT_TRUE(rules.has_value());
+  EXPECT_EQ(rules->rules[0].counter.modulo, 0U);
+}
+
 }  // namespace
 }  // namespace porttape
