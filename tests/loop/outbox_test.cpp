@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -198,6 +199,14 @@ TEST(Outbox, DrainsAgainAfterAnErrorAndANewBeginning) {
   const Reader reader(loop, far.get());
   run_until(loop, [&] { return drained; });
   EXPECT_EQ(lost, 4U);
+}
+
+TEST_P(OutboxTest, ASingleByteIsSentOnce) {
+  for (const std::string_view byte : {"a", "b"}) outbox->write(as_bytes(byte));
+  EXPECT_EQ(outbox->write_some(as_bytes("c")), 1U);
+  EXPECT_FALSE(outbox->congested());
+  loop.poll_one();
+  EXPECT_EQ(read(), "abc");
 }
 
 }  // namespace
