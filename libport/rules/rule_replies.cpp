@@ -102,10 +102,9 @@ const RuleReplies::Pair* RuleReplies::request_of(std::size_t number) const {
 }
 
 bool RuleReplies::any_request() const {
-  for (std::size_t i = 0; i < book_->set().replies.size(); ++i) {
-    if (request_of(i) != nullptr) return true;
-  }
-  return false;
+  std::size_t number = 0;
+  return std::ranges::any_of(book_->set().replies,
+                             [&](const ReplyTemplate&) { return request_of(number++) != nullptr; });
 }
 
 Bytes RuleReplies::answer(const Read& read) {
