@@ -32,12 +32,12 @@ Enum choice(const std::string& value, const std::pair<std::string_view, Enum> (&
   return choices[0].second;
 }
 
-// `WORD:NUMBER`; where there is no number, one by chance.
+// `WORD:NUMBER`, as the option has been checked; where there is no number, one by chance.
 std::pair<std::string, std::uint32_t> split_number(const std::string& value) {
   const std::size_t colon = value.find(':');
   if (colon == std::string::npos) return {value, std::random_device{}()};
   return {value.substr(0, colon),
-          whole_number<std::uint32_t>(std::string_view(value).substr(colon + 1)).value_or(0)};
+          whole_number<std::uint32_t>(std::string_view(value).substr(colon + 1)).value()};
 }
 
 // What is asked in any order has no time of its own.
