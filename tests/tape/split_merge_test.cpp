@@ -61,6 +61,24 @@ class SplitMergeTest : public testing::Test {
   int made_ = 0;
 };
 
+TEST_F(SplitMergeTest, EachPartIsToldWithItsTimesItsBlocksAndItsEvents) {
+  const TapePaths source = tape(
+      "source", MemoryTape().open(0).write(10, "a").read(20, "b").close(30).open(40).read(50, "c").close(60));
+  const auto made = split(source, At::session);
+  ASSERT_TRUE(made.has_value());
+  ASSERT_EQ(made->size(), 2U);
+  const SplitPart& first = made->front();
+  const SplitPart& second = made->back();
+  EXPECT_EQ(first.blocks, 2U);
+  EXPECT_EQ(first.events, 2U);
+  EXPECT_EQ(to_us(first.from), 0);
+  EXPECT_EQ(to_us(first.to), 30);
+  EXPECT_EQ(second.blocks, 1U);
+  EXPECT_EQ(second.events, 2U);
+  EXPECT_EQ(to_us(second.from), 40);
+  EXPECT_EQ(to_us(second.to), 60);
+}
+
 TEST_F(SplitMergeTest, ByItsSessionsEachWithItsOwnZero) {
   const TapePaths source = tape("t",
                                 MemoryTape()
