@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <string>
 
 #include "libport/tape/payload_totals.hpp"
@@ -20,7 +21,7 @@ std::uint64_t event_digest(const Turn& turn) {
   if (const auto* gap = std::get_if<event::Gap>(&turn.event))
     return text_digest("gap " + std::to_string(gap->bytes) + ' ' + gap->why.raw());
   std::string line = turn.line;
-  std::string time = "{\"t_us\":" + std::to_string(to_us(turn.at)) + ',';
+  std::string time = fmt::format("{{\"t_us\":{},", to_us(turn.at));
   if (!line.starts_with(time)) {
     line = encode_again(line, TapeTime{});
     line.pop_back();
