@@ -245,6 +245,17 @@ TEST_F(ReplayPortTest, ATornTailOfATapeWithoutEventsIsADoubt) {
   EXPECT_THAT(port->report()->doubts[0].text, HasSubstr("what came last may be missing"));
 }
 
+TEST_F(ReplayPortTest, ATornTailIsNoDoubtWhereNobodyCame) {
+  Bytes torn = test::block_bytes({{0, "one"}, {10, "two"}});
+  torn.resize(torn.size() - 1);
+  test::write_file(dir / "t.logw", torn);
+  start({}, OnMismatch::fail, false);
+  (void)finish();
+  ASSERT_TRUE(port->report().has_value());
+  EXPECT_TRUE(port->report()->nobody_came);
+  EXPECT_TRUE(port->report()->doubts.empty());
+}
+
 // What is unread at the driver's close.
 class UnreadOfATape : public ReplayPortTest {
  protected:

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <fmt/format.h>
 #include <memory>
 #include <optional>
 #include <string>
@@ -165,6 +166,12 @@ TEST_F(HintsOfARun, AreOfItsFirstMismatches) {
   EXPECT_EQ(told(), ReplayReports::kMostHints);
   mismatches(1);
   EXPECT_EQ(told(), ReplayReports::kMostHints);
+}
+
+TEST_F(HintsOfARun, SayWhoseBytesTheyAreOf) {
+  mismatches(2);
+  for (const char* const byte : {"0", "1"})
+    EXPECT_THAT(book.text(), HasSubstr(fmt::format("t.log: what the driver wrote at byte {} is ", byte)));
 }
 
 TEST_F(HintsOfARun, AreLookedForAgainInTheNext) {
