@@ -89,22 +89,18 @@ Result<DriveRequest> read_request(OptionValues values) {
   return request;
 }
 
-Result<int> drive(const DriveRequest& request, const VerdictView& view, std::ostream& out) {
+Result<int> drive(const DriveRequest& request, const VerdictView& view, std::ostream& out,
+                  std::ostream& err) {
   // A reader that goes away, and a limit on the size of files, are errors of a write.
   ::signal(SIGPIPE, SIG_IGN);
   ::signal(SIGXFSZ, SIG_IGN);
-  TestVerdict verdict = drive_device(request);
-  tell(verdict, view, out);
-  verdict.report.process_exit = output_status(out, verdict.exit_status());
   const ReplayPort::Options& options = request.replay();
-  const Result<void> written =
-      write_reports(verdict, "porttape drive", options.report_file, options.junit_file);
-  if (verdict.error) return *verdict.error;
-  if (!written) return written.error();
-  return verdict.exit_status();
+  return end_test(drive_device(request), view,
+                  {.verb = "porttape drive", .report = options.report_file, .junit = options.junit_file}, out,
+                  err);
 }
 
-Result<int> run(Arguments args, std::ostream& out) {
+Result<int> run(Arguments args, std::ostream& out, std::ostream& err) {
   const std::vector<OptionSpec> specs = drive_specs();
   const po::options_description description = describe(specs, "Options");
   po::positional_options_description positions;
@@ -121,7 +117,7 @@ Result<int> run(Arguments args, std::ostream& out) {
   if (!view) return view.error();
   const Result<DriveRequest> request = read_request(std::move(given));
   if (!request) return request.error();
-  return drive(*request, *view, out);
+  return drive(*request, *view, out, err);
 }
 
 }  // namespace
@@ -129,7 +125,7 @@ Result<int> run(Arguments args, std::ostream& out) {
 int run_drive(Arguments args, std::ostream& out, std::ostream& err) {
   Result<int> status = exit_status::kPass;
   try {
-    status = run(args, out);
+    status = run(args, out, err);
   } catch (const StrayWord& stray) {
     status = stray_word(args, stray);
   } catch (const po::error& error) {

@@ -105,8 +105,12 @@ class SuiteRun {
       if (!cases_[i]) finish(i, not_run(i));
     }
     clear_progress();
+    if (const Result<void> written = write_junit(); !written) {
+      trouble_ = written.error().message;
+      worst_ = worse_exit_status(worst_, exit_status_of(written.error().code));
+      fmt::print(err_, "porttape test: {}\n", printable_lines(trouble_));
+    }
     end_output();
-    if (Result<void> written = write_junit(); !written) return written.error();
     return exit_status();
   }
 
@@ -243,7 +247,11 @@ class SuiteRun {
   void end_output() {
     const double seconds = seconds_since(begun_);
     const std::string why = "interrupted by " + signal_text(interrupted_by_);
-    if (options_.format == TestFormat::tap && interrupted_by_ != 0) out_ << tap_bail_out(why);
+    if (options_.format == TestFormat::tap && interrupted_by_ != 0) {
+      out_ << tap_bail_out(why);
+    } else if (options_.format == TestFormat::tap && !trouble_.empty()) {
+      out_ << tap_bail_out(trouble_);
+    }
     if (options_.format == TestFormat::json) {
       JsonObject sum;
       sum.add("suite", options_.folder)
@@ -255,6 +263,7 @@ class SuiteRun {
           .add("errors", counts_.errors)
           .add("skipped", counts_.skipped)
           .add("duration_s", seconds);
+      if (!trouble_.empty()) sum.add("trouble", trouble_);
       out_ << sum.str() << '\n';
     }
     if (options_.format == TestFormat::text) {
@@ -262,6 +271,7 @@ class SuiteRun {
       fmt::print(out_, "{}{}{}  {}: {}, {} passed{}, {} failed, {} skipped, {:.2f} s\n",
                  color_begin(good ? Color::good : Color::bad, colors_),
                  interrupted_by_ != 0 ? why
+                 : !trouble_.empty()  ? "failed: " + printable_line(trouble_)
                  : good               ? "pass"
                                       : "failed",
                  color_end(colors_), printable_line(name_), counted(counts_.all(), "test"), counts_.passed,
@@ -296,6 +306,7 @@ class SuiteRun {
   std::size_t next_ = 0;
   int worst_ = exit_status::kPass;
   int interrupted_by_ = 0;
+  std::string trouble_;  // the JUnit file could not be written; else empty
 };
 
 // Leaves those that --only names.
@@ -314,13 +325,14 @@ Result<void> choose(Suite& suite, const std::string& only) {
 
 // Where no test can be run the files and the format of all of them say so: nothing of an earlier run stays.
 Error cannot_begin(const SuiteOptions& options, Error why, std::ostream& out) {
+  if (!options.junit_file.empty()) {
+    const std::string name = std::filesystem::weakly_canonical(options.folder).filename().string();
+    const TestCase none = no_test(options.folder, why).as_case("suite", name);
+    if (Result<void> written = write_report(options.junit_file, to_junit(name, std::span(&none, 1), 0));
+        !written)
+      why.message += "; " + written.error().message;
+  }
   if (options.format == TestFormat::tap) out << tap_bail_out(why.message) << std::flush;
-  if (options.junit_file.empty()) return why;
-  const std::string name = std::filesystem::weakly_canonical(options.folder).filename().string();
-  const TestCase none = no_test(options.folder, why).as_case("suite", name);
-  if (Result<void> written = write_report(options.junit_file, to_junit(name, std::span(&none, 1), 0));
-      !written)
-    why.message += "; " + written.error().message;
   return why;
 }
 

@@ -113,17 +113,10 @@ Result<int> run_single(CommandVerbLine line, const VerdictView& view, const Next
     const auto given = line.values.find(option);
     return given == line.values.end() ? std::string() : given->second;
   };
-  const std::string report = file("report");
-  const std::string junit = file("junit");
+  const ReportFiles files{.verb = "porttape test", .report = file("report"), .junit = file("junit")};
   TestVerdict verdict = run_line(std::move(line), view, next);
   for (const std::string& note : verdict.notes) fmt::print(err, "porttape test: {}\n", printable_line(note));
-  tell(verdict, view, out);
-  verdict.report.process_exit = output_status(out, verdict.exit_status());
-  if (Result<void> written = write_reports(verdict, "porttape test", report, junit);
-      !written && !verdict.error)
-    return written.error();
-  if (verdict.error) return *verdict.error;
-  return verdict.exit_status();
+  return end_test(std::move(verdict), view, files, out, err);
 }
 
 // Faults are for the test, and not on what it is held against from then on. Where there is no tape then, the

@@ -1,5 +1,10 @@
 #include "tools/verdict_view.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ostream.h>
+
+#include "libport/base/error.hpp"
+#include "libport/base/printable.hpp"
 #include "libport/tape/tape_name.hpp"
 #include "libport/taped/report_file.hpp"
 
@@ -12,6 +17,29 @@ Result<void> write_apart(const TestVerdict& verdict, const std::string& path, co
     if (Result<void> apart = check_report_apart(path, *tape); !apart) return apart;
   }
   return write_report(path, text);
+}
+
+// Writes both, whatever comes of the first. The first error.
+Result<void> write_files(const TestVerdict& verdict, const ReportFiles& files) {
+  Result<void> written;
+  if (!files.report.empty()) written = write_apart(verdict, files.report, verdict.json());
+  if (files.junit.empty()) return written;
+  const TestCase test = verdict.as_case(verdict.report.tape, "porttape");
+  const Result<void> junit =
+      write_apart(verdict, files.junit, to_junit(files.verb, {&test, 1}, verdict.seconds));
+  return written ? junit : written;
+}
+
+// A user's interrupt stays the outcome.
+void fail(TestVerdict& verdict, const Error& trouble) {
+  RunReport& report = verdict.report;
+  if (verdict.error) {
+    verdict.error->message += "; " + trouble.message;
+  } else if (const int status = verdict.exit_status(); status <= exit_status::kDevice) {
+    report.process_exit = worse_exit_status(status, exit_status_of(trouble.code));
+    report.outcome = "failed: " + trouble.message +
+                     (report.outcome.empty() ? std::string() : "; otherwise " + report.outcome);
+  }
 }
 
 }  // namespace
@@ -47,14 +75,22 @@ void tell(const TestVerdict& verdict, const VerdictView& view, std::ostream& out
   out << std::flush;
 }
 
-Result<void> write_reports(const TestVerdict& verdict, std::string_view verb, const std::string& report,
-                           const std::string& junit) {
-  if (!report.empty()) {
-    if (Result<void> written = write_apart(verdict, report, verdict.json()); !written) return written;
+Result<int> end_test(TestVerdict verdict, const VerdictView& view, const ReportFiles& files,
+                     std::ostream& out, std::ostream& err) {
+  verdict.report.process_exit = verdict.exit_status();
+  if (const Result<void> written = write_files(verdict, files); !written) {
+    const Error& trouble = written.error();
+    if (!verdict.error) fmt::print(err, "{}: {}\n", files.verb, printable_lines(trouble.message));
+    fail(verdict, trouble);
+    (void)write_files(verdict, files);  // what is there is not to say that all was well
   }
-  if (junit.empty()) return {};
-  const TestCase test = verdict.as_case(verdict.report.tape, "porttape");
-  return write_apart(verdict, junit, to_junit(verb, {&test, 1}, verdict.seconds));
+  tell(verdict, view, out);
+  if (const int status = output_status(out, verdict.exit_status()); status != verdict.exit_status()) {
+    verdict.report.process_exit = status;
+    (void)write_files(verdict, files);
+  }
+  if (verdict.error) return *verdict.error;
+  return verdict.exit_status();
 }
 
 }  // namespace porttape

@@ -28,9 +28,18 @@ Result<VerdictView> take_view(std::map<std::string, std::string>& values);
 // On `out`, flushed. As text a test that could not begin is the caller's to tell.
 void tell(const TestVerdict& verdict, const VerdictView& view, std::ostream& out);
 
-// Writes the JSON report and the JUnit file, where they are wanted, whatever came of the test; `verb`, such
-// as "porttape test", is the JUnit suite.
-Result<void> write_reports(const TestVerdict& verdict, std::string_view verb, const std::string& report,
-                           const std::string& junit);
+// Where the JSON report and the JUnit file go; empty: not wanted. `verb`, such as "porttape test", is the
+// JUnit suite, and begins what is told on stderr.
+struct ReportFiles {
+  std::string_view verb;
+  std::string report = {};
+  std::string junit = {};
+};
+
+// Writes the files, whatever came of the test, and then tells the verdict, so that none is told as good whose
+// report could not be written: that is the outcome then, there and in the other file. Returns the status to
+// end with, or the verdict's error.
+Result<int> end_test(TestVerdict verdict, const VerdictView& view, const ReportFiles& files,
+                     std::ostream& out, std::ostream& err);
 
 }  // namespace porttape

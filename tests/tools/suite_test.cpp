@@ -240,6 +240,23 @@ TEST_F(Suites, AJunitFileThatCannotBeWrittenIsToldBeforeAnythingRuns) {
   EXPECT_NE(::access((dir / "ran").c_str(), F_OK), 0);
 }
 
+TEST_F(Suites, AJunitFileThatCannotBeWrittenIsTheOutcome) {
+  write(kGoodSuite);
+  const std::string why = "report '/dev/full' cannot be written: No space left on device";
+  const Ran text = run_suite({"--junit", "/dev/full"});
+  EXPECT_EQ(text.status, 1);
+  EXPECT_THAT(text.out, HasSubstr("failed: " + why + "  "));
+  EXPECT_THAT(text.out, HasSubstr(", 1 passed, 0 failed, "));
+  EXPECT_THAT(text.out, Not(HasSubstr("pass  ")));
+  EXPECT_EQ(text.err, "porttape test: " + why + "\n");
+  const Ran tap = run_suite({"--junit", "/dev/full", "--format", "tap"});
+  EXPECT_EQ(tap.status, 1);
+  EXPECT_THAT(tap.out, EndsWith("Bail out!  " + why + "\n"));
+  const Ran json = run_suite({"--junit", "/dev/full", "--format", "json"});
+  EXPECT_THAT(json.out, HasSubstr("\"exit\":1,\"tests\":1,\"passed\":1,"));
+  EXPECT_THAT(json.out, HasSubstr("\"trouble\":\"" + why + "\""));
+}
+
 TEST_F(Suites, OneThatCannotBeginSaysSoInTheJunitFileAndInTap) {
   write("colour = 1\n");
   const Ran ran = run_suite({"--junit", dir / "j.xml", "--format", "tap"});

@@ -16,6 +16,7 @@ using testing::EndsWith;
 using testing::HasSubstr;
 using testing::MatchesRegex;
 using testing::Not;
+using testing::StartsWith;
 
 class TestVerb : public testing::Test {
  protected:
@@ -125,6 +126,39 @@ TEST_F(TestVerb, ACommandThatNeverOpensThePortIsIncomplete) {
   EXPECT_EQ(ran.status, 5);
   EXPECT_THAT(ran.out, HasSubstr("incomplete: the command never opened its port\n"));
   EXPECT_THAT(ran.err, HasSubstr("$PORTTAPE_PORT"));
+}
+
+TEST_F(TestVerb, AReportThatCannotBeWrittenIsTheOutcome) {
+  const std::string why = "report '/dev/full' cannot be written: No space left on device";
+  for (const char* option : {"--report", "--junit"}) {
+    const Ran ran = test(kGood, {option, "/dev/full"});
+    EXPECT_EQ(ran.status, 1);
+    EXPECT_THAT(ran.out, StartsWith("failed: " + why + "\n"));
+    EXPECT_EQ(ran.err, "porttape test: " + why + "\n");
+    const Ran tap = test(kGood, {option, "/dev/full", "--format", "tap"});
+    EXPECT_THAT(tap.out, HasSubstr("not ok 1 - "));
+    EXPECT_THAT(tap.out, HasSubstr("  message: \"failed: " + why + "\"\n"));
+    EXPECT_THAT(test(kGood, {option, "/dev/full", "--format", "json"}).out, HasSubstr("\"exit\":1,"));
+  }
+}
+
+TEST_F(TestVerb, TheOtherReportSaysThatOneCouldNotBeWritten) {
+  const std::string other = dir / "other";
+  EXPECT_EQ(test(kGood, {"--report", other, "--junit", "/dev/full"}).status, 1);
+  const std::string json(as_text(read_file(other)));
+  EXPECT_THAT(json, HasSubstr("\"exit\":1,"));
+  EXPECT_THAT(json, HasSubstr("\"outcome\":\"failed: report '/dev/full' cannot be written"));
+  EXPECT_EQ(test(kGood, {"--junit", other, "--report", "/dev/full"}).status, 1);
+  EXPECT_THAT(std::string(as_text(read_file(other))), HasSubstr(" errors=\"1\" "));
+}
+
+TEST_F(TestVerb, AReportThatCannotBeWrittenLeavesTheVerdictToBeRead) {
+  const Ran wrong = test("exec 3<>{port}; echo axk >&3; read answer <&3", {"--report", "/dev/full"});
+  EXPECT_EQ(wrong.status, 1);
+  EXPECT_THAT(wrong.out, StartsWith("failed: report '/dev/full' cannot be written"));
+  EXPECT_THAT(wrong.out, HasSubstr("  verdict   data mismatch: "));
+  const Ran none = test("true", {"--report", "/dev/full"});
+  EXPECT_THAT(none.out, HasSubstr("; otherwise incomplete: the command never opened its port\n"));
 }
 
 TEST_F(TestVerb, TheCommandsOwnFailureCountsWhenTheVerdictIsPass) {
