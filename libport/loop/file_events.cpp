@@ -125,7 +125,8 @@ void FileEvents::watch(const std::shared_ptr<Entry>& entry) {
 void FileEvents::refused(const std::string& path, int error_number) {
   if (trouble_.empty()) {
     trouble_ = fmt::format(
-        "inotify for {}: {}; opens and closes are looked for every {} ms instead, quick ones may pass unseen "
+        "inotify for {}: {}; opens and closes are looked for every {} ms instead, several quick ones may "
+        "count as one "
         "(sysctl fs.inotify.max_user_instances, fs.inotify.max_user_watches)",
         path, errno_text(error_number), std::chrono::duration_cast<std::chrono::milliseconds>(kPoll).count());
   }

@@ -207,8 +207,11 @@ Headline unsent_headline(const RunReport& report) {
   }
   if (const std::vector<std::string> left = left_out(report); all_came(report) && !left.empty())
     return {"incomplete", left.front()};
-  if (all_came(report) && report.writer == Writer::device)
-    return {"incomplete", "the tape was not played to its end"};
+  const bool never_opened = report.nobody_came && report.writer == Writer::driver;
+  if (all_came(report)) {
+    return {"incomplete",
+            never_opened ? "the driver never opened its port" : "the tape was not played to its end"};
+  }
   const ByteView write = first_of(report.next_expected, report.next_expected_block);
   const Bytes& before = report.next_expected_before;
   const Roles roles = roles_of(report.writer);

@@ -12,6 +12,7 @@
 #include <sys/stat.h>
 #include <termios.h>
 #include <unistd.h>
+#include <utility>
 
 #include "libport/base/printable.hpp"
 #include "libport/base/whole_number.hpp"
@@ -89,6 +90,7 @@ Result<Pty> Pty::create(FileEvents& events, const Access& access) {
   if (Result<void> given = give_access(pty.slave_path_, access); !given) return given.error();
   if (Result<UniqueFd> slave = pty.open_slave(); !slave) return slave.error();
   pty.watch_ = events.watch_file(pty.slave_path_);
+  if (!pty.exact()) pty.last_close_ = LastClose(pty.master());
   return pty;
 }
 
@@ -111,19 +113,37 @@ bool Pty::occupied() const {
 
 bool Pty::open_now() const { return (poll_master(master()) & POLLHUP) == 0; }
 
+bool Pty::take_visit() {
+  const bool now = last_close_.take();
+  return std::exchange(visited_, false) || now;
+}
+
+void Pty::without_visit(const std::function<void()>& act) {
+  visited_ = take_visit();
+  act();
+  (void)last_close_.take();
+}
+
+void Pty::unnoticed(const std::function<void()>& act) {
+  without_visit([&] { watch_->unnoticed(act); });
+}
+
 Result<void> Pty::settle(const std::optional<LineSettings>& settings) {
   left_unread_.reset();
   // Our own open and flush are no news: not to inotify, not as a packet.
-  Result<void> settled;
+  Result<bool> next_is_there = false;
   watch_->unnoticed([&] {
-    settled = packet_mode(false);
-    if (settled) settled = freshen(settings);
-    if (Result<void> packets = packet_mode(true); settled) settled = packets;
+    const Result<void> quiet = packet_mode(false);
+    next_is_there = quiet ? freshen(settings) : quiet.error();
+    if (const Result<void> packets = packet_mode(true); next_is_there && !packets)
+      next_is_there = packets.error();
   });
-  return settled;
+  // Our own close, or that of the last driver, told late. The next driver has closed only if it was there.
+  visited_ = last_close_.take() && next_is_there && *next_is_there;
+  return next_is_there ? Result<void>() : next_is_there.error();
 }
 
-Result<void> Pty::freshen(const std::optional<LineSettings>& settings) {
+Result<bool> Pty::freshen(const std::optional<LineSettings>& settings) {
   const Result<TtyState> state = tty_state(master());
   if (!state) return state.error();
   const bool next_is_there = open_now();
@@ -132,7 +152,9 @@ Result<void> Pty::freshen(const std::optional<LineSettings>& settings) {
   left_unread_ = next_is_there ? std::nullopt : input_of(slave->get());
   (void)::ioctl(slave->get(), TIOCNXCL);
   if (::tcflush(slave->get(), TCIFLUSH) != 0) return pty_error("flushing " + slave_path_);
-  return next_is_there ? Result<void>() : make_pty_fresh(master(), *state, settings);
+  if (next_is_there) return true;
+  if (Result<void> fresh = make_pty_fresh(master(), *state, settings); !fresh) return fresh.error();
+  return false;
 }
 
 bool Pty::has_input() const {
@@ -143,7 +165,7 @@ bool Pty::has_input() const {
 
 void Pty::drop_backlog(bool more) {
   constexpr int kFull = 4095;
-  watch_->unnoticed([&] {
+  unnoticed([&] {
     const UniqueFd slave(::open(slave_path_.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     int bytes = 0;
     if (!slave) return;
@@ -157,7 +179,7 @@ void Pty::drop_backlog(bool more) {
 
 std::optional<std::size_t> Pty::unread() {
   std::optional<std::size_t> unread;
-  watch_->unnoticed([&] {
+  unnoticed([&] {
     const UniqueFd slave(::open(slave_path_.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     if (slave) unread = input_of(slave.get());
   });
@@ -166,7 +188,7 @@ std::optional<std::size_t> Pty::unread() {
 
 std::optional<std::size_t> Pty::read_away() {
   std::optional<std::size_t> bytes;
-  watch_->unnoticed([&] {
+  unnoticed([&] {
     const UniqueFd slave(::open(slave_path_.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     if (!slave) return;
     std::array<char, 4096> buffer;

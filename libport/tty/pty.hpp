@@ -10,6 +10,7 @@
 #include "libport/base/result.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/file_events.hpp"
+#include "libport/tty/last_close.hpp"
 
 namespace porttape {
 
@@ -48,6 +49,12 @@ class Pty {
   std::vector<Event> take_events() { return watch_->take(); }
   // Whether each open and close is among them; else equal ones in a row may be one.
   [[nodiscard]] bool exact() const { return watch_->exact(); }
+  // Whether programs have opened and closed it since the last call, or since settle(), and nobody has it open
+  // now: for a pty whose events are not exact, or were lost.
+  [[nodiscard]] bool take_visit();
+
+  // Runs `act`, which changes the settings: that may look like such a visit, and is none.
+  void without_visit(const std::function<void()>& act);
 
   // Makes the line fresh for the next driver, as a real tty is: unread input gone, exclusive use given up,
   // raw, with these settings (none: as they are). Where the next driver has it already, what that has set
@@ -74,14 +81,18 @@ class Pty {
 
  private:
   Pty() = default;
+  void unnoticed(const std::function<void()>& act);  // which opens and closes the slave
   Result<void> packet_mode(bool on);
   Result<UniqueFd> open_slave() const;
-  Result<void> freshen(const std::optional<LineSettings>& settings);
+  // Returns whether the next driver has it open already.
+  Result<bool> freshen(const std::optional<LineSettings>& settings);
 
   UniqueFd master_;
   std::string slave_path_;
   std::optional<std::size_t> left_unread_;
   std::unique_ptr<FileEvents::Watch> watch_;
+  LastClose last_close_;
+  bool visited_ = false;  // found by the way, and not taken yet
 };
 
 }  // namespace porttape

@@ -134,13 +134,18 @@ Result<void> PtyPort::apply(const LineSettings& settings) {
     home_ = settings;
   }
   if (supervisor_ != nullptr) supervisor_->line_shows(settings);
-  return line_ ? line_->settings.show(settings) : Result<void>();
+  return line_ ? show(settings) : Result<void>();
+}
+
+Result<void> PtyPort::show(const LineSettings& settings) {
+  Result<void> shown;
+  line_->pty.without_visit([&] { shown = line_->settings.show(settings); });
+  return shown;
 }
 
 void PtyPort::show_home() {
   if (!home_) return line_->settings.take_as_known();
-  if (Result<void> shown = line_->settings.show(*home_); !shown)
-    context_.log->warn("{}: {}", name(), shown.error().message);
+  if (Result<void> shown = show(*home_); !shown) context_.log->warn("{}: {}", name(), shown.error().message);
 }
 
 void PtyPort::look_at_settings(bool moved_on) {
@@ -170,10 +175,12 @@ void PtyPort::open() {
   }
 }
 
-// Whether a peer is there that no event told of.
+// Whether a peer is there, or came and went, that no event told of.
 void PtyPort::look() {
-  if (peer_ || !line_ || (line_->pty.exact() && !events_lost_)) return;
-  if (line_->pty.occupied()) return peer_arrived(std::nullopt);
+  if (peer_ || !line_) return;
+  const bool visited = line_->pty.take_visit();
+  if (line_->pty.exact() && !events_lost_) return;
+  if (visited || line_->pty.occupied()) return peer_arrived(std::nullopt);
   events_lost_ = false;
 }
 
@@ -300,7 +307,11 @@ void PtyPort::master_ended() {
   if (line_.get() == line) handle_events({next, events.end()});
   if (line_) handle_events(line_->pty.take_events());
   // Inotify makes one event of two opens at the same moment: a driver's, and ours of settle().
-  if (!peer_ && line_ && line_->pty.occupied()) peer_arrived(line_->pty.exact() ? Openers(1) : std::nullopt);
+  if (!peer_ && line_) {
+    const bool exact = line_->pty.exact();
+    const bool visited = line_->pty.take_visit() && !exact;
+    if (visited || line_->pty.occupied()) peer_arrived(exact ? Openers(1) : std::nullopt);
+  }
   events_lost_ = false;
 }
 

@@ -49,6 +49,8 @@ struct PtyOptions {
 // | no HUP and no session, where      | 0, or lost     | a session begins                                 |
 // | events were lost or opens cannot  |                |                                                  |
 // | be told one by one                |                |                                                  |
+// | a last close and no session,      | 0, or lost     | a session begins, which HUP ends: somebody came  |
+// | there too                         |                | and went between two looks                       |
 //
 // Their number is exact where each open and close is told (Pty::exact). It is unknown after an open that may
 // stand for several, after lost events, and for a session that was found without an event. HUP, which the
@@ -121,6 +123,7 @@ class PtyPort final : public Port, private SupervisedLine {
   void renew_line();
   void line_renewed();
   void look();
+  Result<void> show(const LineSettings& settings);
   void show_home();
   void watch_settings();
   void look_at_settings(bool moved_on);

@@ -105,6 +105,15 @@ TEST(ReportLines, WhereAllBytesCameWhatElseIsMissingIsTheHeadline) {
                     HasSubstr("  1 recorded byte never came from the driver\n"), HasSubstr("  " + missing)));
 }
 
+TEST(ReportLines, WhereTheTapeHasNothingOfTheDriversADriverThatNeverCameIsSaidToBeThat) {
+  RunReport report = incomplete();
+  report.nobody_came = true;
+  report.from_driver_matched = 0;
+  report.from_driver_of = 0;
+  EXPECT_THAT(to_text(report), AllOf(StartsWith("incomplete: the driver never opened its port\n"),
+                                     Not(HasSubstr("never came"))));
+}
+
 TEST(ReportLines, MoreThanTheTapeHasLeavesNothingMissing) {
   RunReport report = incomplete();
   report.from_driver_matched = 50;

@@ -161,6 +161,15 @@ TEST_F(TestVerb, AReportThatCannotBeWrittenLeavesTheVerdictToBeRead) {
   EXPECT_THAT(none.out, HasSubstr("; otherwise incomplete: the command never opened its port\n"));
 }
 
+TEST_F(TestVerb, ACommandThatClosesThePortAtOnceHasOpenedIt) {
+  for (int i = 0; i < 30; ++i) {
+    const Ran ran = test(": <{port}");
+    EXPECT_EQ(ran.status, 5);
+    EXPECT_THAT(ran.out, HasSubstr("incomplete: the driver never wrote \"ask\\n\"\n"));
+    EXPECT_THAT(ran.out, Not(HasSubstr("never opened")));
+  }
+}
+
 TEST_F(TestVerb, TheCommandsOwnFailureCountsWhenTheVerdictIsPass) {
   const Ran ran = test(std::string(kGood) + "; exit 7");
   EXPECT_EQ(ran.status, 1);

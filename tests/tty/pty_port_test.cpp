@@ -600,6 +600,66 @@ TEST_F(PtyPortTest, InABriefProgramOpensAreLookedForFirstAndToldLater) {
   until("up closed up closed up ");
 }
 
+TEST_F(PtyPortTest, InABriefProgramADriverThatClosesAtOnceIsSeenOnceWhole) {
+  loop.file_events().begin_after(std::chrono::hours(1));
+  start();
+  std::string expected;
+  for (int i = 0; i < 200; ++i) {
+    driver().reset();
+    expected += "up closed ";
+    until(expected);
+  }
+  UniqueFd fd = driver();  // what would be told late comes before this
+  until(expected + "up ");
+}
+
+TEST_F(PtyPortTest, InABriefProgramOneThatClosesAtOnceIsSeenBehindOneThatStayed) {
+  loop.file_events().begin_after(std::chrono::hours(1));
+  start();
+  UniqueFd fd = driver();
+  until("up ");
+  ASSERT_EQ(::write(fd.get(), "x", 1), 1);
+  fd.reset();
+  until("up closed ");
+  driver().reset();
+  until("up closed up closed ");
+}
+
+TEST_F(PtyPortTest, OneThatClosesAtOnceIsSeenWhereInotifyIsRefused) {
+  loop.file_events().refuse();
+  start();
+  driver().reset();
+  until("up closed ");
+  driver().reset();
+  until("up closed up closed ");
+}
+
+TEST_F(PtyPortTest, OneThatClosesAsInotifyBeginsIsSeenOnce) {
+  loop.file_events().begin_after(std::chrono::milliseconds(1));
+  start();
+  Loop other;  // this one's time to begin has come, and it has not looked
+  bool late = false;
+  Timer after(other, [&late] { late = true; });
+  after.set_after(std::chrono::milliseconds(2));
+  run_until(other, [&late] { return late; });
+  driver().reset();
+  until("up closed ");
+  driver().reset();
+  until("up closed up closed ");
+}
+
+TEST_F(PtyPortTest, SettingsThatTheDeviceShowsAreNoVisit) {
+  loop.file_events().begin_after(std::chrono::hours(1));
+  start();
+  for (const bool flow : {true, false, true}) {
+    LineSettings settings;
+    settings.sw_flow = flow;
+    ASSERT_TRUE(port.apply(settings).has_value());
+  }
+  const UniqueFd fd = driver();
+  until("up ");
+}
+
 TEST_F(PtyPortTest, LostEventsMakeEveryoneLook) {
   start();
   loop.file_events().lose();
