@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 #include <memory>
 #include <string>
-#include <thread>
 #include <unistd.h>
 #include <vector>
 
@@ -13,8 +12,10 @@
 
 #include "libport/base/line_settings_text.hpp"
 #include "libport/base/unique_fd.hpp"
+#include "libport/loop/timer.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "tests/blocking/blocking_rig.hpp"
+#include "tests/support/port_log.hpp"
 #include "tests/support/tape_bytes.hpp"
 #include "tests/support/temp_dir.hpp"
 
@@ -128,10 +129,15 @@ TEST_F(BlockingReplayTest, LateWritesPassWhereAskedFor) {
 }
 
 TEST_F(BlockingReplayTest, WhatFellDueBetweenCallsCameInTime) {
-  tape({{10'000, "unread"}}, {{100, "first"}, {1'200'000, "second"}});
-  open("timing=reactive,strictness=2,jitter=1000,timeout=60");
+  tape({{10'000, "unread"}}, {{100, "first"}, {60'000, "second"}});
+  // However late the test gets on: taken for later than it was, the answer would make the write too early.
+  open("timing=reactive,strictness=2,jitter=10,early-only,timeout=60");
   EXPECT_EQ(told(port->write(as_bytes("first"))), "5 ");
-  std::this_thread::sleep_for(1200ms);
+  Loop other;  // nothing calls the port meanwhile
+  bool over = false;
+  Timer second_is_due(other, [&over] { over = true; });
+  second_is_due.set_after(60ms);
+  run_until(other, [&over] { return over; });
   EXPECT_EQ(told(port->write(as_bytes("second"))), "6 ") << "measured from when the answer was due";
 }
 
