@@ -7,7 +7,6 @@
 #include <optional>
 #include <ostream>
 #include <string>
-#include <sys/stat.h>
 #include <utility>
 #include <vector>
 
@@ -90,9 +89,8 @@ struct TappedDevice {
 
 // The serial device of this name, a path or a port.
 Result<TappedDevice> tapped_device(const std::string& named) {
-  struct stat status {};
   std::string path = named;
-  if (::stat(named.c_str(), &status) != 0) {
+  if (::access(named.c_str(), F_OK) != 0) {
     const Result<PortSpec> port = parse_port(named);
     if (!port) return port.error();
     if (port->type().name != "serial")
@@ -102,12 +100,11 @@ Result<TappedDevice> tapped_device(const std::string& named) {
                                     in_quotes(named)));
     path = port->written().text("device");
   }
-  if (::stat(path.c_str(), &status) != 0)
+  if (const std::optional<TtyDevice> device = tty_device_at(path)) return TappedDevice{path, device};
+  if (::access(path.c_str(), F_OK) != 0)
     return make_error(Errc::device_missing,
                       fmt::format("--device {}: {}", in_quotes(path), errno_text(errno)));
-  const std::optional<TtyDevice> device = tty_device_at(path);
-  if (!device) return make_error(Errc::usage, fmt::format("--device {} is no tty", in_quotes(path)));
-  return TappedDevice{path, device};
+  return make_error(Errc::usage, fmt::format("--device {} is no tty", in_quotes(path)));
 }
 
 // The command on its own device, of which a tape is made.

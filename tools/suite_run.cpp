@@ -210,7 +210,8 @@ class SuiteRun {
       clear_progress();
       fmt::print(out_, "{}pass{}, with doubts  {}\n", color_begin(Color::doubtful, colors_),
                  color_end(colors_), printable_line(test.name));
-      for (const std::string& doubt : test.doubts) fmt::print(out_, "    doubt     {}\n", doubt);
+      for (const std::string& doubt : test.doubts)
+        fmt::print(out_, "    doubt     {}\n", printable_line(doubt));
       out_.flush();
     }
     tell_progress();

@@ -10,24 +10,27 @@ namespace porttape {
 // list of numbers (Documentation/admin-guide/devices.txt: 136 to 143 char).
 bool is_pty(std::uint64_t number);
 
-// Which tty it is. A value.
+// The identity of a tty. A value.
 //
-// A device's number says so for all but pseudo-terminals: each devpts, as each container has one, counts its
-// own from 0. Of these the file system is a part of the identity.
+// The number identifies every device but a pseudo-terminal. Each devpts numbers its own from 0, and a
+// container has a devpts of its own, so the file system is a part of a pseudo-terminal's identity.
 struct TtyDevice {
   std::uint64_t number = 0;                       // st_rdev
-  std::optional<std::uint64_t> file_system = {};  // st_dev; nothing where it is no pty, or is not known
+  std::optional<std::uint64_t> file_system = {};  // st_dev of a pty; nullopt: another device, or not known
 
-  // Whether both may be the same one. What is not known of one says nothing against it.
+  // Whether both may be the same device. Where one file system is not known, the numbers decide.
   [[nodiscard]] bool is(const TtyDevice& other) const {
     return number == other.number &&
            (!file_system || !other.file_system || *file_system == *other.file_system);
   }
 };
 
-// That of a path, links followed, or of an open file; nothing where that is no character device. One that is
-// open only as a place (O_PATH) is none: whoever has it may have no right to the device.
+// Returns the device at a path, whose links are followed; nullopt if there is no character device, or if it
+// cannot be looked at.
 std::optional<TtyDevice> tty_device_at(const std::string& path);
+
+// Returns the device that is open as `fd`; nullopt if that is not a character device. A descriptor that was
+// opened with O_PATH does not count: the program that has it may have no right to the device.
 std::optional<TtyDevice> tty_device_of(int fd);
 
 }  // namespace porttape

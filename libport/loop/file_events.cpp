@@ -126,8 +126,7 @@ void FileEvents::refused(const std::string& path, int error_number) {
   if (trouble_.empty()) {
     trouble_ = fmt::format(
         "inotify for {}: {}; opens and closes are looked for every {} ms instead, several quick ones may "
-        "count as one "
-        "(sysctl fs.inotify.max_user_instances, fs.inotify.max_user_watches)",
+        "count as one (sysctl fs.inotify.max_user_instances, fs.inotify.max_user_watches)",
         path, errno_text(error_number), std::chrono::duration_cast<std::chrono::milliseconds>(kPoll).count());
   }
   if (!poll_timer_.due()) poll_timer_.set_after(kPoll);

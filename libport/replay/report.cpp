@@ -47,7 +47,7 @@ namespace {
 struct Unread {
   std::uint64_t bytes = 0;
   std::uint64_t of = 0;
-  bool all_known = true;  // else more may have been due
+  bool all_known = true;  // false: more may have been due
 };
 
 // Of endless loops those count that were played to their end: the last may end anywhere, but for the first.
@@ -76,9 +76,9 @@ Unread unread_of(const RunReport& report) {
   return {left + due - std::min(due, came), due};
 }
 
-// Of a tape that has reads alone the driver took none at all: whatever decides how many were due, it is
-// certain that these were not read.
-bool only_ignored(const RunReport& report) {
+// Whether the tape has reads alone, and the driver took none of them. Then it is certain that they were not
+// read, whatever decides how many were due.
+bool ignored_all(const RunReport& report) {
   return report.from_driver_of == 0U && report.to_driver_of.value_or(0) > report.reads_excused &&
          report.to_driver_bytes <= report.left_unread.value_or(0);
 }
@@ -95,7 +95,7 @@ void judge_reading(RunReport& report) {
   const bool judged =
       report.verdict == Verdict::pass && report.writer == Writer::driver && !report.nobody_came;
   if (!judged) return;
-  const bool ignored = only_ignored(report);
+  const bool ignored = ignored_all(report);
   const auto [unread, all, all_known] =
       ignored ? Unread{*report.to_driver_of - report.reads_excused, *report.to_driver_of} : unread_of(report);
   if (unread == 0) {

@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "libport/base/error.hpp"
-#include "libport/base/printable.hpp"
 
 namespace porttape {
 namespace {
@@ -20,7 +19,7 @@ TestCase test_case_of(const RunReport& report, std::string name, std::string gro
   TestCase test{.name = std::move(name), .group = std::move(group), .text = to_text(report)};
   test.exit_status = report.process_exit.value_or(exit_status_of(report));
   test.seconds = std::chrono::duration<double>(report.duration).count();
-  for (const Doubt& doubt : report.doubts) test.doubts.push_back(printable_line(doubt.text));
+  for (const Doubt& doubt : report.doubts) test.doubts.push_back(doubt.text);
   if (test.exit_status == exit_status::kPass) return test;
   const bool by_verdict = is_verdict(test.exit_status) && !report.trouble;
   test.outcome = by_verdict ? TestCase::Outcome::failed : TestCase::Outcome::error;

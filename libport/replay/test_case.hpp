@@ -27,8 +27,8 @@ struct TestCase {
   std::string message = {};  // in one line
   std::string text = {};     // all of it, as a person reads it
   std::string output = {};   // what the command wrote, where that was kept
-  // What makes the outcome doubtful, each in one line: a test that passed with doubts has not simply passed,
-  // and every format says so.
+  // What makes the outcome doubtful. A test that passed with doubts has not simply passed, and every format
+  // says so.
   std::vector<std::string> doubts = {};
   int exit_status = 0;
   double seconds = 0;

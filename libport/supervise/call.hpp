@@ -37,8 +37,9 @@ class Call {
   // For one that is answered later: what was seen of its thread up to now counts no more.
   [[nodiscard]] Call for_later() const;
 
-  // The device that the thread has open as `fd`, of /dev/tty the terminal which it stands for (by its number
-  // alone); nothing where there is none.
+  // Returns the device that the thread has open as `fd`, or nullopt if that is not a device. If it is
+  // /dev/tty, the device is the terminal that was meant when it was opened, of which only the number is
+  // known.
   [[nodiscard]] std::optional<TtyDevice> device_of(int fd) const;
 
   // A descriptor of ours for that same open file; nothing where that is forbidden, or there is none.

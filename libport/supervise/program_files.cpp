@@ -1,6 +1,5 @@
 #include "libport/supervise/program_files.hpp"
 
-#include <algorithm>
 #include <array>
 #include <fcntl.h>
 #include <filesystem>
@@ -24,17 +23,12 @@ std::optional<std::string_view> below(std::string_view path, std::string_view pr
 }
 
 // Without slashes that are repeated, and without `.` as a part.
-std::string without_repeats(std::string_view path) {
-  std::string made;
-  while (!path.empty()) {
-    const std::size_t end = std::min(path.find('/'), path.size());
-    const std::string_view part = path.substr(0, end);
-    if (part != ".") made += part;
-    const bool slash = end < path.size();
-    if (slash && (made.empty() ? part.empty() : made.back() != '/')) made += '/';
-    path.remove_prefix(slash ? end + 1 : end);
+std::string without_repeats(const std::filesystem::path& path) {
+  std::filesystem::path made;
+  for (const std::filesystem::path& part : path) {
+    if (part != ".") made /= part;
   }
-  return made;
+  return made.native();
 }
 
 // As the program names it, from `/` on or from its folder's place in /proc.
@@ -68,16 +62,18 @@ std::optional<std::string> own_names_here(pid_t thread, const std::string& path)
 
 std::string path_here(pid_t thread, const std::string& named, int folder) {
   constexpr int kMostLinks = 40;  // as many as the kernel follows
-  std::string path = absolute_here(thread, named, folder);
+  const std::string here = absolute_here(thread, named, folder);
+  std::string path = here;
   for (int followed = 0; followed < kMostLinks; ++followed) {
     if (const auto own = own_names_here(thread, path)) return *own;
-    // What it leads to may be such a name, and is the program's own then.
+    if (path.starts_with("/proc/")) break;
+    // A link may lead to such a name, which is the program's own then.
     std::error_code error;
     const std::filesystem::path target = std::filesystem::read_symlink(path, error);
-    if (error || path.starts_with("/proc/")) break;
-    path = without_repeats((std::filesystem::path(path).parent_path() / target).native());
+    if (error) break;
+    path = without_repeats(std::filesystem::path(path).parent_path() / target);
   }
-  return absolute_here(thread, named, folder);
+  return here;
 }
 
 bool gets_terminal(pid_t thread) {

@@ -7,6 +7,7 @@
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
+#include <linux/aio_abi.h>
 #include <linux/openat2.h>
 #include <poll.h>
 #include <sys/ioctl.h>
@@ -38,12 +39,7 @@ constexpr rlim_t kFilesOfGuard = 32;      // which closes some before anybody an
 constexpr Nanos kHoldersLook = milliseconds(1);
 constexpr int kRestrictSelf = 446;  // landlock_restrict_self, which older headers do not name
 
-// What openat2(2) takes; of flags that it does not know it makes an error.
-struct OpenHow {
-  std::uint64_t flags = 0;
-  std::uint64_t mode = 0;
-  std::uint64_t resolve = 0;
-};
+// The flags that openat2(2) knows; others are an error of its caller.
 constexpr std::uint64_t kOpenFlags = O_ACCMODE | O_CREAT | O_EXCL | O_NOCTTY | O_TRUNC | O_APPEND |
                                      O_NONBLOCK | O_SYNC | O_DSYNC | O_ASYNC | O_DIRECT | O_LARGEFILE |
                                      O_DIRECTORY | O_NOFOLLOW | O_NOATIME | O_CLOEXEC | O_PATH | O_TMPFILE;
@@ -51,15 +47,8 @@ constexpr std::uint64_t kOpenFlags = O_ACCMODE | O_CREAT | O_EXCL | O_NOCTTY | O
 // What preadv2(2) and pwritev2(2) may be told that changes nothing for a tty.
 constexpr std::uint64_t kNothingToTtys = RWF_HIPRI | RWF_DSYNC | RWF_SYNC;
 
-// The head of an `iocb` of io_submit(2).
-struct AioRequest {
-  std::uint64_t data = 0;
-  std::uint64_t key_and_flags = 0;
-  std::uint16_t operation = 0;
-  std::int16_t priority = 0;
-  std::uint32_t file = 0;
-};
-constexpr std::uint64_t kMostAioLooked = 65536;
+// As many requests as the kernel lets all processes have by default (fs.aio-max-nr).
+constexpr std::uint64_t kMostAioRequests = 65536;
 
 std::uint32_t files_from_here() {
   rlimit limit{};
@@ -105,7 +94,7 @@ bool is_other_kind(std::uint64_t device) {
 
 // Whether it leads through what names a process's own files (/proc/self/fd): another one's here.
 bool leads_through_process(const std::string& path) {
-  const OpenHow how{.flags = O_PATH | O_CLOEXEC, .resolve = RESOLVE_NO_MAGICLINKS};
+  const open_how how{.flags = O_PATH | O_CLOEXEC, .mode = 0, .resolve = RESOLVE_NO_MAGICLINKS};
   const UniqueFd place(static_cast<int>(::syscall(SYS_openat2, AT_FDCWD, path.c_str(), &how, sizeof(how))));
   return !place && errno == ELOOP;
 }
@@ -134,12 +123,12 @@ std::optional<TapCalls::OpenArguments> TapCalls::open_arguments(const Call& call
   std::uint64_t flags = call.argument(2);
   bool own_way = false;
   if (call.number() == SYS_openat2) {
-    const auto how = call.read_as<OpenHow>(call.argument(2));
-    if (!how || call.argument(3) < sizeof(OpenHow)) return std::nullopt;
+    const auto how = call.read_as<open_how>(call.argument(2));
+    if (!how || call.argument(3) < sizeof(open_how)) return std::nullopt;
     flags = how->flags;
     const bool makes = (flags & (O_CREAT | O_TMPFILE)) != 0;
     if ((flags & ~kOpenFlags) != 0 || (how->mode != 0 && !makes)) return std::nullopt;
-    own_way = how->resolve != 0 || call.argument(3) > sizeof(OpenHow);
+    own_way = how->resolve != 0 || call.argument(3) > sizeof(open_how);
   }
   return OpenArguments{path_here(call.thread(), *path, static_cast<int>(call.argument(0))),
                        static_cast<int>(flags), own_way};
@@ -261,12 +250,12 @@ CallPart::Decision TapCalls::decide(Supervisor& supervisor, const Call& call) {
 // As io_submit(2) reads them: a pointer to each request.
 bool TapCalls::submits_to_device(const Call& call) const {
   if (!device_ || !line_->open()) return false;
-  const std::uint64_t count = std::min(call.argument(1), kMostAioLooked);
+  const std::uint64_t count = std::min(call.argument(1), kMostAioRequests);
   for (std::uint64_t i = 0; i < count; ++i) {
     const auto at = call.read_as<std::uint64_t>(call.argument(2) + i * sizeof(std::uint64_t));
-    const auto request = at ? call.read_as<AioRequest>(*at) : std::nullopt;
+    const auto request = at ? call.read_as<iocb>(*at) : std::nullopt;
     if (!request) return false;  // which the kernel finds, too
-    if (is_tapped(call, static_cast<int>(request->file))) return true;
+    if (is_tapped(call, static_cast<int>(request->aio_fildes))) return true;
   }
   return false;
 }

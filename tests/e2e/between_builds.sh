@@ -8,7 +8,7 @@
 source "$(dirname "$0")/lib.sh"
 [[ $# -ge 1 && -x $1/daemon/porttaped && -x $1/tools/porttape ]] ||
   { echo "usage: between_builds.sh BUILD [SCENARIO…], where BUILD is a build tree with both programs" >&2; exit 64; }
-need socat gcc
+need socat
 other=$(cd "$1" && pwd)
 shift
 scenarios=("$@")
@@ -33,7 +33,6 @@ by() {
     PORTTAPED=$other/daemon/porttaped PORTTAPE=$other/tools/porttape "$@"
   fi
 }
-opposite() { if [[ $1 == this ]]; then echo other; else echo this; fi; }
 
 tapes=()
 for scenario in "${scenarios[@]}"; do
@@ -46,7 +45,7 @@ for scenario in "${scenarios[@]}"; do
     fi
     [[ $status == 0 ]] || die "$scenario is not recorded by the ${build} build: $(cat said)"
     tapes+=("$tape")
-    for player in "$build" "$(opposite "$build")"; do
+    for player in this other; do
       tried=$((tried + 1))
       try by "$player" "$e2e/run.sh" replay "$scenario" "$tape" >said 2>&1
       [[ $status == 0 ]] || differs "$scenario, recorded by $build, replayed by $player: status $status: $(tail -3 said)"

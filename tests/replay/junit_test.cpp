@@ -49,7 +49,7 @@ TEST(Junit, ATestThatPassedWithDoubtsHasItsReport) {
   TestCase test = test_case_of(report, "laser", "s");
   test.output = "what it wrote";
   EXPECT_EQ(test.outcome, TestCase::Outcome::passed);
-  EXPECT_THAT(test.doubts, testing::ElementsAre("2 bytes\\nwere not read"));
+  EXPECT_THAT(test.doubts, testing::ElementsAre("2 bytes\nwere not read"));
   const std::string xml = to_junit("s", {&test, 1}, 0);
   EXPECT_THAT(xml, HasSubstr("<system-out>pass, with doubts  "));
   EXPECT_THAT(xml, HasSubstr("  doubt     2 bytes\\nwere not read\nwhat it wrote</system-out>"));

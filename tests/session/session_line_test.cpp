@@ -2,37 +2,20 @@
 
 #include <cstddef>
 #include <fmt/format.h>
-#include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
 
-#include "libport/session/session.hpp"
-#include "tests/support/manual_clock.hpp"
-#include "tests/support/memory_port.hpp"
-#include "tests/support/quiet_log.hpp"
+#include "tests/session/session_rig.hpp"
 
 namespace porttape {
 namespace {
 
 using Reason = LineDown::Reason;
 
-class SessionLineTest : public testing::Test {
+class SessionLineTest : public SessionRig {
  protected:
-  SessionLineTest() {
-    driver.name = "driver";
-    device.name = "device";
-    driver.passive = true;
-    driver.up_at_once = false;
-  }
-  void start() {
-    session = std::make_unique<Session>(PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(driver),
-                                        std::make_unique<MemoryPort>(device),
-                                        [this](int status) { end_status = status; });
-    ASSERT_TRUE(session->start().has_value());
-  }
   // A driver has gone, its last bytes wait for a slow device, and the next driver is there.
   void wait_behind_last_bytes() {
     start();
@@ -48,17 +31,6 @@ class SessionLineTest : public testing::Test {
     }
     loop.restart();
   }
-  [[nodiscard]] bool told(const std::string& text) const {
-    return book.text().find(text) != std::string::npos;
-  }
-
-  ManualClock clock;
-  Loop loop{clock};
-  LogBook book;
-  MemoryPort::Peer driver;
-  MemoryPort::Peer device;
-  std::optional<int> end_status;
-  std::unique_ptr<Session> session;
 };
 
 using Flushes = std::vector<FlushQueue>;

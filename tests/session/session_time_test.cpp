@@ -1,14 +1,9 @@
 #include <algorithm>
-#include <memory>
-#include <optional>
 #include <string>
 
 #include <gtest/gtest.h>
 
-#include "libport/session/session.hpp"
-#include "tests/support/manual_clock.hpp"
-#include "tests/support/memory_port.hpp"
-#include "tests/support/quiet_log.hpp"
+#include "tests/session/session_rig.hpp"
 
 namespace porttape {
 namespace {
@@ -19,24 +14,12 @@ using std::chrono::minutes;
 using std::chrono::seconds;
 
 // How long a session waits, by a clock that is moved, and what its log tells of that.
-class SessionTimeTest : public testing::Test {
+class SessionTimeTest : public SessionRig {
  protected:
-  SessionTimeTest() {
-    driver.name = "driver";
-    device.name = "device";
-    driver.passive = true;
-    driver.up_at_once = false;
-    session = std::make_unique<Session>(PortContext{&loop, book.log()}, std::make_unique<MemoryPort>(driver),
-                                        std::make_unique<MemoryPort>(device),
-                                        [this](int status) { end_status = status; });
-    EXPECT_TRUE(session->start().has_value());
-  }
+  SessionTimeTest() { start(); }
   void pass(Nanos time) { (void)let_pass(loop, clock, time); }
   bool ends_within(Nanos time) {
     return let_pass(loop, clock, time, [this] { return end_status.has_value(); });
-  }
-  [[nodiscard]] bool told(const std::string& text) const {
-    return book.text().find(text) != std::string::npos;
   }
   // The device fails as often, each time for a driver that comes and goes.
   void fail(int times) {
@@ -48,14 +31,6 @@ class SessionTimeTest : public testing::Test {
       driver.down(Reason::hung_up);
     }
   }
-
-  ManualClock clock;
-  Loop loop{clock};
-  LogBook book;
-  MemoryPort::Peer driver;
-  MemoryPort::Peer device;
-  std::optional<int> end_status;
-  std::unique_ptr<Session> session;
 };
 
 TEST_F(SessionTimeTest, AnEndWaitsForADriverAsLongAsItReads) {

@@ -89,26 +89,25 @@ def _own_error(item: pytest.Item, error: BaseException) -> str:
 
 def _failure(item: pytest.Item, verdict: Verdict, error: BaseException | None) -> str | None:
     """What the test is to fail with: the report, unless the test's own error is what came first."""
-    doubts = verdict.report.get("doubts") or []
-    for doubt in doubts:
-        item.warn(pytest.PytestWarning(f"porttape: doubt: {doubt['text']}"))
-    if isinstance(error, KeyboardInterrupt):
-        return None
-    if verdict.passed:
-        if doubts:
-            item.add_report_section("call", "porttape", verdict.text)
-        return None
-    # What the test says of itself stands, and the verdict beside it.
-    if isinstance(error, (pytest.skip.Exception, pytest.xfail.Exception)):
-        item.add_report_section("call", "porttape", verdict.text)
+    if verdict.passed or isinstance(error, KeyboardInterrupt):
         return None
     if error is None:
         return verdict.text
     # Where the line was hung up at a mismatch, the test's error is what came of that.
-    if verdict.report.get("mismatch"):
+    says_of_itself = isinstance(error, (pytest.skip.Exception, pytest.xfail.Exception))
+    if verdict.report.get("mismatch") and not says_of_itself:
         return f"{verdict.text}\n{_own_error(item, error)}"
     item.add_report_section("call", "porttape", verdict.text)
     return None
+
+
+def _tell_doubts(item: pytest.Item, verdict: Verdict) -> None:
+    """A test that passed with doubts has not simply passed."""
+    doubts = verdict.report.get("doubts") or []
+    for doubt in doubts:
+        item.warn(pytest.PytestWarning(f"porttape: doubt: {doubt['text']}"))
+    if doubts and verdict.passed:
+        item.add_report_section("call", "porttape", verdict.text)
 
 
 @pytest.hookimpl(hookwrapper=True, tryfirst=True)
@@ -120,7 +119,9 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, None]:
         return
     error = outcome.excinfo[1] if outcome.excinfo else None
     try:
-        failure = _failure(item, replay.finish(), error)
+        verdict = replay.finish()
+        _tell_doubts(item, verdict)
+        failure = _failure(item, verdict, error)
     except Error as problem:
         failure = f"porttape: {problem}"
     if failure is None:
