@@ -35,15 +35,17 @@ std::string beginning_of(const std::string& path) {
   return {buffer.data(), static_cast<std::size_t>(std::max<ssize_t>(size, 0))};
 }
 
-// Text is the first word; no binary number that a process can have is made of digits and blanks.
+// Four bytes with a zero among them are a binary number: each that a process can have has such a byte, and no
+// text has. Of text it is the first word.
 std::optional<pid_t> pid_in(const std::string& content) {
   constexpr std::string_view kBlanks = " \t\r\n";
   pid_t pid = 0;
-  if (const std::size_t begin = content.find_first_not_of(kBlanks); begin != std::string::npos) {
+  if (content.size() == sizeof pid && content.find('\0') != std::string::npos) {
+    std::memcpy(&pid, content.data(), sizeof pid);
+  } else if (const std::size_t begin = content.find_first_not_of(kBlanks); begin != std::string::npos) {
     const std::size_t end = std::min(content.find_first_of(kBlanks, begin), content.size());
     pid = whole_number<pid_t>(content.substr(begin, end - begin)).value_or(0);
   }
-  if (pid <= 0 && content.size() == sizeof pid) std::memcpy(&pid, content.data(), sizeof pid);
   return pid > 0 ? std::optional(pid) : std::nullopt;
 }
 

@@ -76,6 +76,17 @@ TEST_F(UucpLockTest, ALivingProcessHasItByEitherNameInEitherFormat) {
   EXPECT_FALSE(holder());
 }
 
+// The bytes of some numbers begin like text: those of 8241 are a `1`, a blank and two zeros.
+TEST_F(UucpLockTest, ABinaryNumberThatBeginsLikeTextIsANumber) {
+  for (const char blank : {' ', '\t', '\r', '\n'}) {
+    const pid_t number = blank * 256 + '1';
+    lock("LCK..ttyUSB0", binary(number));
+    const bool lives = ::kill(number, 0) == 0 || errno == EPERM;
+    ASSERT_EQ(holder().has_value(), lives) << number << ": process 1 lives and has no lock";
+    if (lives) EXPECT_EQ(holder()->pid, number);
+  }
+}
+
 TEST_F(UucpLockTest, OutsideTheDevicesFolderTheNameGivenSaysNothing) {
   lock("LCK..usb-x", fmt::format("{}\n", alive));
   EXPECT_TRUE(holder());
