@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <sys/stat.h>
 
 namespace porttape {
 
@@ -28,6 +29,9 @@ struct TtyDevice {
 // Returns the device at a path, whose links are followed; nullopt if there is no character device, or if it
 // cannot be looked at.
 std::optional<TtyDevice> tty_device_at(const std::string& path);
+
+// Returns the device that `status` is of; nullopt if it is no character device.
+std::optional<TtyDevice> tty_device_in(const struct stat& status);
 
 // Returns the device that is open as `fd`; nullopt if that is not a character device. A descriptor that was
 // opened with O_PATH does not count: the program that has it may have no right to the device.

@@ -39,6 +39,7 @@ class KeptCall {
   // SA_RESTART, else EINTR; and always EINTR.
   static constexpr int kRestart = 512;
   static constexpr int kNoHandlerRestart = 514;
+  static constexpr int kAlwaysRestart = 513;  // with any handler
 
   // `clock` outlives it: the one of the supervisor's loop.
   KeptCall(const Call& call, const Clock& clock) : call_(call.for_later()), clock_(&clock) {}
@@ -49,6 +50,8 @@ class KeptCall {
   void finish(Outcome outcome);
   // Called where a signal or the thread's end came first; nothing is to be finished then.
   void on_gone(std::function<void()> callback) { on_gone_ = std::move(callback); }
+  // What a signal makes of it, while nothing was done that would be done twice.
+  void restarts_always(bool on) { restarts_always_ = on; }
   [[nodiscard]] Instant now() const { return clock_->now(); }
   // Calls back at that moment, unless it is over then. One at a time.
   void call_at(Instant when, std::function<void()> callback);
@@ -61,6 +64,7 @@ class KeptCall {
 
   Call call_;
   const Clock* clock_;
+  bool restarts_always_ = false;
   std::function<void(Outcome)> finish_;
   std::function<void()> on_gone_;
   std::function<void(Instant)> moment_;  // it is to be called back then

@@ -6,7 +6,6 @@
 #include <sys/syscall.h>
 
 #include "libport/base/clock.hpp"
-#include "libport/supervise/pending_signals.hpp"
 
 namespace porttape {
 namespace {
@@ -124,7 +123,8 @@ void KeptCalls::interrupt(pid_t thread, int error) {
   if (found == by_thread_.end()) return;
   const std::shared_ptr<KeptCall> call = found->second.call;
   if (const auto gone = std::exchange(call->on_gone_, {})) gone();
-  call->finish(outcome::Refuse{error});
+  const bool always = call->restarts_always_ && error == KeptCall::kRestart;
+  call->finish(outcome::Refuse{always ? KeptCall::kAlwaysRestart : error});
 }
 
 void KeptCalls::look() {
@@ -192,7 +192,20 @@ void KeptCalls::look_at_thread(pid_t thread) {
     process.threads.insert(thread);
     process.unasked.insert(thread);
   }
-  if ((status.to_thread & ~status.blocked) != 0) interrupt(thread, KeptCall::kRestart);
+  if ((status.to_thread & ~status.blocked) != 0) return interrupt(thread, KeptCall::kRestart);
+  look_for_tracer(thread, status);
+}
+
+// Its interrupt follows the seizing at once, and has come by the next look: before it, 512 would reach the
+// program.
+void KeptCalls::look_for_tracer(pid_t thread, const ThreadStatus& status) {
+  const auto found = by_thread_.find(thread);
+  if (found == by_thread_.end()) return;
+  Kept& kept = found->second;
+  if (!kept.tracer || status.tracer == 0) kept.tracer = status.tracer;
+  const bool anew = status.tracer != *kept.tracer;
+  if (anew && kept.traced_anew) return interrupt(thread, KeptCall::kRestart);
+  kept.traced_anew = anew;
 }
 
 // A signal for a whole process interrupts one of its threads: the kernel takes the first one, unless that
@@ -218,7 +231,8 @@ void KeptCalls::look_at_process(pid_t id) {
   process.left = left;
   // A thread that runs, and can take them, has done so after a while.
   if (left != 0 && now - process.left_since >= kLook) give_to_another(id, left);
-  if (((first.to_process | first.to_thread) & taken) != 0) interrupt(id, KeptCall::kRestart);
+  if (((first.to_process | first.to_thread) & taken) != 0) return interrupt(id, KeptCall::kRestart);
+  look_for_tracer(id, first);
 }
 
 // To one of those that wait. Only a thread that looks for signals may be told of one: 512 would reach the

@@ -19,6 +19,7 @@
 #include "libport/supervise/call.hpp"
 #include "libport/supervise/call_filter.hpp"
 #include "libport/supervise/kept_call.hpp"
+#include "libport/supervise/pending_signals.hpp"
 
 namespace porttape {
 
@@ -38,6 +39,10 @@ namespace porttape {
 // A few calls are all looked at each millisecond. With 2000 threads of one process, the first two steps still
 // are, and the third one takes a third of a second. When the number of signals that wait for the processes of
 // a user has grown, the looks go on without a pause until each thread has been looked at once.
+//
+// A program that begins to trace a thread (strace -p, PTRACE_SEIZE) interrupts it, which no pending signal
+// shows. The thread's tracer is another one then, and its call is ended. What a tracer asks for later is not
+// shown: it waits for the end of the call.
 //
 // Loop thread only.
 class KeptCalls {
@@ -70,7 +75,9 @@ class KeptCalls {
     std::shared_ptr<KeptCall> call;
     pid_t process = 0;  // 0: not looked at yet
     std::optional<Instant> moment = {};
-    bool doubted = false;  // is in doubted_
+    bool doubted = false;              // is in doubted_
+    std::optional<pid_t> tracer = {};  // at the first look
+    bool traced_anew = false;          // by another, at the latest one
   };
   // A process of which calls are kept.
   struct Process {
@@ -97,6 +104,7 @@ class KeptCalls {
   bool still_waits(pid_t thread);
   void look_at_thread(pid_t thread);
   void look_at_process(pid_t id);
+  void look_for_tracer(pid_t thread, const ThreadStatus& status);
   void doubt(const Process& process);
   void give_to_another(pid_t id, std::uint64_t signals);
   void schedule_moment();

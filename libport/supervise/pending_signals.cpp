@@ -52,6 +52,7 @@ ThreadStatus thread_status(pid_t thread) {
   return {.state = text[state + kState.size()],
           .process = static_cast<pid_t>(number_behind(text, "\nTgid:\t", 10)),
           .threads = static_cast<unsigned>(number_behind(text, "\nThreads:\t", 10)),
+          .tracer = static_cast<pid_t>(number_behind(text, "\nTracerPid:\t", 10)),
           .to_thread = number_behind(text, "\nSigPnd:\t", 16) & heard,
           .to_process = number_behind(text, "\nShdPnd:\t", 16) & heard,
           .blocked = number_behind(text, "\nSigBlk:\t", 16),

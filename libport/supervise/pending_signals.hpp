@@ -10,6 +10,7 @@ struct ThreadStatus {
   char state = '\0';  // as of ps(1): T is stopped, Z has ended
   pid_t process = 0;
   unsigned threads = 0;  // of the process
+  pid_t tracer = 0;      // 0: none
   // The signals that wait for the thread alone, and for its process (where each thread shows them), without
   // those that are ignored; and those that the thread blocks. Bit N - 1 is signal N.
   std::uint64_t to_thread = 0;

@@ -1,19 +1,29 @@
 #include "libport/supervise/program_files.hpp"
 
 #include <array>
+#include <cerrno>
+#include <cstdint>
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
+#include <linux/openat2.h>
 #include <optional>
 #include <sstream>
 #include <string_view>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/sysmacros.h>
 #include <system_error>
+#include <unistd.h>
 
+#include "libport/base/unique_fd.hpp"
 #include "libport/supervise/pending_signals.hpp"
 
 namespace porttape {
 namespace {
+
+constexpr std::uint64_t kResolveCached = 0x20;  // RESOLVE_CACHED (Linux 5.12), which older headers lack
 
 // What is behind `prefix`, where the path is that or lies below it.
 std::optional<std::string_view> below(std::string_view path, std::string_view prefix) {
@@ -74,6 +84,27 @@ std::string path_here(pid_t thread, const std::string& named, int folder) {
     path = without_repeats(std::filesystem::path(path).parent_path() / target);
   }
   return here;
+}
+
+QuickLook look_at_once(pid_t thread, const std::string& path, int folder) {
+  const bool relative = !path.starts_with('/');
+  const std::string from = folder == AT_FDCWD ? fmt::format("/proc/{}/cwd", thread)
+                                              : fmt::format("/proc/{}/fd/{}", thread, folder);
+  const UniqueFd begin(relative ? ::open(from.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC) : -1);
+  if (relative && !begin) return {};
+  // Links to what a process has open are the program's own, which is another process here.
+  const open_how how{
+      .flags = O_PATH | O_CLOEXEC, .mode = 0, .resolve = kResolveCached | RESOLVE_NO_MAGICLINKS};
+  const UniqueFd place(static_cast<int>(
+      ::syscall(SYS_openat2, relative ? begin.get() : AT_FDCWD, path.c_str(), &how, sizeof(how))));
+  if (!place) return {.known = errno == ENOENT || errno == ENOTDIR || errno == EACCES};
+  struct statx seen {};
+  if (::statx(place.get(), "", AT_EMPTY_PATH | AT_STATX_DONT_SYNC, STATX_TYPE, &seen) != 0) return {};
+  struct stat status {};
+  status.st_mode = seen.stx_mode;
+  status.st_rdev = makedev(seen.stx_rdev_major, seen.stx_rdev_minor);
+  status.st_dev = makedev(seen.stx_dev_major, seen.stx_dev_minor);
+  return {.known = true, .device = tty_device_in(status)};
 }
 
 bool gets_terminal(pid_t thread) {

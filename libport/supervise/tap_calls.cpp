@@ -115,7 +115,7 @@ std::optional<TapCalls::OpenArguments> TapCalls::open_arguments(const Call& call
     if (!path) return std::nullopt;
     const int flags =
         call.number() == SYS_creat ? O_CREAT | O_WRONLY | O_TRUNC : static_cast<int>(call.argument(1));
-    return OpenArguments{path_here(call.thread(), *path, AT_FDCWD), flags};
+    return OpenArguments{*path, AT_FDCWD, flags};
   }
 #endif
   const auto path = call.read_path(call.argument(1));
@@ -130,8 +130,7 @@ std::optional<TapCalls::OpenArguments> TapCalls::open_arguments(const Call& call
     if ((flags & ~kOpenFlags) != 0 || (how->mode != 0 && !makes)) return std::nullopt;
     own_way = how->resolve != 0 || call.argument(3) > sizeof(open_how);
   }
-  return OpenArguments{path_here(call.thread(), *path, static_cast<int>(call.argument(0))),
-                       static_cast<int>(flags), own_way};
+  return OpenArguments{*path, static_cast<int>(call.argument(0)), static_cast<int>(flags), own_way};
 }
 
 TapCalls::TapCalls(Loop& loop, TappedLine& line, Options options)
@@ -271,7 +270,7 @@ bool TapCalls::takes_device(const Call& call) const {
 }
 
 CallPart::Decision TapCalls::decide_open(Supervisor& supervisor, const Call& call) {
-  const std::optional<OpenArguments> wanted = open_arguments(call);
+  std::optional<OpenArguments> wanted = open_arguments(call);
   if (!wanted && call.is_closed())
     tell_once(
         "a program that lets nobody look into its memory opens files: if its device is among them, that is "
@@ -279,17 +278,61 @@ CallPart::Decision TapCalls::decide_open(Supervisor& supervisor, const Call& cal
   // A file that is there is an error for one that is to be made, a device too.
   if (!wanted || (wanted->flags & O_PATH) != 0 || (wanted->flags & (O_CREAT | O_EXCL)) == (O_CREAT | O_EXCL))
     return outcome::Pass{};
-  const std::optional<TtyDevice> device = tty_device_at(wanted->path);
-  if (!device) return outcome::Pass{};
-  if (device_ ? !device->is(*device_) : !ports_.can_be(device->number)) return outcome::Pass{};
+  const QuickLook look = look_at_once(call.thread(), wanted->named, wanted->folder);
+  if (!look.known) return look_elsewhere(supervisor, call, *std::move(wanted));
+  if (!look.device) return outcome::Pass{};
+  wanted->path = path_here(call.thread(), wanted->named, wanted->folder);
+  return decide_device_open([&] { return supervisor.keep(call); }, call, *wanted, *look.device);
+}
+
+// The program waits for the file system, and nobody else does.
+CallPart::Decision TapCalls::look_elsewhere(Supervisor& supervisor, const Call& call, OpenArguments wanted) {
+  struct Found {
+    OpenArguments wanted;
+    std::optional<TtyDevice> device;
+  };
+  const auto found = std::make_shared<Found>(Found{std::move(wanted), std::nullopt});
+  const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
+  kept->restarts_always(true);
+  const auto look = [found, thread = call.thread()] {
+    OpenArguments& file = found->wanted;
+    file.path = path_here(thread, file.named, file.folder);
+    found->device = tty_device_at(file.path);
+  };
+  const auto done = [this, found, waiting = std::weak_ptr(kept), alive = std::weak_ptr<int>(alive_)] {
+    if (!alive.expired()) looked(waiting, found->wanted, found->device);
+  };
+  if (!loop_->run_elsewhere(Workers::Strand(), look, done)) {
+    tell_once(
+        "no thread was to be had to look at a file that the command opens: if that is its device, what it "
+        "says "
+        "is not on the tape");
+    kept->finish(outcome::Pass{});
+  }
+  return Kept{};
+}
+
+void TapCalls::looked(const std::weak_ptr<KeptCall>& waiting, const OpenArguments& wanted,
+                      const std::optional<TtyDevice>& device) {
+  const std::shared_ptr<KeptCall> kept = waiting.lock();
+  if (!kept || kept->over()) return;
+  kept->restarts_always(false);
+  if (!device) return kept->finish(outcome::Pass{});
+  Decision decision = decide_device_open([&kept] { return kept; }, kept->call(), wanted, *device);
+  if (auto* const outcome = std::get_if<Outcome>(&decision)) kept->finish(std::move(*outcome));
+}
+
+CallPart::Decision TapCalls::decide_device_open(const Keep& keep, const Call& call,
+                                                const OpenArguments& wanted, const TtyDevice& device) {
+  if (device_ ? !device.is(*device_) : !ports_.can_be(device.number)) return outcome::Pass{};
   if (call.is_small()) {
     tell_once(
         "a 32-bit program opens its device: what it says is not on the tape; record it by "
         "`porttape exec --device`");
     return outcome::Pass{};
   }
-  if (!device_ && is_other_kind(device->number)) return outcome::Pass{};
-  if (const std::string why = why_not_opened(call, *wanted); !why.empty()) {
+  if (!device_ && is_other_kind(device.number)) return outcome::Pass{};
+  if (const std::string why = why_not_opened(call, wanted); !why.empty()) {
     tell_once(
         fmt::format("the command opens its device where that cannot be done for it ({}): what it says then "
                     "is not on the tape; record it by `porttape exec --device`",
@@ -300,7 +343,7 @@ CallPart::Decision TapCalls::decide_open(Supervisor& supervisor, const Call& cal
     tell_unseen();
     return outcome::Pass{};
   }
-  return open_tapped(supervisor, call, *wanted, *device);
+  return open_tapped(keep, call, wanted, device);
 }
 
 // Landlock holds for who restricts itself, and for all that it starts from then on.
@@ -317,8 +360,8 @@ std::string TapCalls::why_not_opened(const Call& call, const OpenArguments& want
 }
 
 // A tty may wait for its carrier; a pty has none.
-CallPart::Decision TapCalls::open_tapped(Supervisor& supervisor, const Call& call,
-                                         const OpenArguments& wanted, const TtyDevice& device) {
+CallPart::Decision TapCalls::open_tapped(const Keep& keep, const Call& call, const OpenArguments& wanted,
+                                         const TtyDevice& device) {
   if ((wanted.flags & O_NOCTTY) == 0 && gets_terminal(call.thread()))
     tell_once(
         "the command's device does not become its controlling terminal, as without --tap: a hang-up sends "
@@ -330,7 +373,7 @@ CallPart::Decision TapCalls::open_tapped(Supervisor& supervisor, const Call& cal
     if (!file) return outcome::Refuse{errno};
     return opened(call, wanted, device, std::move(file));
   }
-  const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
+  const std::shared_ptr<KeptCall> kept = keep();
   const auto done = [this, weak = std::weak_ptr(kept), wanted, device](UniqueFd file, int error) {
     holders_timer_.set_after(kHoldersLook);  // which lets go of it
     const auto waiting = weak.lock();

@@ -53,10 +53,13 @@ class TapCalls final : public CallPart {
 
  private:
   struct OpenArguments {
-    std::string path;
+    std::string named;  // by the program
+    int folder = 0;     // from there, where it is relative
     int flags = 0;
-    bool own_way = false;  // resolved with rules of its own (openat2)
+    bool own_way = false;   // resolved with rules of its own (openat2)
+    std::string path = {};  // as it is called here, once it was looked at
   };
+  using Keep = std::function<std::shared_ptr<KeptCall>()>;
   struct Holder {
     pid_t process = 0;
     UniqueFd file = {};  // a pidfd
@@ -67,8 +70,13 @@ class TapCalls final : public CallPart {
   [[nodiscard]] bool is_tapped(const Call& call, int fd) const;
   static std::optional<OpenArguments> open_arguments(const Call& call);
   Decision decide_open(Supervisor& supervisor, const Call& call);
+  Decision look_elsewhere(Supervisor& supervisor, const Call& call, OpenArguments wanted);
+  void looked(const std::weak_ptr<KeptCall>& waiting, const OpenArguments& wanted,
+              const std::optional<TtyDevice>& device);
+  Decision decide_device_open(const Keep& keep, const Call& call, const OpenArguments& wanted,
+                              const TtyDevice& device);
   [[nodiscard]] std::string why_not_opened(const Call& call, const OpenArguments& wanted) const;
-  Decision open_tapped(Supervisor& supervisor, const Call& call, const OpenArguments& wanted,
+  Decision open_tapped(const Keep& keep, const Call& call, const OpenArguments& wanted,
                        const TtyDevice& device);
   Outcome opened(const Call& call, const OpenArguments& wanted, const TtyDevice& device, UniqueFd file);
   void begin_line(int file, const std::string& path);
@@ -98,6 +106,7 @@ class TapCalls final : public CallPart {
   std::vector<std::string> told_;
   std::vector<std::unique_ptr<Holder>> holders_;
   std::vector<std::unique_ptr<WaitingOpen>> opens_;
+  std::shared_ptr<int> alive_ = std::make_shared<int>();
 };
 
 }  // namespace porttape

@@ -2,14 +2,17 @@
 
 #include "libport/supervise/supervisor.hpp"
 
+#include <atomic>
 #include <chrono>
 #include <csignal>
+#include <cstdio>
 #include <fcntl.h>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <pthread.h>
 #include <string>
+#include <sys/ptrace.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <thread>
@@ -19,6 +22,8 @@
 
 #include <gtest/gtest.h>
 
+#include "libport/base/clock.hpp"
+#include "libport/supervise/kept_calls.hpp"
 #include "libport/supervise/supervised_command.hpp"
 #include "tests/support/manual_clock.hpp"
 #include "tests/support/port_log.hpp"
@@ -167,6 +172,38 @@ TEST_F(SupervisorOnAMovedClock, ASignalInterruptsASleepWhileTheClockStands) {
   ASSERT_TRUE(status.has_value());
   EXPECT_TRUE(WIFEXITED(*status) && WEXITSTATUS(*status) == 7) << *status;
   EXPECT_EQ(clock.now(), begin);
+}
+
+// strace -p. That somebody traces it is in no mask of signals.
+TEST_F(SupervisorOnAMovedClock, WhoBeginsToTraceAThreadGetsHoldOfIt) {
+  const auto status = run({"sleep", "3600"}, [this](pid_t command) {
+    // Its call has been looked at by then, as one of a thread that nobody traces.
+    const Instant begin = machine_clock().now();
+    run_until(loop, [&] { return machine_clock().now() - begin > 10 * KeptCalls::kLook; });
+    std::atomic<int> seized{-1};
+    int stop = 0;
+    std::jthread tracer([&] {
+      if (::ptrace(PTRACE_SEIZE, command, nullptr, nullptr) != 0) {
+        seized = 0;
+        return;
+      }
+      ::ptrace(PTRACE_INTERRUPT, command, nullptr, nullptr);
+      ::waitpid(command, &stop, __WALL);
+      ::ptrace(PTRACE_DETACH, command, nullptr, nullptr);
+      seized = 1;
+    });
+    run_until(loop, [&] { return seized >= 0; });
+    tracer.join();
+    if (seized == 1) {
+      EXPECT_EQ(stop >> 8, SIGTRAP | (PTRACE_EVENT_STOP << 8)) << stop;
+      run_until(loop, [&] { return asked.size() > 1; });  // it sleeps on
+    } else {
+      std::puts("not tried: tracing is forbidden here");
+    }
+    ::kill(command, SIGKILL);
+  });
+  ASSERT_TRUE(status.has_value());
+  EXPECT_TRUE(WIFSIGNALED(*status)) << *status;
 }
 
 // A signal that interrupts the supervisor while it gives a file, a stop among them, must not let the call

@@ -411,6 +411,13 @@ TEST_F(TapCallsTest, ItIsOpenedByItsNameHoweverThatIsWritten) {
   EXPECT_THAT(told, IsEmpty());
 }
 
+// Who answers calls would wait for a program that waits for an answer.
+TEST_F(TapCallsTest, AFileSystemThatAProgramOfItsServesIsNotWaitedFor) {
+  const Steps bare = same({"openserved", "open", "write:hello", "close"});
+  if (bare.front() == "nofuse 0") GTEST_SKIP() << "no file system of a program's own can be mounted here";
+  EXPECT_EQ(bare.front(), "served ENOENT");
+}
+
 TEST_F(TapCallsTest, WhatTheKernelRefusesAtAnOpenIsRefused) {
   for (const char* const how : {"small", "mode", "unknown"})
     EXPECT_THAT(same({std::string("openas:") + how}), ElementsAre(std::string(how) + " EINVAL"));

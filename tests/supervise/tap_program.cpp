@@ -8,13 +8,16 @@
 #include <cstring>
 #include <fcntl.h>
 #include <linux/aio_abi.h>
+#include <linux/fuse.h>
 #include <linux/openat2.h>
 #include <sched.h>
 #include <string>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
+#include <sys/mount.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/time.h>
 #include <sys/uio.h>
@@ -46,6 +49,8 @@ const char* error_name() {
       return "EFAULT";
     case EINVAL:
       return "EINVAL";
+    case ENOENT:
+      return "ENOENT";
     case EEXIST:
       return "EEXIST";
     case EIO:
@@ -67,6 +72,64 @@ void say(const std::string& what, ssize_t result, const std::string& more = {}) 
 }
 
 void open_line(int flags) { line = ::open(path, O_RDWR | O_NOCTTY | flags); }
+
+// Answers what the kernel asks of an empty file system (linux/fuse.h). To look for a name it opens a file of
+// its own, as such servers do.
+[[noreturn]] void serve_files(int requests) {
+  static char room[256 * 1024];
+  struct {
+    fuse_out_header header;
+    union {
+      fuse_init_out init;
+      fuse_attr_out attributes;
+    } body;
+  } answer;
+  for (;;) {
+    const ssize_t size = ::read(requests, room, sizeof(room));
+    if (size < 0 && errno == EINTR) continue;
+    if (size <= 0) std::_Exit(0);  // unmounted
+    const auto* const asked = reinterpret_cast<const fuse_in_header*>(room);
+    std::memset(&answer, 0, sizeof(answer));
+    answer.header = {.len = sizeof(answer.header), .error = 0, .unique = asked->unique};
+    if (asked->opcode == FUSE_INIT) {
+      answer.body.init.major = FUSE_KERNEL_VERSION;
+      answer.body.init.minor = 31;
+      answer.body.init.max_write = 4096;
+      answer.header.len += sizeof(answer.body.init);
+    } else if (asked->opcode == FUSE_GETATTR) {
+      answer.body.attributes.attr.ino = 1;
+      answer.body.attributes.attr.mode = S_IFDIR | 0755;
+      answer.body.attributes.attr.nlink = 1;
+      answer.header.len += sizeof(answer.body.attributes);
+    } else if (asked->opcode == FUSE_LOOKUP) {
+      ::close(::open("/proc/self/status", O_RDONLY));
+      answer.header.error = -ENOENT;
+    } else if (asked->opcode == FUSE_FORGET) {
+      continue;  // has no answer
+    } else {
+      answer.header.error = -ENOSYS;
+    }
+    (void)!::write(requests, &answer, answer.header.len);
+  }
+}
+
+// Opens a file of a file system that a child of its own serves.
+void do_open_served() {
+  const std::string folder = results + ".files";
+  const int requests = ::open("/dev/fuse", O_RDWR | O_CLOEXEC);
+  const std::string options = "fd=" + std::to_string(requests) + ",rootmode=40000,user_id=0,group_id=0";
+  ::mkdir(folder.c_str(), 0700);
+  if (requests < 0 ||
+      ::mount("porttape-test", folder.c_str(), "fuse", MS_NOSUID | MS_NODEV, options.c_str()) != 0)
+    return say("nofuse", 0);
+  const pid_t server = ::fork();
+  if (server == 0) serve_files(requests);
+  ::close(requests);
+  say("served", ::open((folder + "/name").c_str(), O_RDONLY));
+  ::umount2(folder.c_str(), MNT_DETACH);
+  ::kill(server, SIGKILL);
+  ::waitpid(server, nullptr, 0);
+}
 
 // Its descriptor of the line ends with the program that it was, and becomes one of its results.
 void do_become() {
@@ -511,6 +574,8 @@ bool do_step(const std::string& name, const std::string& value) {
     ::mprotect(end - 4096, 4096, PROT_READ);
     say("readonly", ::read(line, end - 3, 3));
     say("untouched", end[-3] == 'p');
+  } else if (name == "openserved") {
+    do_open_served();
   } else if (name == "vectors") {
     do_vectors();
   } else if (name == "bad") {
