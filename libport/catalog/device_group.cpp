@@ -103,6 +103,7 @@ class TapedDevices final : public DeviceGroup, private Nobody {
       if (Result<void> good = check_tape(connection, zero); !good) return good;
     }
     context_.log->info("{} has the tapes of {} connections", tapes_.front().name(), tapes_.size());
+    note_missing();
     return {};
   }
 
@@ -141,12 +142,28 @@ class TapedDevices final : public DeviceGroup, private Nobody {
  private:
   [[nodiscard]] const ReplayPort::Options& options() const { return *device_.get<ReplayPort::Options>(); }
 
-  // The next run's report has it.
+  // The next run's report has it, or the last one's once more.
   void note_extra(unsigned connection) {
     reports_->doubts.push_back(
         {Doubt::Kind::refused, fmt::format("connection {} came and was turned away, since {} were recorded: "
                                            "what it had to say is on no tape",
                                            connection, tapes_.size())});
+  }
+
+  // Where a connection has no tape, those behind it meet the tapes of later ones. It had gone before this
+  // part began, or its tape was lost: which nobody knows.
+  void note_missing() {
+    const std::vector<unsigned> recorded = recorded_connections(options().tape);
+    for (unsigned number = 1; number <= recorded.size(); ++number) {
+      if (recorded[number - 1] == number) continue;
+      reports_->doubts.push_back(
+          {Doubt::Kind::gap,
+           fmt::format("connection {} has no tape {}: the one that came as number {} met the "
+                       "tape of connection {}",
+                       number, connection_tape(options().tape, number).name(), number,
+                       recorded[number - 1])});
+      return context_.log->warn("{}", reports_->doubts.back().text);
+    }
   }
 
   // That it can be played, and is of the first one's recording.
@@ -170,7 +187,7 @@ class TapedDevices final : public DeviceGroup, private Nobody {
   }
 
   void finish_next() {
-    if (next_ > tapes_.size()) return std::exchange(done_, {})(status_);
+    if (next_ > tapes_.size()) return finish_reports();
     context_.log->warn("no connection came for the tape {}", tapes_[next_ - 1].name());
     Result<std::unique_ptr<Port>> port = port_for(next_++);
     if (const Result<void> ready = try_out(port, *this); !ready) {
@@ -179,6 +196,27 @@ class TapedDevices final : public DeviceGroup, private Nobody {
     }
     port_ = std::move(*port);
     port_->finish();
+  }
+
+  // With what came to be known after the last run.
+  void finish_reports() {
+    if (late_ || reports_->doubts.empty() || !reports_->runs.latest()) return end(true);
+    const auto publish = [this](const RunReport& report) {
+      if (options().on_report) options().on_report(report);
+    };
+    ReplayReports::Options own{.tape = tapes_.front(),
+                               .file = options().report_file,
+                               .junit_file = options().junit_file,
+                               .totals = {},
+                               .group = reports_};
+    late_ = std::make_unique<ReplayReports>(context_, std::move(own), publish);
+    late_->add_late_doubts();
+    late_->finish(context_.loop->now() + ReplayReports::kFileTime, [this](bool written) { end(written); });
+  }
+
+  void end(bool written) {
+    if (!written) status_ = worse_exit_status(status_, exit_status::kRuntime);
+    std::exchange(done_, {})(status_);
   }
 
   void on_complete(int exit_status) override {
@@ -194,6 +232,7 @@ class TapedDevices final : public DeviceGroup, private Nobody {
   std::vector<TapePaths> tapes_;
   std::shared_ptr<ReplayReports::Group> reports_ = std::make_shared<ReplayReports::Group>();
   std::unique_ptr<Port> port_;  // of a tape that nobody came for
+  std::unique_ptr<ReplayReports> late_;
   unsigned next_ = 1;
   int status_ = exit_status::kPass;
   std::function<void(int)> done_;

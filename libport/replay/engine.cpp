@@ -64,8 +64,11 @@ struct Engine::Impl {
   void work();
   bool work_on(Input& input);
   bool work_on_write(Input& input);
+  std::size_t write(ByteView data, bool counted);
   bool open(Input& input);
   bool line_ended();
+  // No open plays the tape anew.
+  [[nodiscard]] bool continues() const { return run.config().on_reopen == OnReopen::continue_; }
   void begin_open();
   bool reopen();
   bool close(Input& input);
@@ -86,8 +89,10 @@ struct Engine::Impl {
 
   bool any_run = false;
   bool driver_open = false;
-  bool resuming = false;  // the open that is worked on goes on where the walk was
-  Close closing;          // the last close's
+  bool ended_by_close = false;  // the last run
+  bool behind_end = false;      // this session is behind the tape's end, and nothing was written in it yet
+  bool resuming = false;        // the open that is worked on goes on where the walk was
+  Close closing;                // the last close's
   Reopen on_open = Reopen::resume;
   bool finished = false;
 };
@@ -107,7 +112,7 @@ void Engine::Impl::tell_write(Instant real, ByteView data) {
   if (data.empty()) return;
   budget.refill();
   const bool begun = inputs.empty();
-  const std::size_t used = begun ? run.write(now, data, false) : 0;
+  const std::size_t used = begun ? write(data, false) : 0;
   if (used == data.size()) return;
   const ByteView rest = data.subspan(used);
   inputs.push_back(
@@ -160,9 +165,14 @@ bool Engine::Impl::work_on(Input& input) {
   return finish();
 }
 
+// What is written behind the tape's end is a run of its own; where nothing is, the open is none.
+std::size_t Engine::Impl::write(ByteView data, bool counted) {
+  if (std::exchange(behind_end, false)) run.begin_behind_end(now);
+  return run.write(now, data, counted);
+}
+
 bool Engine::Impl::work_on_write(Input& input) {
-  const std::size_t used =
-      run.write(now, ByteView(input.data).subspan(input.used), std::exchange(input.begun, true));
+  const std::size_t used = write(ByteView(input.data).subspan(input.used), std::exchange(input.begun, true));
   input.used += used;
   backlog -= used;
   return input.used == input.data.size();
@@ -183,9 +193,10 @@ bool Engine::Impl::open(Input& input) {
     }
     input.begun = driver_open = true;
     run.begin_session();
-    if (!run.goes_on() && any_run && run.config().on_reopen == OnReopen::continue_) {
+    if (!run.goes_on() && any_run && continues()) {
       ReplayActions& pending = run.pending();
       pending.hang_up = pending.hang_up || run.config().at_end == AtEnd::hangup;
+      behind_end = ended_by_close && !pending.hang_up;
       return true;
     }
     begin_open();
@@ -212,6 +223,7 @@ void Engine::Impl::begin_open() {
   if (!run.goes_on()) {
     on_open = Reopen::resume;
     any_run = true;
+    ended_by_close = false;
     run.begin(now);
   } else if (on_open == Reopen::restart_session) {
     run.player().restart_session(now);
@@ -241,7 +253,7 @@ bool Engine::Impl::reopen() {
 }
 
 bool Engine::Impl::close(Input& input) {
-  driver_open = false;
+  driver_open = behind_end = false;
   if (!run.goes_on()) return true;
   if (!input.begun) {
     run.end_of_writes(now);
@@ -251,20 +263,22 @@ bool Engine::Impl::close(Input& input) {
     input.begun = true;
   }
   if (closing.judge && !run.judge(now)) return false;
-  if (run.goes_on() && !closing.next) run.end(now, ReplayRun::EndedBy::close);
+  if (run.goes_on() && !closing.next) {
+    run.end(now, ReplayRun::EndedBy::close);
+    ended_by_close = true;
+  }
   on_open = closing.next.value_or(Reopen::resume);
   return true;
 }
 
 Engine::Impl::Close Engine::Impl::meaning_of_close() {
-  const OnReopen on_reopen = run.config().on_reopen;
   TapeSessions& sessions = run.player().sessions();
-  if (on_reopen == OnReopen::continue_) {
+  if (continues()) {
     const std::optional<bool> over = sessions.nothing_left();
     if (!over) return {};
     return {.known = true, .next = *over ? std::nullopt : std::optional(Reopen::resume)};
   }
-  if (on_reopen != OnReopen::automatic) return {.known = true, .judge = true};
+  if (run.config().on_reopen != OnReopen::automatic) return {.known = true, .judge = true};
   // Between two loops a close is as a recorded one; behind one of an endless number the run may end.
   const bool more_loops = run.config().loops > 1 && !run.player().loops().is_last();
   if (run.at_loop_begin()) {

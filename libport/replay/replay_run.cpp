@@ -81,7 +81,22 @@ ReplayRun::~ReplayRun() {
 }
 
 void ReplayRun::begin(Instant now) {
-  tape_end_told_ = false;
+  begin_books(now);
+  matcher_.rewind();
+  player_.begin(now);
+  if (lookup_) lookup_->begin_run();
+  stop_if_damaged(now);
+}
+
+void ReplayRun::begin_behind_end(Instant now) {
+  begin_books(now);
+  behind_end_ = tape_end_told_ = true;
+  matcher_.rewind();
+  matcher_.go_to(TapeTime::max());
+}
+
+void ReplayRun::begin_books(Instant now) {
+  behind_end_ = tape_end_told_ = false;
   extra_.reset();
   writes_ = 0;
   last_byte_ = now;
@@ -92,14 +107,10 @@ void ReplayRun::begin(Instant now) {
   begun_shift_ = clock_.shift();
   furthest_ = 0;
   ledger_.emplace(now);
-  matcher_.rewind();
   if (replies_) replies_->begin();
   settings_.begin(line_, shows_signals_);
-  player_.begin(now);
-  if (lookup_) lookup_->begin_run();
   resyncing_ = false;
   question_.clear();
-  stop_if_damaged(now);
 }
 
 void ReplayRun::stand(Instant real, bool on) {
@@ -412,10 +423,11 @@ void ReplayRun::end(Instant now, EndedBy by) {
   const bool to_the_end = any_unsent == false && by == EndedBy::close;
   const Reach reach = stopped ? Reach::written : to_the_end ? Reach::all : Reach::delivered;
   if (reach == Reach::all) player_.pass_events();
-  ledger_->settings(settings_.report(reach, std::max(furthest_, matcher_.position())));
+  if (!behind_end_) ledger_->settings(settings_.report(reach, std::max(furthest_, matcher_.position())));
   const bool cut_off = config_.match == Match::lookup && lookup_->cut_off();
-  RunReport report =
-      ledger_->report(config_, now, any_unsent.value_or(false) || half_close_missing || unplayed || cut_off);
+  RunReport report = ledger_->report(
+      config_, now,
+      {.unsent = any_unsent.value_or(false) || half_close_missing || cut_off, .unplayed = unplayed});
   report.duration += behind();
   report.playback = playback(any_unsent == false && matcher_.any_unsent() == false &&
                              (player_.used_up() || matcher_.matched() > 0));
@@ -432,7 +444,7 @@ void ReplayRun::end(Instant now, EndedBy by) {
   report.think_times = player_.think_times().times();
   report.idle = std::chrono::floor<Micros>(now - last_byte_);
   report.closed = by == EndedBy::close;
-  if (!any_unsent && ledger_->report(config_, now, true).verdict != report.verdict) {
+  if (!any_unsent && ledger_->report(config_, now, {.unsent = true}).verdict != report.verdict) {
     report.undecided_from = matcher_.position();
   }
   if (const auto unsent = matcher_.first_unsent()) {

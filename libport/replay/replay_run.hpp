@@ -46,6 +46,9 @@ class ReplayRun {
 
   // player().seek() follows.
   void begin(Instant now);
+  // Of a driver that writes where the last run came to the tape's end, and that does not begin anew: all that
+  // it writes is extra. Nothing is played.
+  void begin_behind_end(Instant now);
   // Its driver's close, or whatever keeps it from going on to one.
   enum class EndedBy : std::uint8_t { close, other };
   void end(Instant now, EndedBy by = EndedBy::other);
@@ -119,6 +122,7 @@ class ReplayRun {
   [[nodiscard]] ReplayActions& pending() { return pending_; }
 
  private:
+  void begin_books(Instant now);
   void pause_if_due(Instant now);
   void pause(Instant now);
   void compare_behind(Instant now, const Matcher::Step& step);
@@ -130,7 +134,7 @@ class ReplayRun {
   void at_tape_end(Instant now);
   // Whether what the driver writes is looked up, and not held against what comes next on the tape.
   [[nodiscard]] bool looks_up() const { return lookup_ && (config_.match == Match::lookup || resyncing_); }
-  [[nodiscard]] bool resyncs() const { return lookup_ && config_.match == Match::sequence; }
+  [[nodiscard]] bool resyncs() const { return lookup_ && config_.match == Match::sequence && !behind_end_; }
   // A recorded read comes whole before anything else does. So of the walk and the answers the one that is
   // inside one goes on first.
   [[nodiscard]] bool walk_waits() const { return looks_up() && lookup_->player().inside_read(); }
@@ -200,6 +204,7 @@ class ReplayRun {
   ReplayClock::Shift begun_shift_;   // when the run did
   std::uint64_t furthest_ = 0;       // of the matcher's positions before it went back
   bool tape_end_told_ = false;
+  bool behind_end_ = false;
   bool writing_ended_ = false;  // in this session
   bool device_gone_ = false;    // in this session: hung up as recorded
   bool sending_ended_ = false;  // in this session, by the device

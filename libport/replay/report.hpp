@@ -153,6 +153,7 @@ struct RunReport {
   std::string tape;          // filled in by the port that owns the engine, as are `when` and `nobody_came`
   std::string when;          // RFC 3339: the driver's first open
   bool nobody_came = false;  // no driver has opened the port: there was no run
+  bool again = false;        // the latest run's once more, with doubts that came after it
   std::optional<unsigned> connection;  // the tape is that of one of several: which
   int strictness = 1;
   Timing timing = Timing::reactive;

@@ -34,7 +34,8 @@ Micros RunLedger::since_begin(Instant now) const { return std::chrono::floor<Mic
 
 // Data and extra outrank settings, these what is missing, and that timing: `timing-mismatch` means that all
 // else was right.
-RunReport RunLedger::report(const ReplayConfig& config, Instant now, bool unsent) const {
+RunReport RunLedger::report(const ReplayConfig& config, Instant now, Missing missing) const {
+  const bool unsent = missing.unsent || missing.unplayed;
   RunReport report;
   report.writer = config.writer;
   report.strictness = config.strictness;
@@ -60,7 +61,7 @@ RunReport RunLedger::report(const ReplayConfig& config, Instant now, bool unsent
     report.verdict = Verdict::settings_mismatch;
   } else if (config.strictness == 0) {
     const bool silent = config.writer == Writer::device && from_driver_ == 0;
-    report.verdict = silent && unsent ? Verdict::incomplete : Verdict::pass;
+    report.verdict = missing.unplayed || (silent && unsent) ? Verdict::incomplete : Verdict::pass;
   } else if (unsent && !stopped) {
     report.verdict = Verdict::incomplete;
   } else if (first_timing_) {

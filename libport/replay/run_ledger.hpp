@@ -33,8 +33,13 @@ class RunLedger {
   [[nodiscard]] Nanos last_lateness() const { return last_late_; }
   [[nodiscard]] std::uint64_t mismatches() const { return mismatches_; }
 
-  // What of the report the ledger knows. `unsent`: recorded writes are missing.
-  [[nodiscard]] RunReport report(const ReplayConfig& config, Instant now, bool unsent) const;
+  // What of it was to happen and did not.
+  struct Missing {
+    bool unsent = false;    // recorded writes, or an end of them
+    bool unplayed = false;  // a device ended before the tape had played its driver to the end
+  };
+  // What of the report the ledger knows.
+  [[nodiscard]] RunReport report(const ReplayConfig& config, Instant now, Missing missing) const;
 
  private:
   Instant begun_;

@@ -30,7 +30,7 @@ bool is_look(const RunReport& report) {
 
 void RunList::add(const RunReport& report) {
   const bool look = is_look(report);
-  if (look) ++looks_;
+  if (look && !report.again) ++looks_;
   if (!look && !report.nobody_came) return add_run(report);
   RunReport none = report;
   none.verdict = Verdict::incomplete;
@@ -39,9 +39,13 @@ void RunList::add(const RunReport& report) {
 }
 
 void RunList::add_run(const RunReport& run) {
-  ++count_;
+  const bool again = run.again && !listed_.empty();
+  const bool was_worst = again && worst_is_latest_;
+  if (again) listed_.pop_back();
+  if (!again) ++count_;
   latest_ = run;
-  if (!worst_ || is_worse(run, *worst_)) worst_ = run;
+  worst_is_latest_ = !worst_ || was_worst || is_worse(run, *worst_);
+  if (worst_is_latest_) worst_ = run;
   if (listed_.size() == kMostListed) listed_.pop_front();
   listed_.push_back(run_json(run));
 }

@@ -20,7 +20,8 @@ class RunList {
   static constexpr std::size_t kMostListed = 1000;
 
   // The complete report of a run that has ended, of a look, or of a run that nobody began. Of one of several
-  // connections the last two are runs too, and incomplete.
+  // connections the last two are runs too, and incomplete. One that comes again takes the place of the
+  // latest.
   void add(const RunReport& report);
 
   [[nodiscard]] std::uint64_t count() const { return count_; }
@@ -44,6 +45,7 @@ class RunList {
   std::uint64_t looks_ = 0;
   std::optional<RunReport> worst_;
   std::optional<RunReport> latest_;
+  bool worst_is_latest_ = false;
   std::optional<RunReport> none_;
   std::deque<std::string> listed_;  // JSON objects
 };

@@ -162,12 +162,7 @@ void ReplayReports::move_on() {
   while (!waiting_.empty() && complete(waiting_.front(), now)) {
     RunReport report = std::move(waiting_.front().report);
     waiting_.pop_front();
-    if (options_.group)
-      std::ranges::move(std::exchange(options_.group->doubts, {}), std::back_inserter(report.doubts));
-    runs_.add(report);
-    if (options_.group) options_.group->runs.add(report);
-    if (!options_.file.empty() || !options_.junit_file.empty()) write_file();
-    publish_(report);
+    publish(std::move(report));
   }
   set_timer();
   if (!done_ || !waiting_.empty() || (file_under_way_ && now < *limit_)) return;
@@ -178,6 +173,21 @@ void ReplayReports::move_on() {
   }
   timer_.cancel();
   std::exchange(done_, nullptr)(!file_failed_);
+}
+
+void ReplayReports::publish(RunReport report) {
+  if (options_.group)
+    std::ranges::move(std::exchange(options_.group->doubts, {}), std::back_inserter(report.doubts));
+  runs_.add(report);
+  if (options_.group) options_.group->runs.add(report);
+  if (!options_.file.empty() || !options_.junit_file.empty()) write_file();
+  publish_(report);
+}
+
+void ReplayReports::add_late_doubts() {
+  RunReport report = options_.group->runs.latest().value();
+  report.again = true;
+  publish(std::move(report));
 }
 
 bool ReplayReports::complete(Waiting& waiting, Instant now) {

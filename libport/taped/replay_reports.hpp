@@ -62,6 +62,10 @@ class ReplayReports {
   void look_for_hint(const Mismatch& mismatch);
   void add(RunReport report);
 
+  // Gives the doubts of the group that came after its last run to that run: its report, published, follows
+  // once more (RunReport::again). There is such a run, and none goes on.
+  void add_late_doubts();
+
   // Calls `done` once all reports are published and the file is written, or at `limit` (count and hint are
   // given up kFileTime before); whether the file could be written. No report may be added then.
   void finish(Instant limit, std::function<void(bool written)> done);
@@ -87,6 +91,7 @@ class ReplayReports {
                          std::function<void()> work, std::function<void()> done);
   void hint_found(const Search& search);
   void move_on();
+  void publish(RunReport report);
   bool complete(Waiting& waiting, Instant now);
   void begin_check();
   bool settle(Waiting& waiting, Instant now);

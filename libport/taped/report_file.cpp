@@ -84,6 +84,13 @@ int probe_replace(const std::string& file) {
   return 0;
 }
 
+// The file that a name leads to, as far as it is there.
+fs::path plain(const std::string& name) {
+  std::error_code error;
+  const fs::path found = fs::weakly_canonical(fs::absolute(name, error), error);
+  return error ? fs::path(name).lexically_normal() : found;
+}
+
 }  // namespace
 
 Result<void> check_report_place(const std::string& path, std::string_view what) {
@@ -124,17 +131,19 @@ Result<void> check_report_free(const std::string& path, bool overwrite, const st
 }
 
 Result<void> check_report_apart(const std::string& path, const TapePaths& tape) {
-  const auto plain = [](const std::string& name) {
-    std::error_code error;
-    const fs::path found = fs::weakly_canonical(fs::absolute(name, error), error);
-    return error ? fs::path(name).lexically_normal() : found;
-  };
   for (const auto& file : {tape.read, tape.write, tape.events}) {
     if (path.empty() || path == "-" || plain(path) != plain(file)) continue;
     return make_error(Errc::usage,
                       fmt::format("report {} is a file of the tape; name another file", in_quotes(path)));
   }
   return {};
+}
+
+Result<void> check_reports_apart(const std::string& report, const std::string& junit) {
+  if (report.empty() || junit.empty() || plain(report) != plain(junit)) return {};
+  if (plain(report) == "/dev/null") return {};
+  return usage_error(
+      fmt::format("option 'junit': {} has the report already; name another file", in_quotes(junit)));
 }
 
 Result<void> write_report(const std::string& path, std::string_view text, std::string_view what) {

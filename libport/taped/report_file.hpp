@@ -28,6 +28,10 @@ Result<void> check_report_free(const std::string& path, bool overwrite, const st
 // Whether a report there would leave the tape alone, whatever name leads to its files. Errc::usage.
 Result<void> check_report_apart(const std::string& path, const TapePaths& tape);
 
+// Whether the two reports of a run go to two places: the second would replace the first, or stand behind it
+// in one stream. Errc::usage.
+Result<void> check_reports_apart(const std::string& report, const std::string& junit);
+
 // Waits for the disk, and up to a second for the reader of a pipe or terminal: who has a line to serve calls
 // it from another thread.
 Result<void> write_report(const std::string& path, std::string_view text, std::string_view what = "report");

@@ -162,6 +162,8 @@ Result<ReplayPort::Options> replay_options(const PortOptions& written) {
   for (const char* option : {"report", "junit"}) {
     if (Result<void> apart = check_report_apart(written.text(option), *tape); !apart) return apart.error();
   }
+  if (Result<void> apart = check_reports_apart(written.text("report"), written.text("junit")); !apart)
+    return apart.error();
   const Result<std::shared_ptr<const Expectation>> rules = expectation_of(written.text("rules"));
   if (!rules) return rules.error();
   return ReplayPort::Options{.tape = *tape,
@@ -359,7 +361,9 @@ PortType logreader_type() {
       {"on-reopen",
        Kind::choice,
        "auto",
-       "rewind: a driver that opens again meets the tape's beginning; continue: what follows; auto: what "
+       "rewind: a driver that opens again meets the tape's beginning; continue: what follows, and behind the "
+       "tape's end all that it writes is "
+       "extra; auto: what "
        "follows where a reopen was recorded, else the beginning",
        0,
        0,

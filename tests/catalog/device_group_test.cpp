@@ -1,5 +1,6 @@
 #include "libport/catalog/device_group.hpp"
 
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <optional>
@@ -35,6 +36,10 @@ class DeviceGroupTest : public testing::Test {
     EXPECT_TRUE(ports.has_value()) << ports.error().message;
     EXPECT_TRUE(ports->each_connection);
     return make_device_group({&loop, book.log()}, ports->device, ports->driver.spelled());
+  }
+  std::string report() {
+    const Bytes bytes = test::read_file(dir / "report");
+    return std::string(as_text(bytes));
   }
   // A tape with one write.
   void tape(const std::string& name, const std::string& text, std::optional<TapeZero> zero = {}) {
@@ -132,6 +137,45 @@ TEST_F(DeviceGroupTest, APartWhoseFirstConnectionHadGoneIsPlayedToo) {
   const auto group = make(ChannelMode::replay, {{"tape", dir / "laser.2"}});
   ASSERT_TRUE(group->prepare().has_value());
   EXPECT_EQ((*group->port_for(2))->name(), "logreader:" + (dir / "laser.2.c5.log"));
+  EXPECT_NE(book.text().find("connection 1 has no tape " + (dir / "laser.2.log") +
+                             ": the one that came as number 1 met the tape of connection 2"),
+            std::string::npos)
+      << book.text();
+}
+
+TEST_F(DeviceGroupTest, AnotherConnectionsTapeIsADoubt) {
+  for (const bool whole : {true, false}) {
+    tape("laser", "one");
+    tape(whole ? "laser.c2" : "laser.c3", "two");
+    const auto group =
+        make(ChannelMode::replay, {{"tape", dir / "laser"}, {"strictness", "0"}, {"report", dir / "report"}});
+    ASSERT_TRUE(group->prepare().has_value());
+    std::optional<int> status;
+    group->finish(0, [&status](int given) { status = given; });
+    run_until(loop, [&status] { return status.has_value(); });
+    const std::string text = report();
+    EXPECT_EQ(text.find("connection 2 has no tape") == std::string::npos, whole) << text;
+    for (const auto& entry : std::filesystem::directory_iterator(dir.path())) {
+      if (entry.path().filename() != "report") std::filesystem::remove(entry.path());
+    }
+  }
+}
+
+TEST_F(DeviceGroupTest, AConnectionAfterTheLastRunIsADoubtOfThatRun) {
+  tape("laser", "one");
+  const auto group = make(ChannelMode::replay, {{"tape", dir / "laser"}, {"report", dir / "report"}});
+  ASSERT_TRUE(group->prepare().has_value());
+  std::optional<int> status;
+  group->finish(0, [&status](int given) { status = given; });
+  run_until(loop, [&status] { return status.has_value(); });
+  EXPECT_EQ(report().find("was turned away"), std::string::npos);
+  EXPECT_FALSE(group->port_for(2).has_value());
+  status.reset();
+  group->finish(1, [&status](int given) { status = given; });
+  run_until(loop, [&status] { return status.has_value(); });
+  const std::string text = report();
+  EXPECT_NE(text.find("connection 2 came and was turned away"), std::string::npos) << text;
+  EXPECT_NE(text.find(R"("count":1)"), std::string::npos) << "it is one run still: " << text;
 }
 
 TEST_F(DeviceGroupTest, ATapeOfAnotherRecordingIsAUsageError) {

@@ -332,6 +332,18 @@ TEST(Drive, ADeviceThatSaysNothingIsIncompleteAtLevelZeroToo) {
   EXPECT_EQ(rig.verdict(), Verdict::incomplete);
 }
 
+TEST(Drive, ADeviceThatEndsInTheMiddleIsIncompleteAtLevelZeroToo) {
+  ReplayConfig config = driving();
+  config.strictness = 0;
+  for (const bool by_itself : {true, false}) {
+    Rig rig(two_questions(), config);
+    rig.open().wait(2'000).write("?");
+    EXPECT_EQ(rig.read(), "ask");
+    if (by_itself) rig.close();
+    EXPECT_EQ(rig.finish_unless_ended(), Verdict::incomplete) << by_itself;
+  }
+}
+
 TEST(Drive, ALineThatTakesNothingHoldsTheWritesBack) {
   Rig rig(two_questions(), driving());
   rig.blocked(true).open().until(1'000'000);

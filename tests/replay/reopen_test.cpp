@@ -257,9 +257,41 @@ TEST(Continue, TheNextOpenContinuesWhereItWas) {
   EXPECT_EQ(rig.runs, 1);
   EXPECT_EQ(rig.verdict(), Verdict::pass);
   // Nothing is left, and it never rewinds.
-  rig.open().write("Q1").wait(1'000).close();
+  rig.open().wait(1'000).close();
   EXPECT_EQ(rig.read(), "");
   EXPECT_EQ(rig.runs, 1);
+}
+
+TEST(Continue, WhatIsWrittenBehindTheTapesEndIsExtra) {
+  const auto tape = MemoryTape().write(1'000, "Q1").read(2'000, "A1").write(3'000, "Q2").read(4'000, "A2");
+  for (const OnMismatch on_mismatch : {OnMismatch::warn, OnMismatch::fail, OnMismatch::resync}) {
+    ReplayConfig config = with(OnReopen::continue_);
+    config.on_mismatch = on_mismatch;
+    Rig rig(tape, config);
+    rig.open().write("Q1").wait(1'000).close().open().write("Q2").wait(1'000).close();
+    ASSERT_EQ(rig.verdict(), Verdict::pass);
+    EXPECT_EQ(rig.read(), "A1A2");
+    for (int runs = 2; runs <= 3; ++runs) {
+      rig.open().wait(1'000).close();
+      EXPECT_EQ(rig.runs, runs - 1) << "an open alone is none";
+      rig.open().write("Q1").wait(1'000).close();
+      ASSERT_EQ(rig.runs, runs);
+      EXPECT_EQ(rig.read(), "") << "of this session; it never rewinds";
+      EXPECT_EQ(rig.verdict(), Verdict::extra);
+      EXPECT_EQ(rig.report->from_driver_bytes, 2U);
+      EXPECT_EQ(rig.report->from_driver_matched, 0U);
+      ASSERT_TRUE(rig.report->mismatch);
+      EXPECT_EQ(rig.report->mismatch->tape_offset, 4U);
+    }
+  }
+}
+
+TEST(Continue, AtStrictnessZeroNothingBehindTheEndIsExtra) {
+  ReplayConfig config = with(OnReopen::continue_);
+  config.strictness = 0;
+  Rig rig(MemoryTape().write(1'000, "Q1").read(2'000, "A1"), config);
+  rig.open().write("Q1").wait(1'000).close().open().write("Q1").wait(1'000).close();
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
 }
 
 TEST(Continue, ClosedTimeRunsOnForAStream) {

@@ -132,5 +132,21 @@ TEST_F(ReportErrors, AReportIsApartFromTheTapeWhateverNameLeadsThere) {
   }
 }
 
+TEST_F(ReportErrors, TheTwoReportsOfARunGoToTwoPlaces) {
+  fs::create_directory_symlink(dir.path(), dir / "folder");
+  EXPECT_TRUE(check_reports_apart("", ""));
+  EXPECT_TRUE(check_reports_apart("-", ""));
+  EXPECT_TRUE(check_reports_apart("-", dir / "r"));
+  EXPECT_TRUE(check_reports_apart(dir / "r", dir / "r.xml"));
+  EXPECT_TRUE(check_reports_apart("/dev/null", "/dev/null"));
+  EXPECT_EQ(usage_of(check_reports_apart("-", "-")),
+            "option 'junit': '-' has the report already; name another file");
+  for (const char* const name : {"r", "./r", "folder/r"}) {
+    const std::string path = dir / name;
+    EXPECT_EQ(usage_of(check_reports_apart(dir / "r", path)),
+              "option 'junit': " + quoted(path) + " has the report already; name another file");
+  }
+}
+
 }  // namespace
 }  // namespace porttape
