@@ -361,10 +361,9 @@ PortType logreader_type() {
       {"on-reopen",
        Kind::choice,
        "auto",
-       "rewind: a driver that opens again meets the tape's beginning; continue: what follows, and behind the "
-       "tape's end all that it writes is "
-       "extra; auto: what "
-       "follows where a reopen was recorded, else the beginning",
+       "rewind: a driver that opens again meets the tape's beginning; continue: what follows (behind the "
+       "tape's end all that it writes is extra); auto: what follows where a reopen was recorded, else the "
+       "beginning",
        0,
        0,
        {"auto", "rewind", "continue"}},

@@ -45,6 +45,7 @@ ReplayChannel::ReplayChannel(World& world, std::string name, bool stalls)
       controls_left_(plan_.controls()) {
   put_up(world, driver_);
   plan_.script().write_tape(world, tape(), this->name());
+  if (plan_.is_ruled()) std::ofstream(rules()) << plan_.rules();
   world.trace("{}: {}", this->name(), plan_.to_text());
   if (!plan_.as_recorded())
     world.trace("{}: the driver will do {}, at item {}, byte {}", this->name(), name_of(plan_.mistake().kind),
@@ -61,6 +62,7 @@ ReplayChannel::ReplayChannel(World& world, std::string name, bool stalls)
 ChannelSpec ReplayChannel::spec() const {
   OptionValues values = plan_.options();
   values.insert({{"driver", "memory:" + driver_.name()}, {"tape", tape()}, {"report", report().string()}});
+  if (plan_.is_ruled()) values.insert({"rules", rules()});
   return {ChannelMode::replay, std::move(values)};
 }
 
@@ -147,7 +149,7 @@ void ReplayChannel::do_item(const TapeItem& item) {
       if (!has_read(item_ + 1) && !need_not_wait() && waits()) return;
       break;
     case Kind::write:
-      if (!write_on(item)) return;
+      if (!write_on()) return;
       break;
     case Kind::settings: {
       const bool wrong = plan_.mistake().kind == Wrong::settings && item_ == plan_.mistake().item;
@@ -272,7 +274,7 @@ Instant ReplayChannel::write_time() const {
 }
 
 // False: not yet, or not at all.
-bool ReplayChannel::begin_write(const TapeItem& item) {
+bool ReplayChannel::begin_write() {
   const Mistake& mistake = plan_.mistake();
   const bool wrong = item_ == mistake.item && !plan_.as_recorded();
   if (plan_.is_punctual()) {
@@ -288,14 +290,15 @@ bool ReplayChannel::begin_write(const TapeItem& item) {
     return false;
   }
   in_write_ = true;
-  to_write_ = wrong && mistake.kind != Wrong::trailing ? plan_.mistaken(item.data) : item.data;
+  to_write_ = plan_.written(item_);
+  if (wrong && mistake.kind != Wrong::trailing) to_write_ = plan_.mistaken(std::move(to_write_));
   made_mistake_ = made_mistake_ || (wrong && mistake.kind != Wrong::trailing);
   return true;
 }
 
 // True: all of it is written.
-bool ReplayChannel::write_on(const TapeItem& item) {
-  if (!in_write_ && !begin_write(item)) return false;
+bool ReplayChannel::write_on() {
+  if (!in_write_ && !begin_write()) return false;
   const std::size_t most = hurries_ ? to_write_.size() : static_cast<std::size_t>(world().between(1, 4096));
   const std::size_t taken = driver_.send(ByteView(to_write_).first(std::min(to_write_.size(), most)));
   to_write_.erase(to_write_.begin(), to_write_.begin() + static_cast<std::ptrdiff_t>(taken));

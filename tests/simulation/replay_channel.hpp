@@ -38,8 +38,8 @@ class ReplayChannel final : public Channel {
   void close();
   void flush();
   void arrived();
-  bool write_on(const TapeItem& item);
-  bool begin_write(const TapeItem& item);
+  bool write_on();
+  bool begin_write();
   void next_item();
   void ends();
   bool has_read(std::size_t items) const;
@@ -58,6 +58,7 @@ class ReplayChannel final : public Channel {
   void ask_rate();
   bool ask(const std::string& request);
 
+  [[nodiscard]] std::string rules() const { return (world().folder() / (name() + ".rules")).string(); }
   [[nodiscard]] std::string tape() const { return (world().folder() / (name() + ".log")).string(); }
   [[nodiscard]] std::filesystem::path report() const { return world().folder() / (name() + ".json"); }
   [[nodiscard]] std::array<std::string, 3> tape_files() const;

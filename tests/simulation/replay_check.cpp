@@ -100,7 +100,7 @@ void ReplayCheck::check_order(ByteView data) {
   // A wrong byte may make a request of the tape out of what was none, so short as these are: its answer comes
   // then, where the tape is searched for requests. So does that of a request which begins another one, when
   // the driver pauses behind it. What a driver leaves unread when it closes is lost.
-  const Bytes& expected = plan_->script().reads();
+  const Bytes& expected = plan_->reads();
   // Where patience may end, the device may say to nobody, between two sessions, what belongs to the next one.
   const bool talks_to_nobody = gates_are_lenient() && reopened_;
   if (talks_to_nobody) places_.insert(delivered_);
@@ -115,7 +115,7 @@ void ReplayCheck::check_order(ByteView data) {
 
 // The tape's answers, each whole, in whatever order and however often.
 bool ReplayCheck::is_of_whole_answers(ByteView data) {
-  const Bytes& reads = plan_->script().reads();
+  const Bytes& reads = plan_->reads();
   const auto& answers = plan_->answers();
   const auto begins = [&](std::size_t place) {
     return place == reads.size() || std::ranges::find(answers, place, &Answer::begin) != answers.end();

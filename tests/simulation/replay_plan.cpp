@@ -59,6 +59,8 @@ ReplayPlan::ReplayPlan(World& world, const Circumstances& circumstances) : circu
   cut_gaps();
   find_answers();
   choose_mistake(world);
+  choose_rules();
+  find_reads();
   pauses_decide_ = looks_up_ && one_request_begins_another();
 }
 
@@ -82,10 +84,13 @@ OptionValues ReplayPlan::options() const {
 
 std::string ReplayPlan::to_text() const {
   return fmt::format(
-      "strictness {}, timing {}, rate {}, chunks {}, on-mismatch {}, at-end {}, max-gap {} us{}{}{}",
+      "strictness {}, timing {}, rate {}, chunks {}, on-mismatch {}, at-end {}, max-gap {} us{}{}{}{}",
       strictness_, timing_, rate_, chunks_, on_mismatch_, at_end_, max_gap_.value_or(Micros(0)).count(),
-      looks_up_ ? ", by lookup" : "", hurries() ? ", a driver that hurries" : "",
-      writes_ahead_ ? ", and writes ahead" : "");
+      looks_up_ ? ", by lookup" : "",
+      echoes_  ? ", with rules and replies"
+      : ruled_ ? ", with rules"
+               : "",
+      hurries() ? ", a driver that hurries" : "", writes_ahead_ ? ", and writes ahead" : "");
 }
 
 // Idle gaps that are longer than max-gap count as that.
@@ -243,6 +248,72 @@ void ReplayPlan::choose_mistake(World& world) {
   const double gap = nanos(times_[mistake_.item] - times_[before]) / rate_;
   if (is_gated() && gap > static_cast<double>(mistake_.time.count()) && world.chance(0.7))
     mistake_.time = -mistake_.time;
+}
+
+// By what the tape has, so that what is drawn for other seeds stays.
+void ReplayPlan::choose_rules() {
+  // Behind a gap the place is found by equal bytes alone, whatever may vary.
+  const bool has_gap =
+      std::ranges::any_of(script_.items(), [](const TapeItem& item) { return item.bytes > 0; });
+  ruled_ = script_.writes().size() % 4 == 1 && strictness_ > 0 && !looks_up_ && !has_gap &&
+           mistake_spares_frames();
+  if (!ruled_) return;
+  script_.number();
+  const bool knows_requests = !script_.has(Kind::driver_ends) && !script_.has(Kind::hang_up);
+  echoes_ = as_recorded() && is_gated() && knows_requests;
+}
+
+// Where a byte of a frame is wrong, the frame is none, or is right.
+bool ReplayPlan::mistake_spares_frames() const {
+  using Wrong = Mistake::Kind;
+  const bool within =
+      mistake_.kind == Wrong::byte || mistake_.kind == Wrong::missing || mistake_.kind == Wrong::extra;
+  return !within || mistake_.byte >= NumberedFrame::kSize;
+}
+
+std::string ReplayPlan::rules() const {
+  const std::string place = fmt::format("at = {}, size = 2", NumberedFrame::kNumber);
+  std::string text = fmt::format(
+      "format = 'porttape-rules'\nversion = 1\n"
+      "[[frame]]\nname = 'numbered'\nkind = 'fixed'\nstart_hex = 'C3 D4 E5'\nsize = {}\n"
+      "[[rule]]\nname = 'number'\nframe = 'numbered'\nat = {}\nsize = 2\nignore = true\n",
+      NumberedFrame::kSize, NumberedFrame::kNumber);
+  if (echoes_)
+    text += fmt::format(
+        "[[reply]]\nname = 'number'\nframe = 'numbered'\nfrom = {{ {0} }}\n"
+        "answer_frame = 'numbered'\nto = {{ {0} }}\n",
+        place);
+  return text;
+}
+
+Bytes ReplayPlan::written(std::size_t item) const {
+  Bytes data = script_.items()[item].data;
+  if (!ruled_ || !NumberedFrame::begins(data)) return data;
+  // Not the first byte of a frame.
+  data[NumberedFrame::kNumber] = static_cast<Byte>(item % 64);
+  data[NumberedFrame::kNumber + 1] ^= Byte{0x20};
+  return data;
+}
+
+// A request is all that is written between two answers; the last frame of it counts.
+void ReplayPlan::find_reads() {
+  Bytes request;
+  bool answered = false;
+  const auto& items = script_.items();
+  for (std::size_t n = 0; n < items.size(); ++n) {
+    Bytes data = items[n].data;
+    const bool numbered = NumberedFrame::begins(data);
+    if (items[n].writes()) {
+      if (std::exchange(answered, false)) request.clear();
+      if (numbered) request = written(n);
+    }
+    if (!items[n].reads()) continue;
+    answered = true;
+    if (echoes_ && numbered && !request.empty()) {
+      std::copy_n(request.begin() + NumberedFrame::kNumber, 2, data.begin() + NumberedFrame::kNumber);
+    }
+    reads_.insert(reads_.end(), data.begin(), data.end());
+  }
 }
 
 }  // namespace porttape::simulation

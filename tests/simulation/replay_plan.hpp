@@ -95,6 +95,14 @@ class ReplayPlan {
   [[nodiscard]] bool writes_ahead() const { return writes_ahead_; }
   [[nodiscard]] const Mistake& mistake() const { return mistake_; }
   [[nodiscard]] bool as_recorded() const { return mistake_.kind == Mistake::Kind::none; }
+  // Rules let the number of each frame vary (--rules): the driver writes others than were recorded.
+  [[nodiscard]] bool is_ruled() const { return ruled_; }
+  // And a frame of an answer has the number of its request.
+  [[nodiscard]] bool echoes() const { return echoes_; }
+  [[nodiscard]] std::string rules() const;
+  // What the driver writes for the tape's item, and what the device is to send in all.
+  [[nodiscard]] Bytes written(std::size_t item) const;
+  [[nodiscard]] const Bytes& reads() const { return reads_; }
   // A write with the driver's mistake.
   [[nodiscard]] Bytes mistaken(Bytes data) const;
   // By lookup: what the driver writes by mistake is made of requests of the tape, or of nothing.
@@ -108,6 +116,9 @@ class ReplayPlan {
   [[nodiscard]] std::vector<Bytes> requests(bool wrong) const;
   [[nodiscard]] bool one_request_begins_another() const;
   void choose_mistake(World& world);
+  void choose_rules();
+  [[nodiscard]] bool mistake_spares_frames() const;
+  void find_reads();
 
   Circumstances circumstances_;
   int strictness_ = 1;
@@ -128,6 +139,9 @@ class ReplayPlan {
   std::vector<Micros> times_;
   std::vector<Answer> answers_;
   Mistake mistake_;
+  bool ruled_ = false;
+  bool echoes_ = false;
+  Bytes reads_;
 };
 
 // Nanoseconds.

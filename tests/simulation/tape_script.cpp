@@ -10,12 +10,38 @@ namespace porttape::simulation {
 
 using Kind = TapeItem::Kind;
 
+namespace {
+
+constexpr std::array kStart{Byte{0xC3}, Byte{0xD4}, Byte{0xE5}};
+
+}  // namespace
+
 TapeScript::TapeScript(World& world, const Wanted& wanted) : longest_gap_(wanted.longest_gap) {
   for (auto count = world.between(1, wanted.most_sessions); count > 0; --count) add_session(world, wanted);
 }
 
 bool TapeScript::has(Kind kind) const {
   return std::ranges::find(items_, kind, &TapeItem::kind) != items_.end();
+}
+
+bool NumberedFrame::begins(ByteView data) {
+  return data.size() >= kSize && std::ranges::equal(data.first(kStart.size()), kStart);
+}
+
+// Its start stands nowhere else, and nothing ends with a part of it, which would be held back.
+void NumberedFrame::put(Bytes& data) {
+  for (Byte& byte : data) byte ^= byte == kStart[0] ? Byte{1} : Byte{0};
+  if (data.size() >= kSize) std::ranges::copy(kStart, data.begin());
+}
+
+void TapeScript::number() {
+  reads_.clear();
+  writes_.clear();
+  for (TapeItem& item : items_) {
+    NumberedFrame::put(item.data);
+    Bytes& all = item.reads() ? reads_ : writes_;
+    all.insert(all.end(), item.data.begin(), item.data.end());
+  }
 }
 
 // Some time after what is there. Two blocks never have one stamp.

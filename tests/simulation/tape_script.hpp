@@ -38,6 +38,18 @@ struct TapeItem {
   [[nodiscard]] bool is_note() const { return kind == Kind::mark || kind == Kind::gap; }
 };
 
+// A frame that a rules file is about, at the beginning of what is written or read: a start, a number and
+// more.
+struct NumberedFrame {
+  static constexpr std::size_t kSize = 8;
+  static constexpr std::size_t kNumber = 3;  // where it stands, in two bytes
+
+  // Whether it begins with one.
+  static bool begins(ByteView data);
+  // In the place of its first bytes. What is too short stays.
+  static void put(Bytes& data);
+};
+
 // A tape by chance: what is on it, in order. It begins with an open, and each session ends with a close.
 class TapeScript {
  public:
@@ -52,6 +64,9 @@ class TapeScript {
 
   TapeScript() = default;
   TapeScript(World& world, const Wanted& wanted);
+
+  // Puts a frame at the beginning of all that is long enough.
+  void number();
 
   // Makes its files. `who`: for the trace.
   void write_tape(World& world, const std::string& name, const std::string& who) const;
