@@ -83,7 +83,9 @@ TEST_F(UucpLockTest, ABinaryNumberThatBeginsLikeTextIsANumber) {
     lock("LCK..ttyUSB0", binary(number));
     const bool lives = ::kill(number, 0) == 0 || errno == EPERM;
     ASSERT_EQ(holder().has_value(), lives) << number << ": process 1 lives and has no lock";
-    if (lives) EXPECT_EQ(holder()->pid, number);
+    if (lives) {
+      EXPECT_EQ(holder()->pid, number);
+    }
   }
 }
 
