@@ -79,7 +79,7 @@ class FaultRun {
 
   void note(const LineFault& fault) {
     ++end_.faults_made;
-    if (end_.faults.size() < FaultPlan::kMostFaults) end_.faults.push_back(fault.spec);
+    if (end_.faults.size() < FaultPlan::kMostFaults) end_.faults.push_back(fault.spec.raw());
   }
 
   void take_track() {

@@ -178,7 +178,7 @@ JsonList to_json(const std::vector<std::string>& texts) {
 template <class Counts>
 JsonObject counts_of(const Counts& counts) {
   JsonObject json;
-  for (const auto& [kind, count] : counts) json.add(kind, count);
+  for (const auto& [kind, count] : counts) json.add(kind.raw(), count);
   return json;
 }
 
@@ -314,11 +314,11 @@ void print_faults(const EventsSummary& events, std::ostream& out) {
   if (events.faults.empty()) return;
   std::string made;
   for (const auto& [kind, count] : events.fault_kinds)
-    made += (made.empty() ? "" : ", ") + std::to_string(count) + ' ' + safe(kind);
+    made += (made.empty() ? "" : ", ") + std::to_string(count) + ' ' + kind.for_line();
   label(out, "faults") << (made.empty() ? "none made" : made) << '\n';
   const LineFault& first = events.faults.front().what.fault;
   if (first.kind == LineFault::kPlan)
-    label(out, "") << "by " << safe(first.spec) << "; seed " << first.seed.value_or(0) << '\n';
+    label(out, "") << "by " << first.spec.for_line() << "; seed " << first.seed.value_or(0) << '\n';
 }
 
 void print_settings(const EventsSummary& events, std::ostream& out) {
@@ -348,7 +348,7 @@ void print_events(const EventsSummary& events, std::ostream& out) {
   label(out, "events");
   std::string_view separator;
   for (const auto& [kind, count] : events.kinds) {
-    out << separator << count << ' ' << safe(kind);
+    out << separator << count << ' ' << kind.for_line();
     separator = ", ";
   }
   out << (events.kinds.empty() ? "none\n" : "\n");

@@ -2,8 +2,9 @@
 
 #include <cstdint>
 #include <optional>
-#include <string>
 #include <string_view>
+
+#include "libport/base/stranger_text.hpp"
 
 namespace porttape {
 
@@ -17,8 +18,8 @@ struct LineFault {
   // The kind of fault (drop, corrupt, …), or
   static constexpr std::string_view kPlan = "plan";  // what is to come: the whole plan and its seed
   static constexpr std::string_view kMore = "more";  // `count` further ones, not told singly
-  std::string kind;
-  std::string spec = {};                     // a plan of its own, which makes this fault again in its place
+  StrangerText kind;
+  StrangerText spec = {};                    // a plan of its own, which makes this fault again in its place
   std::optional<LineDir> dir = {};           // none: neither is meant
   std::optional<std::uint64_t> offset = {};  // of the first byte concerned, in its stream as it came
   std::uint64_t count = 0;                   // of kMore

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <compare>
 #include <cstddef>
 #include <string>
 #include <string_view>
@@ -46,7 +47,7 @@ class StrangerText {
   [[nodiscard]] bool empty() const { return text_.empty(); }
   void clear() { text_.clear(); }
 
-  friend bool operator==(const StrangerText&, const StrangerText&) = default;
+  friend auto operator<=>(const StrangerText&, const StrangerText&) = default;  // by bytes
 
  private:
   std::string text_;

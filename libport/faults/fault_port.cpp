@@ -25,7 +25,7 @@ FaultPort::FaultPort(const PortContext& context, std::unique_ptr<Port> inner, Fa
     : FilterPort(context, std::move(inner)),
       context_(context),
       options_(std::move(options)),
-      plan_{.kind = std::string(LineFault::kPlan), .spec = options_.plan.text(), .seed = options_.seed},
+      plan_{.kind = LineFault::kPlan, .spec = options_.plan.text(), .seed = options_.seed},
       break_timer_(*context.loop, [this] { do_timed_breaks(); }),
       back_timer_(*context.loop, [this] { come_back(); }) {
   for (const Fault& fault : options_.plan.faults) {
@@ -37,7 +37,7 @@ FaultPort::FaultPort(const PortContext& context, std::unique_ptr<Port> inner, Fa
 Result<void> FaultPort::prepare() {
   inner().faulted(plan_);
   if (Result<void> prepared = FilterPort::prepare(); !prepared) return prepared;
-  context_.log->warn("{}: this line has faults made on purpose: {}; seed {}", name(), plan_.spec,
+  context_.log->warn("{}: this line has faults made on purpose: {}; seed {}", name(), plan_.spec.for_line(),
                      options_.seed);
   return {};
 }
@@ -110,7 +110,7 @@ void FaultPort::pass(LineDir dir, ByteView data, const std::function<void(ByteVi
 
 void FaultPort::tell(const LineFault& fault) {
   if (fault.kind != LineFault::kPlan) {
-    ++sum_[fault.kind];
+    ++sum_[fault.kind.raw()];
     if (options_.on_made) options_.on_made(fault);
     if (++told_ > kMostTold) {
       ++untold_;
@@ -123,7 +123,7 @@ void FaultPort::tell(const LineFault& fault) {
 
 void FaultPort::tell_sum() {
   if (const std::uint64_t count = std::exchange(untold_, 0); count > 0) {
-    const LineFault more{.kind = std::string(LineFault::kMore), .count = count};
+    const LineFault more{.kind = LineFault::kMore, .count = count};
     inner().faulted(more);
     listener().on_fault(more);
   }

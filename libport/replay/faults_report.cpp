@@ -20,7 +20,7 @@ void FaultsReport::add(const LineFault& fault) {
 std::string to_text(const FaultsReport& faults) {
   std::string kinds;
   for (const auto& [kind, count] : faults.kinds)
-    kinds += (kinds.empty() ? "" : ", ") + std::to_string(count) + ' ' + kind;
+    kinds += (kinds.empty() ? "" : ", ") + std::to_string(count) + ' ' + kind.for_line();
   const std::string plan = printable_line(faults.plan.substr(0, kPlanShown));
   return (faults.made == 0 ? "none made" : std::to_string(faults.made) + " made (" + kinds + ')') + " by " +
          plan + (faults.plan.size() > kPlanShown ? "…" : "") + "; seed " + std::to_string(faults.seed);
@@ -28,7 +28,7 @@ std::string to_text(const FaultsReport& faults) {
 
 std::string to_json(const FaultsReport& faults) {
   JsonObject kinds;
-  for (const auto& [kind, count] : faults.kinds) kinds.add(kind, count);
+  for (const auto& [kind, count] : faults.kinds) kinds.add(kind.raw(), count);
   JsonList list;
   for (const LineFault& fault : faults.list) {
     JsonObject one;

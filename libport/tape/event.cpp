@@ -386,7 +386,7 @@ std::string_view name_of(const Event& event) {
   return std::visit(
       []<class Kind>(const Kind& kind) -> std::string_view {
         if constexpr (std::is_same_v<Kind, event::Unknown>) {
-          return kind.kind;
+          return kind.kind.raw();
         } else {
           return Kind::kName;
         }

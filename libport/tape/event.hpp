@@ -132,7 +132,7 @@ struct End {
 
 // A kind that this version does not know. Its keys are in the line only.
 struct Unknown {
-  std::string kind;
+  StrangerText kind;
   friend bool operator==(const Unknown&, const Unknown&) = default;
 };
 

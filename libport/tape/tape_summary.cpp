@@ -208,7 +208,7 @@ class EventStream {
       return;
     }
     const auto& [at, event] = file_->event();
-    const std::string kind(name_of(event));
+    const StrangerText kind(name_of(event));
     if (summary_.kinds.size() < kMaxKinds || summary_.kinds.contains(kind)) ++summary_.kinds[kind];
     if (const auto* gap = std::get_if<event::Gap>(&event)) note_gap(at, *gap);
     const auto* mark = std::get_if<event::Mark>(&event);

@@ -76,7 +76,7 @@ struct EventsSummary {
   std::string path;
   bool exists = false;
   std::optional<TapeHeader> header;
-  std::map<std::string, std::uint64_t, std::less<>>
+  std::map<StrangerText, std::uint64_t>
       kinds;                       // how many events of each; of unknown kinds at most 64 different ones
   std::uint64_t gap_bytes = 0;     // that the gap events say are missing
   std::vector<GapSummary> gaps;    // the first 64
@@ -84,7 +84,7 @@ struct EventsSummary {
   std::vector<SettingsSummary> settings;             // the first 64
   std::vector<SignalSummary> signals;                // of modem lines and breaks, the first 64
   std::vector<FaultSummary> faults;                  // the first 64, plans among them
-  std::map<std::string, std::uint64_t> fault_kinds;  // how many were made of each; at most 64 kinds
+  std::map<StrangerText, std::uint64_t> fault_kinds;  // how many were made of each; at most 64 kinds
   bool ended = false;                                // the last event is `end`
   std::optional<PayloadTotals> end_read;             // what it tells of the r and w files, both or none
   std::optional<PayloadTotals> end_write;

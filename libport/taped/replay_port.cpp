@@ -281,7 +281,7 @@ void ReplayPort::end_drains() {
 
 void ReplayPort::faulted(const LineFault& fault) {
   if (fault.kind == LineFault::kPlan) {
-    faults_ = {.plan = fault.spec, .seed = fault.seed.value_or(0)};
+    faults_ = {.plan = fault.spec.raw(), .seed = fault.seed.value_or(0)};
   } else if (faults_) {
     faults_->add(fault);
   }

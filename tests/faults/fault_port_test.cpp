@@ -63,7 +63,7 @@ class FaultPortTest : public testing::Test {
   }
   [[nodiscard]] std::string kinds(const std::vector<LineFault>& faults) const {
     std::string kinds;
-    for (const LineFault& fault : faults) kinds += fault.kind + " ";
+    for (const LineFault& fault : faults) kinds += fault.kind.raw() + " ";
     return kinds;
   }
 

@@ -38,7 +38,7 @@ void take(FaultStream& stream, std::string_view arrival, Made& made, Instant now
     made.bytes += as_text(piece.data);
     if (piece.due > now) made.held += as_text(piece.data);
   }
-  for (const LineFault& fault : outcome.faults) made.specs.push_back(fault.spec);
+  for (const LineFault& fault : outcome.faults) made.specs.push_back(fault.spec.raw());
   made.broken = made.broken || outcome.broken != nullptr;
 }
 

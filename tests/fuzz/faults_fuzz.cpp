@@ -29,7 +29,7 @@ Made made_of(const FaultPlan& plan, std::string_view text, std::size_t piece, Na
     const FaultStream::Outcome outcome = stream.take(as_bytes(arrival), kNow, kNow - elapsed);
     if (outcome.untouched) made.bytes += arrival;
     for (const FaultStream::Piece& each : outcome.pieces) made.bytes += as_text(each.data);
-    for (const LineFault& fault : outcome.faults) made.specs += fault.spec + ";";
+    for (const LineFault& fault : outcome.faults) made.specs += fault.spec.raw() + ";";
     if (outcome.broken != nullptr) break;
   }
   return made;

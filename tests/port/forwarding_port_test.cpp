@@ -49,7 +49,7 @@ class ToldPort final : public Port, private WaitingCalls, private Recorder, priv
   void read_pending() override { say("read pending"); }
   void peer_flushed(FlushQueue) override { say("peer flushed"); }
   void peer_set(const SeenSettings&, SettingsOrder) override { say("peer set"); }
-  void faulted(const LineFault& fault) override { say("faulted " + fault.kind); }
+  void faulted(const LineFault& fault) override { say("faulted " + fault.kind.raw()); }
   void finish() override { say("finish"); }
   [[nodiscard]] WaitingCalls* waiting() override { return this; }
   [[nodiscard]] Recorder* recorder() override { return this; }

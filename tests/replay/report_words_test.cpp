@@ -84,7 +84,7 @@ TEST(ReportWords, SecondsHaveSixPlacesAndASignWhereTheyAreNegative) {
   EXPECT_EQ(seconds_text(std::numeric_limits<std::int64_t>::min()), "-9223372036854.775808 s");
 }
 
-LineFault fault(std::string_view kind) { return {.kind = std::string(kind), .spec = "drop:at=1"}; }
+LineFault fault(std::string_view kind) { return {.kind = kind, .spec = "drop:at=1"}; }
 
 TEST(FaultsReportText, SaysHowManyOfEachKindWereMade) {
   FaultsReport faults{.plan = "drop;corrupt", .seed = 7};
@@ -113,7 +113,7 @@ TEST(FaultsReportTest, TheFirstThousandAreListedAndAllAreCounted) {
 
 TEST(FaultsReportTest, ThoseThatAreNotToldSinglyCountAndAreNotListed) {
   FaultsReport faults;
-  faults.add({.kind = std::string(LineFault::kMore), .count = 5});
+  faults.add({.kind = LineFault::kMore, .count = 5});
   EXPECT_EQ(faults.made, 5U);
   EXPECT_TRUE(faults.list.empty());
 }

@@ -5,6 +5,7 @@
 #include <cerrno>
 #include <csignal>
 #include <filesystem>
+#include <fmt/format.h>
 #include <future>
 #include <memory>
 #include <sys/resource.h>
@@ -124,6 +125,27 @@ void expect_sound(const Disk& disk, const Written& result, const std::string& wh
   EXPECT_TRUE(summary->damages().empty()) << what;
   EXPECT_EQ(summary->read.bytes + summary->write.bytes, result.written) << what;
   EXPECT_EQ(result.written + result.lost, result.given) << what;
+}
+
+// However long the disk fails, and whatever is written first when it works again.
+TEST(FailingDisk, WhatIsLostIsToldByGapsOnceWritingWorksAgain) {
+  for (const int batch : {0, 2}) {
+    Disk good;
+    ASSERT_TRUE(write_session(good, batch).finished);
+    for (int first = 1; first < good.operation - 4; ++first) {
+      for (int last = first; last < good.operation - 4; ++last) {
+        Disk disk{.first_bad = first, .last_bad = last, .truncate_fails = false};
+        const Written result = write_session(disk, batch);
+        const auto summary = summarize("t", sources_on(disk));
+        const std::string what = fmt::format("operations {} to {}, batches of {}", first, last, batch);
+        ASSERT_TRUE(result.created && summary) << what;
+        EXPECT_FALSE(result.finished) << what;
+        EXPECT_TRUE(summary->events.ended) << what;
+        EXPECT_EQ(summary->events.gap_bytes, result.lost) << what;
+        EXPECT_GT(summary->events.count<event::Gap>(), 0U) << what;
+      }
+    }
+  }
 }
 
 TEST(FailingDisk, AnyOneFailureLeavesASoundTapeAndACountedLoss) {

@@ -76,7 +76,7 @@ TEST(TapeSummaryLimits, FaultsAreCountedByTheirKindsAndPlansAreNone) {
                    line_of(4, event::Fault{{.kind = "more", .count = 7}}))
           .events;
   EXPECT_EQ(found.faults.size(), 4U);
-  EXPECT_EQ(found.fault_kinds, (std::map<std::string, std::uint64_t>{{"drop", 2}, {"more", 7}}));
+  EXPECT_EQ(found.fault_kinds, (std::map<StrangerText, std::uint64_t>{{"drop", 2}, {"more", 7}}));
 }
 
 TEST(TapeSummaryLimits, OfTheSessionsTheFirst1000AreKeptAndAllCounted) {
