@@ -1,8 +1,10 @@
 #include "libport/base/own_name.hpp"
 
+#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <fcntl.h>
+#include <limits.h>
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 #include <unistd.h>
@@ -34,6 +36,12 @@ bool remove_if_same(int folder, const std::string& name, const FileIdentity& fil
 bool remove_if_same(int folder, const std::string& name, int fd) {
   const std::optional<FileIdentity> file = fd >= 0 ? FileIdentity::of(fd) : std::nullopt;
   return file && remove_if_same(folder, name, *file);
+}
+
+std::string link_text(int folder, const std::string& name) {
+  std::array<char, PATH_MAX> text{};
+  const ssize_t size = ::readlinkat(folder, name.c_str(), text.data(), text.size());
+  return {text.data(), static_cast<std::size_t>(size > 0 ? size : 0)};
 }
 
 // Not all file systems have the flags of renameat2(), and not all of those have links.

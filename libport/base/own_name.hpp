@@ -41,6 +41,10 @@ bool remove_if_same(int folder, const std::string& name, const FileIdentity& fil
 // The same for the file that `fd` has open; below 0 there is none.
 bool remove_if_same(int folder, const std::string& name, int fd);
 
+// Returns the text of a link, or an empty string where the name is no link or cannot be read. An empty name
+// means the link that `folder` has open (O_PATH).
+std::string link_text(int folder, const std::string& name);
+
 // The following functions return 0 or an errno.
 
 // Moves a file to an unused name. EEXIST: the name is in use.

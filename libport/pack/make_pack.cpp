@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "libport/base/printable.hpp"
+#include "libport/pack/tape_folder.hpp"
 #include "libport/tape/judgement.hpp"
 #include "libport/tape/new_file.hpp"
 #include "libport/tape/payload_totals.hpp"
@@ -29,27 +30,13 @@ std::string folder_in(const fs::path& file) {
   return is_plain_name(name) ? name : "pack";
 }
 
-// A pack is sent to others. A link in a tape from a stranger must not add one of this user's files to it.
-Result<void> check_within_folder(const fs::path& path) {
-  std::error_code error;
-  if (!fs::is_symlink(path, error)) return {};
-  const fs::path target = fs::canonical(path, error);
-  const fs::path folder = fs::canonical(fs::absolute(path).parent_path(), error);
-  if (!error && target.parent_path() == folder) return {};
-  return make_error(Errc::usage, in_quotes(path.string()) + " is a link that leads out of its folder, to " +
-                                     in_quotes(target.string()) +
-                                     "; if that belongs to the tape, put a copy in the link's place");
-}
-
 // What was never written is no recording, and a terabyte of it would be read twice.
-Result<void> check_written(const fs::path& path) {
-  const Result<std::unique_ptr<FileSource>> source = FileSource::open(path);
-  if (!source) return source.error();
-  const Result<std::uint64_t> size = (*source)->size();
+Result<void> check_written(FileSource& source) {
+  const Result<std::uint64_t> size = source.size();
   if (!size) return size.error();
-  if (!StoredBytes(**source).has_hole(0, *size)) return {};
+  if (!StoredBytes(source).has_hole(0, *size)) return {};
   return make_error(Errc::damaged_tape,
-                    in_quotes(path.string()) + " has a hole: a part of it was never written");
+                    in_quotes(source.name()) + " has a hole: a part of it was never written");
 }
 
 class PackMaker {
@@ -73,32 +60,26 @@ class PackMaker {
         return make_error(Errc::usage,
                           "two tapes are called " + in_quotes(name) + "; rename one, or make two packs");
     }
-    if (is_being_written(tape))
-      return make_error(Errc::usage, "tape " + in_quotes(tape.name()) +
-                                         " is being written; wait for its end, or " +
-                                         "begin the next one by porttape ctl rotate");
-    std::vector<fs::path> files;
-    for (const fs::path& path : {tape.read, tape.write, tape.events}) {
-      std::error_code ignored;
-      if (!fs::exists(path, ignored)) continue;
-      if (Result<void> within = check_within_folder(path); !within) return within;
-      if (Result<void> written = check_written(path); !written) return written;
-      files.push_back(path);
-    }
-    const Result<TapeSummary> summary = summarize(tape);
+    std::vector<std::unique_ptr<FileSource>> files;
+    Result<TapeSources> sources = open_files(tape, files);
+    if (!sources) return sources.error();
+    const Result<TapeSummary> summary = summarize(tape.name(), std::move(*sources));
     if (!summary) return summary.error();
     PackedTape packed{.name = name, .verdict = std::string(to_string(judge(*summary).verdict))};
     if (summary->events.header) packed.id = summary->events.header->id;
-    for (const fs::path& path : files) {
-      if (Result<void> added = add_file(path, path.filename().string()); !added) return added;
-      packed.files.push_back(path.filename().string());
+    for (std::unique_ptr<FileSource>& file : files) {
+      std::string file_name = fs::path(file->name()).filename().string();
+      if (Result<void> added = add_file(std::move(file), file_name); !added) return added;
+      packed.files.push_back(std::move(file_name));
     }
     manifest_.tapes.push_back(std::move(packed));
     return {};
   }
 
   Result<void> add_redaction(const fs::path& path) {
-    if (Result<void> added = add_file(path, std::string(kRedactionName)); !added) return added;
+    Result<std::unique_ptr<FileSource>> file = FileSource::open(path);
+    if (!file) return file.error();
+    if (Result<void> added = add_file(std::move(*file), std::string(kRedactionName)); !added) return added;
     ByteSource& source = *sources_.back();
     std::string head(200, '\0');
     const Result<std::size_t> read = source.read_at(0, {reinterpret_cast<Byte*>(head.data()), head.size()});
@@ -115,7 +96,7 @@ class PackMaker {
     Result<NewFile> file = NewFile::create(file_.string(), options_.overwrite);
     if (!file) return file.error();
     for (const auto& source : sources_) {
-      if (Result<void> made = file->made_of(source->name()); !made) return made.error();
+      if (Result<void> made = file->made_of(source->fd()); !made) return made.error();
     }
     Result<PackWriter> writer = PackWriter::begin([&](ByteView bytes) { return file->add(bytes); },
                                                   pack_format_of(file_), folder_in(file_));
@@ -134,17 +115,37 @@ class PackMaker {
   }
 
  private:
-  Result<void> add_file(const fs::path& path, const std::string& name) {
-    Result<std::unique_ptr<FileSource>> source = FileSource::open(path);
-    if (!source) return source.error();
-    const Result<std::uint64_t> size = (*source)->size();
+  // Opens each file of the tape once, into `files`. All that is told of a file and packed of it is read from
+  // there: somebody else may exchange the file of that name meanwhile.
+  static Result<TapeSources> open_files(const TapePaths& tape,
+                                        std::vector<std::unique_ptr<FileSource>>& files) {
+    const Result<TapeFolder> folder = TapeFolder::open(tape);
+    if (!folder) return folder.error();
+    return TapeSources::open(tape, [&](const fs::path& path) -> Result<std::unique_ptr<ByteSource>> {
+      Result<std::unique_ptr<FileSource>> file = folder->open_file(path);
+      if (!file) return file.error();
+      if (!*file) return std::unique_ptr<ByteSource>();
+      if (is_being_written((*file)->fd()))
+        return make_error(Errc::usage, "tape " + in_quotes(tape.name()) +
+                                           " is being written; wait for its end, or " +
+                                           "begin the next one by porttape ctl rotate");
+      if (Result<void> written = check_written(**file); !written) return written.error();
+      Result<std::unique_ptr<FileSource>> same = (*file)->duplicate();
+      if (!same) return same.error();
+      files.push_back(std::move(*file));
+      return std::unique_ptr<ByteSource>(std::move(*same));
+    });
+  }
+
+  Result<void> add_file(std::unique_ptr<FileSource> source, const std::string& name) {
+    const Result<std::uint64_t> size = source->size();
     if (!size) return size.error();
     PackedFile file{.name = name, .size = *size};
-    Result<std::uint64_t> digest = read_all(**source, *size, [](ByteView) { return Result<void>(); });
+    Result<std::uint64_t> digest = read_all(*source, *size, [](ByteView) { return Result<void>(); });
     if (!digest) return digest.error();
     file.xxh3 = *digest;
     manifest_.files.push_back(std::move(file));
-    sources_.push_back(std::move(*source));
+    sources_.push_back(std::move(source));
     return {};
   }
 

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <utility>
 
 namespace porttape {
 namespace {
@@ -15,6 +16,7 @@ std::string_view kind_of_file(mode_t mode) {
   if (S_ISFIFO(mode)) return "a FIFO";
   if (S_ISCHR(mode) || S_ISBLK(mode)) return "a device";
   if (S_ISSOCK(mode)) return "a socket";
+  if (S_ISLNK(mode)) return "a link";
   return "something else";
 }
 
@@ -38,18 +40,35 @@ ByteSource::Stretch ByteSource::stored(std::uint64_t offset) {
 }
 
 Result<std::unique_ptr<FileSource>> FileSource::open(const std::filesystem::path& path) {
-  std::string name = path.string();
+  return open_at(AT_FDCWD, path.c_str(), true, path.string());
+}
+
+Result<std::unique_ptr<FileSource>> FileSource::open_in(int folder, const std::string& name,
+                                                        std::string shown) {
+  return open_at(folder, name.c_str(), false, std::move(shown));
+}
+
+Result<std::unique_ptr<FileSource>> FileSource::open_at(int folder, const char* path, bool follows,
+                                                        std::string name) {
   struct stat status {};
-  if (::stat(path.c_str(), &status) != 0) return cannot_read(name, errno);
+  if (::fstatat(folder, path, &status, follows ? 0 : AT_SYMLINK_NOFOLLOW) != 0)
+    return cannot_read(name, errno);
   if (const auto regular = check_regular(name, status); !regular) return regular.error();
 
   // O_NONBLOCK: should a FIFO have taken the file's place by now, the open must not wait for a writer.
-  UniqueFd fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
+  const int how = O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | (follows ? 0 : O_NOFOLLOW);
+  UniqueFd fd(::openat(folder, path, how));
   if (!fd) return cannot_read(name, errno);
   if (::fstat(fd.get(), &status) != 0) return cannot_read(name, errno);
   if (const auto regular = check_regular(name, status); !regular) return regular.error();
   ::posix_fadvise(fd.get(), 0, 0, POSIX_FADV_SEQUENTIAL);
   return std::unique_ptr<FileSource>(new FileSource(std::move(fd), std::move(name)));
+}
+
+Result<std::unique_ptr<FileSource>> FileSource::duplicate() const {
+  UniqueFd fd(::fcntl(fd_.get(), F_DUPFD_CLOEXEC, 0));
+  if (!fd) return make_error(Errc::io, "cannot read " + name_ + ": " + errno_text(errno));
+  return std::unique_ptr<FileSource>(new FileSource(std::move(fd), name_));
 }
 
 Result<std::size_t> FileSource::read_at(std::uint64_t offset, std::span<Byte> into) {

@@ -42,13 +42,21 @@ class FileSource final : public ByteSource {
  public:
   // Errc::usage: not there, not readable, or not a regular file (a FIFO or a device is not even opened).
   static Result<std::unique_ptr<FileSource>> open(const std::filesystem::path& path);
+  // The same for a name in an open folder (O_PATH is enough). A link of that name is not followed, and is
+  // Errc::usage. Messages call the file `shown`.
+  static Result<std::unique_ptr<FileSource>> open_in(int folder, const std::string& name, std::string shown);
+  // Another source of the same open file, whatever its name means by now. Errc::io.
+  [[nodiscard]] Result<std::unique_ptr<FileSource>> duplicate() const;
 
+  [[nodiscard]] int fd() const { return fd_.get(); }
   Result<std::size_t> read_at(std::uint64_t offset, std::span<Byte> into) override;
   Result<std::uint64_t> size() override;
   Stretch stored(std::uint64_t offset) override;
   [[nodiscard]] const std::string& name() const override { return name_; }
 
  private:
+  static Result<std::unique_ptr<FileSource>> open_at(int folder, const char* path, bool follows,
+                                                     std::string shown);
   FileSource(UniqueFd fd, std::string name) : fd_(std::move(fd)), name_(std::move(name)) {}
 
   UniqueFd fd_;

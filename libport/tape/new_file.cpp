@@ -99,6 +99,8 @@ Result<void> NewFile::made_of(const std::string& source) { return keep(kept_from
 
 Result<void> NewFile::made_of(const TapePaths& tape) { return keep(kept_from_others(tape)); }
 
+Result<void> NewFile::made_of(int source) { return keep(kept_from_others(source)); }
+
 Result<void> NewFile::keep(mode_t from_others) {
   if (kind_ != Kind::file || from_others == 0) return {};
   struct stat own {};

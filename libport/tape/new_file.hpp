@@ -34,6 +34,7 @@ class NewFile {
   // called before anything is added. What is not there is no source. Errc::io.
   Result<void> made_of(const std::string& source);
   Result<void> made_of(const TapePaths& tape);
+  Result<void> made_of(int source);  // an open file
 
   // Errc::io.
   Result<void> add(std::string_view text);

@@ -4,10 +4,22 @@
 
 namespace porttape {
 
+namespace {
+
+mode_t kept_by(const struct stat& status) {
+  return S_ISREG(status.st_mode) ? ~status.st_mode & (S_IRWXG | S_IRWXO) : 0;
+}
+
+}  // namespace
+
 mode_t kept_from_others(const std::string& file) {
   struct stat status {};
-  if (::stat(file.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return 0;
-  return ~status.st_mode & (S_IRWXG | S_IRWXO);
+  return ::stat(file.c_str(), &status) == 0 ? kept_by(status) : 0;
+}
+
+mode_t kept_from_others(int fd) {
+  struct stat status {};
+  return ::fstat(fd, &status) == 0 ? kept_by(status) : 0;
 }
 
 mode_t kept_from_others(const TapePaths& tape) {

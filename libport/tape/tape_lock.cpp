@@ -48,8 +48,12 @@ TapeLock lock_tape_file(int fd, int folder, const std::filesystem::path& name) {
 
 bool is_being_written(const std::filesystem::path& file) {
   const UniqueFd fd(::open(file.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC));
+  return fd && is_being_written(fd.get());
+}
+
+bool is_being_written(int fd) {
   struct flock lock = whole_file(F_RDLCK);
-  return fd && ::fcntl(fd.get(), F_OFD_GETLK, &lock) == 0 && lock.l_type != F_UNLCK;
+  return ::fcntl(fd, F_OFD_GETLK, &lock) == 0 && lock.l_type != F_UNLCK;
 }
 
 bool is_being_written(const TapePaths& paths) {

@@ -23,5 +23,6 @@ TapeLock lock_tape_file(int fd, int folder, const std::filesystem::path& name);
 // Whether a recorder has one of the tape's files locked. Takes nothing, so it is in nobody's way.
 bool is_being_written(const TapePaths& paths);
 bool is_being_written(const std::filesystem::path& file);  // one of them
+bool is_being_written(int fd);                             // one that is open for reading
 
 }  // namespace porttape

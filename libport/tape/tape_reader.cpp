@@ -132,18 +132,19 @@ struct TapeReader::Impl {
   std::optional<Record> passed(const Record& record);
 };
 
-Result<TapeSources> TapeSources::open(const TapePaths& paths) {
-  TapeSources sources;
-  auto read = open_if_there(paths.read);
+Result<TapeSources> TapeSources::open(const TapePaths& paths) { return open(paths, open_if_there); }
+
+Result<TapeSources> TapeSources::open(const TapePaths& paths, const Open& open_file) {
+  auto read = open_file(paths.read);
   if (!read) return read.error();
-  auto write = open_if_there(paths.write);
+  auto write = open_file(paths.write);
   if (!write) return write.error();
   if (!*read && !*write) {
     return make_error(Errc::usage, "no tape " + in_quotes(paths.name()) + ": there is neither " +
                                        in_quotes(paths.read.string()) + " nor " +
                                        in_quotes(paths.write.string()));
   }
-  auto events = open_if_there(paths.events);
+  auto events = open_file(paths.events);
   if (!events) return events.error();
   return TapeSources{std::move(*read), std::move(*write), std::move(*events)};
 }

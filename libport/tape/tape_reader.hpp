@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -22,6 +24,9 @@ struct TapeSources {
 
   // The files that exist. Errc::usage: unreadable, a folder, …, or neither an r nor a w file there.
   static Result<TapeSources> open(const TapePaths& paths);
+  // The same by another way to open a file; null: it is not there.
+  using Open = std::function<Result<std::unique_ptr<ByteSource>>(const std::filesystem::path&)>;
+  static Result<TapeSources> open(const TapePaths& paths, const Open& open_file);
   // As detect_layout(). Where the events file begins with a header, what keeps the r and w files from being
   // read is damage: Errc::damaged_tape.
   [[nodiscard]] Result<Layout> layout() const;

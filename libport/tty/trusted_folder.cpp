@@ -1,11 +1,9 @@
 #include "libport/tty/trusted_folder.hpp"
 
-#include <array>
 #include <cerrno>
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
-#include <limits.h>
 #include <list>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -26,13 +24,6 @@ Error trouble(const std::string& text) { return make_error(Errc::usage, text); }
 Error cannot_open(int error, const std::string& folder) {
   if (error != ENOENT) return trouble("its folder: " + errno_text(error));
   return trouble("its folder does not exist; type mkdir -p " + shell_word(folder));
-}
-
-// Returns the link's text, or an empty string where the link cannot be read.
-std::string link_text(int link) {
-  std::array<char, PATH_MAX> text{};
-  const ssize_t size = ::readlinkat(link, "", text.data(), text.size());
-  return {text.data(), static_cast<std::size_t>(size > 0 ? size : 0)};
 }
 
 }  // namespace
@@ -57,7 +48,7 @@ Result<UniqueFd> open_trusted_folder(const std::string& path) {
       return trouble(
           fmt::format("{} on the way there is a link that another user made; name the folder itself",
                       in_quotes(part.string())));
-    const fs::path text = link_text(next.get());
+    const fs::path text = link_text(next.get(), {});
     if (text.empty() || ++links > kMostLinks) return cannot_open(ELOOP, path);
     left.insert(left.begin(), text.begin(), text.end());  // "/" is the first part of an absolute one
   }

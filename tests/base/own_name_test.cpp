@@ -57,6 +57,16 @@ TEST_F(OwnName, OfALinkItIsTheLink) {
   EXPECT_TRUE(FileIdentity::at(AT_FDCWD, dir / "dangling").has_value());
 }
 
+TEST_F(OwnName, ALinkHasItsText) {
+  const std::string text(3000, 'x');
+  std::filesystem::create_symlink(text, dir / "long");
+  EXPECT_EQ(link_text(AT_FDCWD, dir / "long"), text);
+  const UniqueFd link(::open((dir / "long").c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
+  EXPECT_EQ(link_text(link.get(), {}), text);
+  EXPECT_EQ(link_text(AT_FDCWD, dir / "none"), "");
+  EXPECT_EQ(link_text(AT_FDCWD, dir.path().string()), "");
+}
+
 TEST_F(OwnName, WhereNothingIsErrnoSaysSo) {
   errno = 0;
   EXPECT_FALSE(FileIdentity::at(AT_FDCWD, dir / "none").has_value());

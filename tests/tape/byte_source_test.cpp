@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <fcntl.h>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -49,6 +50,35 @@ TEST(MemorySource, GivesTheBytesFromAnOffsetOn) {
   MemorySource source("m", test::bytes_of("abcdef"));
   expect_holds_abcdef(source);
   EXPECT_EQ(source.name(), "m");
+}
+
+TEST(FileSource, InAFolderIsNotWhatALinkThereLeadsTo) {
+  const TempDir dir;
+  test::write_file(dir / "f", test::bytes_of("abcdef"));
+  std::filesystem::create_symlink("f", dir / "link");
+  const UniqueFd folder(::open(dir.path().c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC));
+  const auto source = FileSource::open_in(folder.get(), "f", "shown");
+  ASSERT_TRUE(source);
+  expect_holds_abcdef(**source);
+  EXPECT_EQ((**source).name(), "shown");
+  EXPECT_THAT(FileSource::open_in(folder.get(), "link", "shown").error().message,
+              HasSubstr("shown is a link"));
+  EXPECT_THAT(FileSource::open_in(folder.get(), "none", "shown").error().message,
+              HasSubstr("cannot read shown: No such file"));
+}
+
+TEST(FileSource, ADuplicateIsTheSameFileWhateverItsNameMeans) {
+  const TempDir dir;
+  test::write_file(dir / "f", test::bytes_of("abcdef"));
+  const auto source = FileSource::open(dir / "f");
+  ASSERT_TRUE(source);
+  test::write_file(dir / "other", test::bytes_of("other"));
+  std::filesystem::rename(dir / "other", dir / "f");
+  const auto same = (**source).duplicate();
+  ASSERT_TRUE(same);
+  EXPECT_NE((**same).fd(), (**source).fd());
+  expect_holds_abcdef(**same);
+  EXPECT_EQ((**same).name(), dir / "f");
 }
 
 TEST(FileSource, GivesTheBytesFromAnOffsetOn) {
