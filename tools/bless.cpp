@@ -192,24 +192,13 @@ class Blessing {
   }
 
   Result<void> place() {
-    Result<void> published = keep_from_others();
+    // It is in a folder of ours until it is published.
+    Result<void> published = keep_from_others(*request_->record_to, kept_from_others(old_));
     if (published) published = made_->publish();
     if (published) return published;
     Error error = published.error();
     error.message += "; nothing is blessed, and the new tape is gone";
     return error;
-  }
-
-  // What the old tape keeps from the group the new one does; it is in a folder of ours until it is published.
-  [[nodiscard]] Result<void> keep_from_others() const {
-    const mode_t kept = kept_from_others(old_);
-    const TapePaths& made = *request_->record_to;
-    for (const fs::path* const file : {&made.read, &made.write, &made.events}) {
-      std::error_code error;
-      fs::permissions(*file, fs::perms(kept), fs::perm_options::remove, error);
-      if (error) return make_error(Errc::io, in_quotes(file->string()) + ": " + error.message());
-    }
-    return {};
   }
 
   CommandVerbLine line_;

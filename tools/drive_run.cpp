@@ -5,7 +5,9 @@
 
 #include <spdlog/logger.h>
 
+#include "libport/catalog/device_group.hpp"
 #include "libport/tape/disks.hpp"
+#include "libport/tape/source_mode.hpp"
 #include "tools/command_end.hpp"
 #include "tools/tool_log.hpp"
 #include "tools/verb_clock.hpp"
@@ -80,6 +82,7 @@ TestVerdict drive_device(const DriveRequest& request) {
   Result<RunReport> report = run.run();
   TestVerdict verdict = report ? TestVerdict{.report = std::move(*report)}
                                : no_test(request.replay().tape.name(), report.error());
+  verdict.kept = kept_from_others(tapes_of_group(request.replay().tape));
   verdict.report.writer = Writer::device;
   verdict.seconds = std::chrono::duration<double>(verb_clock().now() - begun).count();
   if (!verdict.error) verdict.runs = run.runs().json();

@@ -6,8 +6,8 @@
 
 #include "libport/base/printable.hpp"
 #include "libport/tape/recover_tape.hpp"
+#include "libport/tape/source_mode.hpp"
 #include "tools/command_line.hpp"
-#include "tools/mode_of_sources.hpp"
 #include "tools/new_tape_option.hpp"
 #include "tools/progress.hpp"
 #include "tools/text.hpp"

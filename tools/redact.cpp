@@ -8,11 +8,11 @@
 
 #include "libport/base/json_object.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/tape/source_mode.hpp"
 #include "libport/taped/redact_tape.hpp"
 #include "libport/taped/report_file.hpp"
 #include "libport/taped/rules_file.hpp"
 #include "tools/command_line.hpp"
-#include "tools/mode_of_sources.hpp"
 #include "tools/new_tape_option.hpp"
 #include "tools/progress.hpp"
 #include "tools/spool.hpp"

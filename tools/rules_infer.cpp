@@ -5,6 +5,7 @@
 
 #include "libport/base/printable.hpp"
 #include "libport/infer/infer.hpp"
+#include "libport/tape/source_mode.hpp"
 #include "libport/tape/tape_name.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "libport/taped/report_file.hpp"
@@ -112,7 +113,9 @@ int run_rules_infer(Arguments args, std::ostream& out, std::ostream& err) {
   const std::string output = *line.text("output");
   if (const auto place = check_output(output, line.has("overwrite")); !place) return fail(place.error(), err);
   std::vector<SessionTape> sessions;
+  mode_t kept = 0;
   for (const std::string& tape : line.tapes()) {
+    if (const auto paths = find_tape(tape)) kept |= kept_from_others(*paths);
     auto session = read_tape(tape);
     if (!session) return fail(session.error(), err);
     sessions.push_back(std::move(*session));
@@ -124,7 +127,7 @@ int run_rules_infer(Arguments args, std::ostream& out, std::ostream& err) {
   const std::string text = heading(sessions, found) + to_toml(found.rules);
   if (output == "-") {
     out << text;
-  } else if (const auto written = write_report(output, text, "rules file"); !written) {
+  } else if (const auto written = write_report(output, text, "rules file", kept); !written) {
     return fail(written.error(), err);
   }
   err << (found.proven() ? "proven" : "not proven") << "      " << printable_line(output) << '\n';

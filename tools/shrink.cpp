@@ -13,11 +13,11 @@
 
 #include "libport/base/json_object.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/tape/source_mode.hpp"
 #include "libport/tape/tape_writer.hpp"
 #include "tools/command_end.hpp"
 #include "tools/fault_case.hpp"
 #include "tools/fault_pool.hpp"
-#include "tools/mode_of_sources.hpp"
 #include "tools/output.hpp"
 #include "tools/private_folder.hpp"
 #include "tools/shrinker.hpp"

@@ -16,6 +16,8 @@
 
 #include "libport/base/printable.hpp"
 #include "libport/replay/test_case.hpp"
+#include "libport/tape/source_mode.hpp"
+#include "libport/tape/tape_name.hpp"
 #include "libport/taped/report_file.hpp"
 #include "tools/command_end.hpp"
 #include "tools/job_pool.hpp"
@@ -286,7 +288,12 @@ class SuiteRun {
     if (options_.junit_file.empty()) return {};
     std::vector<TestCase> all;
     for (auto& test : cases_) all.push_back(*test);
-    return write_report(options_.junit_file, to_junit(name_, all, seconds_since(begun_)));
+    mode_t kept = 0;
+    for (const SuiteTest& test : suite_.tests) {
+      const std::filesystem::path name = std::filesystem::path(suite_.folder) / test.values.at("tape");
+      if (const Result<TapePaths> tape = find_tape(name.string())) kept |= kept_from_others(*tape);
+    }
+    return write_report(options_.junit_file, to_junit(name_, all, seconds_since(begun_)), "report", kept);
   }
 
   [[nodiscard]] int exit_status() const { return interrupted_by_ != 0 ? 128 + interrupted_by_ : worst_; }

@@ -3,6 +3,8 @@
 #include <chrono>
 #include <utility>
 
+#include "libport/catalog/device_group.hpp"
+#include "libport/tape/source_mode.hpp"
 #include "tools/test_outcome.hpp"
 #include "tools/test_run.hpp"
 #include "tools/verb_clock.hpp"
@@ -26,6 +28,7 @@ TestVerdict run_one_test(const TestRequest& request) {
   Result<RunReport> report = test.run();
   TestVerdict verdict = report ? TestVerdict{.report = std::move(*report)}
                                : no_test(request.replay().tape.name(), report.error());
+  verdict.kept = kept_from_others(tapes_of_group(request.replay().tape));
   verdict.notes = test.notes();
   verdict.seconds = std::chrono::duration<double>(verb_clock().now() - begun).count();
   if (verdict.error) return verdict;

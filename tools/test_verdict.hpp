@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <sys/types.h>
 #include <vector>
 
 #include "libport/base/error.hpp"
@@ -17,6 +18,7 @@ struct TestVerdict {
   std::vector<std::string> notes = {};
   double seconds = 0;
   std::optional<Error> error = {};  // there was no run
+  mode_t kept = 0;                  // from others, by the tapes: kept_from_others()
 
   [[nodiscard]] int exit_status() const { return report.process_exit.value_or(exit_status_of(report)); }
   [[nodiscard]] TestCase as_case(std::string name, std::string group) const;

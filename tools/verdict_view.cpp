@@ -16,7 +16,7 @@ Result<void> write_apart(const TestVerdict& verdict, const std::string& path, co
   if (const Result<TapePaths> tape = find_tape(verdict.report.tape)) {
     if (Result<void> apart = check_report_apart(path, *tape); !apart) return apart;
   }
-  return write_report(path, text);
+  return write_report(path, text, "report", verdict.kept);
 }
 
 // Writes both, whatever comes of the first. The first error.

@@ -13,6 +13,7 @@
 #include "libport/base/unique_fd.hpp"
 #include "libport/tape/judgement.hpp"
 #include "libport/tape/leftover.hpp"
+#include "libport/tape/source_mode.hpp"
 
 namespace porttape {
 namespace {
@@ -22,7 +23,8 @@ namespace fs = std::filesystem;
 // A folder that goes away with all that was put into it, unless it was given its name.
 class FolderSink final : public PackSink {
  public:
-  static Result<FolderSink> create(const fs::path& folder) {
+  // The folder and what is in it keep those permissions from the group and from others.
+  static Result<FolderSink> create(const fs::path& folder, mode_t kept) {
     struct stat seen {};
     const auto cannot = [&](const std::string& why) {
       return make_error(Errc::usage, "cannot make the folder " + in_quotes(folder.string()) + ": " + why);
@@ -33,16 +35,16 @@ class FolderSink final : public PackSink {
     std::string name = (parent / ("." + folder.filename().string() + ".XXXXXX")).string();
     if (::mkdtemp(name.data()) == nullptr)
       return cannot(in_quotes(parent.string()) + ": " + errno_text(errno));
-    FolderSink sink(folder, name);
+    FolderSink sink(folder, name, kept);
     sink.fd_.reset(::open(name.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW));
     if (!sink.fd_) return cannot(errno_text(errno));
     return sink;
   }
 
   Result<void> begin_file(const std::string& name, std::uint64_t) override {
+    constexpr int how = O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC;
     constexpr mode_t mode = 0640;
-    file_.reset(
-        ::openat(fd_.get(), name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode));
+    file_.reset(::openat(fd_.get(), name.c_str(), how, mode & ~kept_));
     if (!file_) return failed(name, errno);
     name_ = name;
     return {};
@@ -64,7 +66,7 @@ class FolderSink final : public PackSink {
 
   [[nodiscard]] fs::path path() const { return hidden_.path(); }
   Result<void> publish() {
-    constexpr mode_t mode = 0750;
+    const mode_t mode = (kept_ & S_IRGRP) == 0 ? 0750 : 0700;
     if (::fchmod(fd_.get(), mode) != 0 || ::fsync(fd_.get()) != 0 ||
         ::renameat2(AT_FDCWD, hidden_.path().c_str(), AT_FDCWD, final_.c_str(), RENAME_NOREPLACE) != 0)
       return make_error(Errc::io,
@@ -74,7 +76,8 @@ class FolderSink final : public PackSink {
   }
 
  private:
-  FolderSink(fs::path final, std::string hidden) : final_(std::move(final)), hidden_(std::move(hidden)) {}
+  FolderSink(fs::path final, std::string hidden, mode_t kept)
+      : final_(std::move(final)), hidden_(std::move(hidden)), kept_(kept) {}
 
   [[nodiscard]] Error failed(const std::string& name, int error) const {
     return make_error(Errc::io,
@@ -83,6 +86,7 @@ class FolderSink final : public PackSink {
 
   fs::path final_;
   Leftover hidden_;  // what it is called until then
+  mode_t kept_;
   UniqueFd fd_;
   UniqueFd file_;
   std::string name_;  // of the file that is written
@@ -113,7 +117,7 @@ Result<PackManifest> unpack(const fs::path& pack, const fs::path& folder, const 
   if (!to.has_filename()) to = to.parent_path();
   Result<std::unique_ptr<FileSource>> source = FileSource::open(pack);
   if (!source) return source.error();
-  Result<FolderSink> sink = FolderSink::create(to);
+  Result<FolderSink> sink = FolderSink::create(to, kept_from_others((*source)->fd()));
   if (!sink) return sink.error();
   const auto failed = [&](const Error& error) {
     return make_error(error.code, "pack " + in_quotes(pack.string()) + ": " + error.message);

@@ -12,7 +12,6 @@
 
 #include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
-#include "libport/tape/source_mode.hpp"
 #include "libport/tape/tape_lock.hpp"
 
 namespace porttape {
@@ -95,22 +94,9 @@ Result<NewFile> NewFile::create(const std::string& path, bool overwrite) {
   return file;
 }
 
-Result<void> NewFile::made_of(const std::string& source) { return keep(kept_from_others(source)); }
-
-Result<void> NewFile::made_of(const TapePaths& tape) { return keep(kept_from_others(tape)); }
-
-Result<void> NewFile::made_of(int source) { return keep(kept_from_others(source)); }
-
 Result<void> NewFile::keep(mode_t from_others) {
-  if (kind_ != Kind::file || from_others == 0) return {};
-  struct stat own {};
-  if (::fstat(fd_.get(), &own) != 0) return failed(errno);
-  const mode_t now = own.st_mode & 07777U;
-  const mode_t less = now & ~from_others;
-  if (less == now || ::fchmod(fd_.get(), less) == 0) return {};
-  // A file system without modes (vfat, a share) has one for all files.
-  const bool has_modes = errno != EPERM && errno != EOPNOTSUPP && errno != ENOSYS;
-  return has_modes ? failed(errno) : Result<void>();
+  const int error = kind_ == Kind::file ? keep_from_others(fd_.get(), from_others) : 0;
+  return error == 0 ? Result<void>() : failed(error);
 }
 
 NewFile NewFile::in_memory() { return {Kind::memory, "memory"}; }

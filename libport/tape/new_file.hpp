@@ -8,6 +8,7 @@
 #include "libport/base/result.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/tape/leftover.hpp"
+#include "libport/tape/source_mode.hpp"
 #include "libport/tape/tape_name.hpp"
 
 namespace porttape {
@@ -32,9 +33,10 @@ class NewFile {
 
   // It is made of this file, or of this tape: it keeps from the group what one of its sources does. To be
   // called before anything is added. What is not there is no source. Errc::io.
-  Result<void> made_of(const std::string& source);
-  Result<void> made_of(const TapePaths& tape);
-  Result<void> made_of(int source);  // an open file
+  Result<void> made_of(const std::string& source) { return keep(kept_from_others(source)); }
+  Result<void> made_of(const TapePaths& tape) { return keep(kept_from_others(tape)); }
+  Result<void> made_of(int source) { return keep(kept_from_others(source)); }  // an open file
+  Result<void> keep(mode_t from_others);
 
   // Errc::io.
   Result<void> add(std::string_view text);
@@ -51,7 +53,6 @@ class NewFile {
   NewFile(Kind kind, std::string path) : kind_(kind), path_(std::move(path)) {}
   Result<void> flush();
   Result<void> failed(int error);
-  Result<void> keep(mode_t from_others);
   Result<void> lock_existing(UniqueFd& existing) const;
   int publish();
 

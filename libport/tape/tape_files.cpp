@@ -12,6 +12,7 @@
 
 #include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/tape/source_mode.hpp"
 #include "libport/tape/tape_lock.hpp"
 
 namespace porttape {
@@ -171,20 +172,20 @@ struct NewTapeFiles::Entry {
   std::optional<FileIdentity> made = {};  // under that name, and to be removed unless all is well
   const FileSink* unnamed = nullptr;
 
-  std::unique_ptr<TapeSink> make(Appear appear, int& error);
+  std::unique_ptr<TapeSink> make(Appear appear, mode_t kept, int& error);
   [[nodiscard]] int publish();
 };
 
-std::unique_ptr<TapeSink> NewTapeFiles::Entry::make(Appear appear, int& error) {
+std::unique_ptr<TapeSink> NewTapeFiles::Entry::make(Appear appear, mode_t kept, int& error) {
   const int folder = place.folder.get();
   if (appear == Appear::when_published) {
-    auto file = FileSink::create_unnamed(folder, error);
+    auto file = FileSink::create_unnamed(folder, error, kept);
     unnamed = file.get();
     if (file || error != EOPNOTSUPP) return file;
   }
   const bool final = appear == Appear::at_once && !place.exists;
   name = final ? place.file() : replacement_name(place.file());
-  auto file = FileSink::create(folder, name, error);
+  auto file = FileSink::create(folder, name, error, kept);
   if (file) made = FileIdentity::at(folder, name);
   return file;
 }
@@ -236,15 +237,17 @@ Result<NewTapeFiles> NewTapeFiles::make_at(const TapePaths& paths, OnExisting on
   NewTapeFiles files;
   files.paths = paths;
   const std::array<const fs::path*, 3> all{&paths.read, &paths.write, &paths.events};
+  mode_t kept = 0;  // by the files that are to be replaced
   for (std::size_t i = 0; i < all.size(); ++i) {
     auto place = take_place(*all.at(i), on_existing);
     if (!place) return place.error();
+    if (place->existing) kept |= kept_from_others(place->existing.get());
     files.entries_->at(i).place = std::move(*place);
   }
   for (std::size_t i = 0; i < sinks.size(); ++i) {
     Entry& entry = files.entries_->at(i);
     int error = 0;
-    sinks.at(i) = entry.make(appear, error);
+    sinks.at(i) = entry.make(appear, kept, error);
     if (!sinks.at(i)) return cannot_make(entry.place, error);
   }
   files.sinks = {std::move(sinks[0]), std::move(sinks[1]), std::move(sinks[2])};

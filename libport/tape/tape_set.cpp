@@ -15,6 +15,7 @@
 #include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/base/unique_fd.hpp"
+#include "libport/tape/source_mode.hpp"
 #include "libport/tape/tape_files.hpp"
 #include "libport/tape/tape_lock.hpp"
 
@@ -75,6 +76,7 @@ Result<TapePaths> TapeSet::place(const TapePaths& tape) {
 Result<void> TapeSet::publish() {
   for (const TapePaths& tape : tapes_) {
     if (Result<void> free = check_free(tape); !free) return free;
+    if (Result<void> kept = keep_from_others(hidden(tape), kept_from_others(tape)); !kept) return kept;
   }
   const SignalsHeld held;
   for (const TapePaths& tape : tapes_) {

@@ -13,8 +13,8 @@ namespace porttape {
 
 // Tapes of one folder that appear together, or none of them. Each is made, by NewTape, where place() says: in
 // a hidden folder beside them, so that any number of finished ones costs no descriptor. publish() gives them
-// their names; only then they replace what has those. The folder goes away with this object, and by the
-// signals of Leftover; SIGKILL leaves it, `.NAME.XXXXXX`.
+// their names; only then they replace what has those, and keep from others what that does. The folder goes
+// away with this object, and by the signals of Leftover; SIGKILL leaves it, `.NAME.XXXXXX`.
 class TapeSet {
  public:
   // In the folder of `first`. Errc::usage.

@@ -21,9 +21,10 @@ iovec part(ByteView bytes) { return {const_cast<Byte*>(bytes.data()), bytes.size
 
 }  // namespace
 
-std::unique_ptr<FileSink> FileSink::create(int folder, const std::filesystem::path& name, int& error) {
-  UniqueFd fd(
-      ::openat(folder, name.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, kMode));
+std::unique_ptr<FileSink> FileSink::create(int folder, const std::filesystem::path& name, int& error,
+                                           mode_t kept_from_others) {
+  UniqueFd fd(::openat(folder, name.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC,
+                       kMode & ~kept_from_others));
   error = fd ? 0 : errno;
   if (!fd) return nullptr;
   if (const TapeLock lock = lock_tape_file(fd.get(), folder, name); lock != TapeLock::held) {
@@ -40,8 +41,8 @@ std::unique_ptr<FileSink> FileSink::create(int folder, const std::filesystem::pa
   return std::unique_ptr<FileSink>(new FileSink(std::move(fd), std::move(sync_fd)));
 }
 
-std::unique_ptr<FileSink> FileSink::create_unnamed(int folder, int& error) {
-  UniqueFd fd(::openat(folder, ".", O_WRONLY | O_APPEND | O_TMPFILE | O_CLOEXEC, kMode));
+std::unique_ptr<FileSink> FileSink::create_unnamed(int folder, int& error, mode_t kept_from_others) {
+  UniqueFd fd(::openat(folder, ".", O_WRONLY | O_APPEND | O_TMPFILE | O_CLOEXEC, kMode & ~kept_from_others));
   // What kernels and file systems without them say.
   const bool unknown = !fd && (errno == EISDIR || errno == EINVAL || errno == ENOENT || errno == ENOSYS);
   error = fd ? 0 : unknown ? EOPNOTSUPP : errno;

@@ -37,12 +37,14 @@ class TapeSink {
 // A regular file, opened with O_APPEND. Owns its descriptors: one to write, a second one to sync.
 class FileSink final : public TapeSink {
  public:
-  // Makes a new file of mode 0640, never following a symlink, and locks it until it is closed. The errno
-  // otherwise (EEXIST if anything is there, or somebody else has locked the new file first).
-  static std::unique_ptr<FileSink> create(int folder, const std::filesystem::path& name, int& error);
+  // Makes a new file of mode 0640, less what is kept from others, never following a symlink, and locks it
+  // until it is closed. The errno otherwise (EEXIST if anything is there, or somebody else has locked the new
+  // file first).
+  static std::unique_ptr<FileSink> create(int folder, const std::filesystem::path& name, int& error,
+                                          mode_t kept_from_others = 0);
   // The same without a name: link() gives it one, and without that it goes away with its last descriptor. Not
   // locked. EOPNOTSUPP where the file system has no such files.
-  static std::unique_ptr<FileSink> create_unnamed(int folder, int& error);
+  static std::unique_ptr<FileSink> create_unnamed(int folder, int& error, mode_t kept_from_others = 0);
   // 0 or the errno; EEXIST if anything is there.
   [[nodiscard]] int link(int folder, const std::filesystem::path& name) const;
 

@@ -13,6 +13,7 @@
 #include "libport/replay/hint.hpp"
 #include "libport/replay/tape_count.hpp"
 #include "libport/replay/test_case.hpp"
+#include "libport/tape/source_mode.hpp"
 #include "libport/taped/report_file.hpp"
 #include "libport/taped/tape_facts.hpp"
 
@@ -57,7 +58,9 @@ ReplayReports::ReplayReports(const PortContext& context, Options options, Publis
       options_(std::move(options)),
       publish_(std::move(publish)),
       timer_(*context.loop, [this] { move_on(); }) {
-  if (options_.group) file_strand_ = options_.group->file_strand;  // so that the newest comes last
+  if (!options_.group) return;
+  file_strand_ = options_.group->file_strand;  // so that the newest comes last
+  options_.group->kept |= kept_from_others(options_.tape);
 }
 
 ReplayReports::~ReplayReports() {
@@ -281,10 +284,12 @@ void ReplayReports::write_file() {
   const auto job = std::make_shared<Job>();
   const auto written = std::make_shared<Result<void>>();
   const auto work = [written, file = options_.file, text = to_json(runs), junit_file = options_.junit_file,
-                     junit = junit_of(runs)] {
-    if (!file.empty()) *written = write_report(file, text);
+                     junit = junit_of(runs),
+                     kept = options_.group ? options_.group->kept : kept_from_others(options_.tape)] {
+    if (!file.empty()) *written = write_report(file, text, "report", kept);
     if (junit_file.empty()) return;
-    if (const Result<void> other = write_report(junit_file, junit); *written) *written = other;
+    if (const Result<void> other = write_report(junit_file, junit, "report", kept); *written)
+      *written = other;
   };
   file_under_way_ = true;
   const bool begun = run(file_strand_, job, work, [this, written] {

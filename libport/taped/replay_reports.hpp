@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <sys/types.h>
 #include <vector>
 
 #include "libport/base/workers.hpp"
@@ -38,6 +39,7 @@ class ReplayReports {
   struct Group {
     RunList runs;
     std::vector<Doubt> doubts;  // of them all, which the next one has
+    mode_t kept = 0;            // from others, by any of the tapes
     Workers::Strand file_strand;
   };
 

@@ -46,9 +46,10 @@ int write_with_patience(int fd, std::string_view text) {
   return 0;
 }
 
-Result<void> replace_report(const std::string& file, std::string_view text) {
+Result<void> replace_report(const std::string& file, std::string_view text, mode_t kept) {
   Result<NewFile> made = NewFile::create(file, true);
   if (!made) return made.error();
+  if (Result<void> strict = made->keep(kept); !strict) return strict;
   if (Result<void> added = made->add(text); !added) return added;
   return made->finish();
 }
@@ -146,7 +147,8 @@ Result<void> check_reports_apart(const std::string& report, const std::string& j
       fmt::format("option 'junit': {} has the report already; name another file", in_quotes(junit)));
 }
 
-Result<void> write_report(const std::string& path, std::string_view text, std::string_view what) {
+Result<void> write_report(const std::string& path, std::string_view text, std::string_view what,
+                          mode_t kept) {
   int error = 0;
   if (path == "-") {
     error = write_with_patience(STDOUT_FILENO, text);
@@ -156,7 +158,7 @@ Result<void> write_report(const std::string& path, std::string_view text, std::s
       return make_error(
           Errc::io, fmt::format("{} {} cannot be written: {}", what, in_quotes(path), place.error().message));
     if (place->kind == ReportPlace::Kind::replaced) {
-      const Result<void> replaced = replace_report(place->file, text);
+      const Result<void> replaced = replace_report(place->file, text, kept);
       if (replaced) return {};
       return make_error(Errc::io, fmt::format("{} {}", what, replaced.error().message));
     }

@@ -2,6 +2,7 @@
 
 #include <string>
 #include <string_view>
+#include <sys/types.h>
 
 #include "libport/base/result.hpp"
 #include "libport/tape/tape_name.hpp"
@@ -32,8 +33,11 @@ Result<void> check_report_apart(const std::string& path, const TapePaths& tape);
 // in one stream. Errc::usage.
 Result<void> check_reports_apart(const std::string& report, const std::string& junit);
 
+// What the report is made of may be `kept` from the group and from others (kept_from_others()), and then is
+// the report, unless it goes to a place that is written to as it is.
 // Waits for the disk, and up to a second for the reader of a pipe or terminal: who has a line to serve calls
 // it from another thread.
-Result<void> write_report(const std::string& path, std::string_view text, std::string_view what = "report");
+Result<void> write_report(const std::string& path, std::string_view text, std::string_view what = "report",
+                          mode_t kept = 0);
 
 }  // namespace porttape
