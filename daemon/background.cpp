@@ -105,17 +105,21 @@ Result<void> PidFile::write(const std::string& path) {
 
 // Whether it is ours; not, where the name means another file by now.
 Result<bool> PidFile::try_to_take(const std::string& path) {
-  const auto open_it = [&path](int how) {
-    return UniqueFd(::open(path.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC | how, 0644));
+  Result<TrustedName> place = find_trusted_name(path);
+  if (!place)
+    return make_error(Errc::usage, fmt::format("pidfile {}: {}", in_quotes(path), place.error().message));
+  const int folder = place->folder.get();
+  const std::string& name = place->name;
+  const auto open_it = [&](int how) {
+    return UniqueFd(::openat(folder, name.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC | how, 0644));
   };
-  std::string name = path;  // now: memory may be short later
   UniqueFd fd = open_it(O_CREAT | O_EXCL);
   const bool made = static_cast<bool>(fd);
   if (!fd && errno == EEXIST) fd = open_it(O_CREAT);
   const std::optional<FileIdentity> file = fd ? FileIdentity::of(fd.get()) : std::nullopt;
   if (!file) return refuse_pid_file(path, "cannot be written: " + errno_text(errno));
   const auto give_up = [&](const std::string& why, int error) {
-    if (made) (void)remove_if_same(AT_FDCWD, path, *file);
+    if (made) (void)remove_if_same(folder, name, *file);
     return refuse_pid_file(path, why + errno_text(error));
   };
   if (const std::string why = made ? "" : why_not_trusted(fd.get()); !why.empty())
@@ -132,13 +136,13 @@ Result<bool> PidFile::try_to_take(const std::string& path) {
     return refuse_pid_file(
         path, fmt::format("is that of process {}, which is running", text.substr(0, text.find('\n'))));
   }
-  if (FileIdentity::at(AT_FDCWD, path) != file) return false;
+  if (FileIdentity::at(folder, name) != file) return false;
   if (const int error = write_number(fd.get()); error != 0) return give_up("cannot be written: ", error);
   fd_ = std::move(fd);
-  path_ = std::move(name);
+  place_ = std::move(*place);
   return true;
 }
 
-PidFile::~PidFile() { (void)remove_if_same(AT_FDCWD, path_, fd_.get()); }
+PidFile::~PidFile() { (void)remove_if_same(place_.folder.get(), place_.name, fd_.get()); }
 
 }  // namespace porttape

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "libport/base/result.hpp"
+#include "libport/base/trusted_folder.hpp"
 #include "libport/base/unique_fd.hpp"
 
 namespace porttape {
@@ -25,7 +26,8 @@ class Background {
 };
 
 // A file with the process's number, locked while the process lives. The destructor removes it, unless its
-// name means another file by then. Errc::usage: another process holds it, or the file is not a pidfile.
+// name means another file by then. Errc::usage: another process holds it, the file is not a pidfile, or
+// another user's link leads to its folder.
 class PidFile {
  public:
   PidFile() = default;
@@ -39,7 +41,7 @@ class PidFile {
   Result<bool> try_to_take(const std::string& path);
 
   UniqueFd fd_;
-  std::string path_;
+  TrustedName place_;
 };
 
 }  // namespace porttape

@@ -26,11 +26,12 @@ Result<UniqueFd> open_log(const std::string& path) {
   if (!place)
     return make_error(Errc::usage,
                       fmt::format("option 'log-file': {}: {}", in_quotes(path), place.error().message));
-  const char* const name = place->file.c_str();
+  const int folder = place->folder.get();
+  const char* const name = place->name.c_str();
   const int links = place->kind == ReportPlace::Kind::descriptor ? 0 : O_NOFOLLOW;
   const int flags = O_APPEND | O_CREAT | O_CLOEXEC | O_NOCTTY | O_NONBLOCK | links;
-  UniqueFd fd(::open(name, O_WRONLY | flags, 0640));
-  if (!fd && errno == ENXIO) fd.reset(::open(name, O_RDWR | flags, 0640));  // a FIFO nobody reads
+  UniqueFd fd(::openat(folder, name, O_WRONLY | flags, 0640));
+  if (!fd && errno == ENXIO) fd.reset(::openat(folder, name, O_RDWR | flags, 0640));  // a FIFO nobody reads
   if (!fd)
     return make_error(Errc::usage,
                       fmt::format("option 'log-file': {} cannot be written: {}; name another file",

@@ -21,6 +21,7 @@ namespace fs = std::filesystem;
 
 // As a tape: what is made of one tells no more people.
 constexpr mode_t kMode = 0640;
+constexpr int kToLook = O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC;
 constexpr std::size_t kBuffered = std::size_t{256} * 1024;
 
 std::string hidden_name(const std::string& path) {
@@ -28,27 +29,25 @@ std::string hidden_name(const std::string& path) {
   return (fs::path(path).parent_path() / fmt::format(".new-{:08x}{:08x}", random(), random())).string();
 }
 
-// Nothing: none can be made there, and errno.
-UniqueFd create_beside_name(const std::string& path, Leftover& hidden) {
-  constexpr int attempts = 100;
-  for (int n = 0; n < attempts; ++n) {
-    const std::string name = hidden_name(path);
-    UniqueFd fd(::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, kMode));
-    if (fd) hidden = Leftover(name);
-    if (fd || errno != EEXIST) return fd;
-  }
-  return {};
+// The name of a path, in its folder.
+std::string name_in_folder(const std::string& path) {
+  const std::string name = fs::path(path).filename().string();
+  return name.empty() ? "." : name;
 }
 
-UniqueFd create_unnamed(const std::string& path) {
-  const fs::path parent = fs::path(path).parent_path();
-  return UniqueFd(::open(parent.empty() ? "." : parent.c_str(), O_WRONLY | O_TMPFILE | O_CLOEXEC, kMode));
+Error cannot_make(const std::string& path, int error) {
+  if (error == ENOENT)
+    return make_error(Errc::usage,
+                      fmt::format("{}: its folder does not exist; type mkdir -p {}", in_quotes(path),
+                                  shell_word(fs::path(path).parent_path().string())));
+  return make_error(Errc::usage,
+                    fmt::format("{} cannot be made: {}; name another", in_quotes(path), errno_text(error)));
 }
 
 // 0 or the errno.
-int name_file(const UniqueFd& unnamed, const std::string& name) {
+int name_file(const UniqueFd& unnamed, int folder, const std::string& name) {
   const std::string own = fmt::format("/proc/self/fd/{}", unnamed.get());
-  return ::linkat(AT_FDCWD, own.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) == 0 ? 0 : errno;
+  return ::linkat(AT_FDCWD, own.c_str(), folder, name.c_str(), AT_SYMLINK_FOLLOW) == 0 ? 0 : errno;
 }
 
 Error is_live_tape(const std::string& path) {
@@ -68,30 +67,44 @@ Error is_read_locked(const std::string& path) {
 Result<NewFile> NewFile::create(const std::string& path, bool overwrite) {
   if (path == "-") return NewFile(Kind::stdout_stream, path);
   if (path.empty()) return make_error(Errc::usage, "the file's name is empty");
+  const fs::path parent = fs::path(path).parent_path();
+  UniqueFd folder(::open(parent.empty() ? "." : parent.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC));
+  if (!folder) return cannot_make(path, errno);
+  return create_in(std::move(folder), path, overwrite);
+}
+
+Result<NewFile> NewFile::create_in(UniqueFd folder, const std::string& path, bool overwrite) {
+  NewFile file(Kind::file, path);
+  file.folder_ = std::move(folder);
+  file.name_ = name_in_folder(path);
+  file.overwrite_ = overwrite;
   struct stat status {};
-  if (::lstat(path.c_str(), &status) == 0) {
+  if (::fstatat(file.folder_.get(), file.name_.c_str(), &status, AT_SYMLINK_NOFOLLOW) == 0) {
     if (!S_ISREG(status.st_mode))
       return make_error(Errc::usage, in_quotes(path) + " is no regular file; name another");
     if (!overwrite)
       return make_error(Errc::usage, in_quotes(path) + " exists already; name another, or --overwrite");
-    if (is_being_written(path)) return is_live_tape(path);
+    const UniqueFd existing(::openat(file.folder_.get(), file.name_.c_str(), O_RDONLY | kToLook));
+    if (existing && is_being_written(existing.get())) return is_live_tape(path);
   }
-  NewFile file(Kind::file, path);
-  file.overwrite_ = overwrite;
-  file.fd_ = create_unnamed(path);
+  file.fd_.reset(::openat(file.folder_.get(), ".", O_WRONLY | O_TMPFILE | O_CLOEXEC, kMode));
   // What kernels and file systems without such files say.
-  if (!file.fd_ && (errno == EOPNOTSUPP || errno == EISDIR || errno == EINVAL))
-    file.fd_ = create_beside_name(path, file.beside_);
-  if (!file.fd_) {
-    const int error = errno;
-    if (error == ENOENT)
-      return make_error(Errc::usage,
-                        fmt::format("{}: its folder does not exist; type mkdir -p {}", in_quotes(path),
-                                    shell_word(fs::path(path).parent_path().string())));
-    return make_error(Errc::usage,
-                      fmt::format("{} cannot be made: {}; name another", in_quotes(path), errno_text(error)));
-  }
+  const bool unknown = !file.fd_ && (errno == EOPNOTSUPP || errno == EISDIR || errno == EINVAL);
+  if (!file.fd_ && (!unknown || !file.create_hidden())) return cannot_make(path, errno);
   return file;
+}
+
+// Makes the file under a hidden name. False: errno says why.
+bool NewFile::create_hidden() {
+  constexpr int attempts = 100;
+  for (int n = 0; n < attempts; ++n) {
+    const std::string hidden = hidden_name(path_);
+    const int how = O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC;
+    fd_.reset(::openat(folder_.get(), name_in_folder(hidden).c_str(), how, kMode));
+    if (fd_) beside_ = Leftover(hidden);
+    if (fd_ || errno != EEXIST) return static_cast<bool>(fd_);
+  }
+  return false;
 }
 
 Result<void> NewFile::keep(mode_t from_others) {
@@ -138,7 +151,7 @@ Result<void> NewFile::finish() {
   UniqueFd existing;
   if (overwrite_) {
     if (Result<void> locked = lock_existing(existing); !locked) return locked;
-    if (Result<void> kept = keep(kept_from_others(path_)); !kept) return kept;
+    if (Result<void> kept = keep_existing_mode(); !kept) return kept;
   }
   const int error = publish();
   if (error == EEXIST)
@@ -148,14 +161,19 @@ Result<void> NewFile::finish() {
   return ::close(fd_.release()) == 0 ? Result<void>() : failed(errno);
 }
 
+Result<void> NewFile::keep_existing_mode() {
+  const UniqueFd existing(::openat(folder_.get(), name_.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
+  return existing ? keep(kept_from_others(existing.get())) : Result<void>();
+}
+
 // A tape's file is only ever replaced by the one who holds its lock. One that cannot be opened to be written
 // has none.
 Result<void> NewFile::lock_existing(UniqueFd& existing) const {
   constexpr int rounds = 100;
   for (int round = 0; round < rounds; ++round) {
-    existing.reset(::open(path_.c_str(), O_WRONLY | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC));
+    existing.reset(::openat(folder_.get(), name_.c_str(), O_WRONLY | kToLook));
     if (!existing) return {};
-    const TapeLock lock = lock_tape_file(existing.get(), AT_FDCWD, path_);
+    const TapeLock lock = lock_tape_file(existing.get(), folder_.get(), name_);
     if (lock == TapeLock::taken) return is_live_tape(path_);
     if (lock == TapeLock::read) return is_read_locked(path_);
     if (lock != TapeLock::moved) return {};
@@ -165,17 +183,18 @@ Result<void> NewFile::lock_existing(UniqueFd& existing) const {
 
 // 0 or the errno; EEXIST: the name has been taken meanwhile.
 int NewFile::publish() {
+  const int folder = folder_.get();
   if (beside_.path().empty()) {
     const std::string first = overwrite_ ? hidden_name(path_) : path_;
-    if (const int error = name_file(fd_, first); error != 0) return error;
+    if (const int error = name_file(fd_, folder, name_in_folder(first)); error != 0) return error;
     if (!overwrite_) return 0;
     beside_ = Leftover(first);
   }
-  const std::string& hidden = beside_.path();
+  const std::string hidden = name_in_folder(beside_.path());
   int error = 0;
   if (!overwrite_) {
-    error = move_to_free_name(AT_FDCWD, hidden, path_);
-  } else if (::renameat(AT_FDCWD, hidden.c_str(), AT_FDCWD, path_.c_str()) != 0) {
+    error = move_to_free_name(folder, hidden, name_);
+  } else if (::renameat(folder, hidden.c_str(), folder, name_.c_str()) != 0) {
     error = errno;
   }
   if (error == 0) beside_.keep();

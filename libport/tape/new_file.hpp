@@ -24,6 +24,9 @@ class NewFile {
   // Errc::usage: something has that name already (and is not to be replaced, is no regular file, or a tape
   // that is being written), or no file can be made there.
   static Result<NewFile> create(const std::string& path, bool overwrite);
+  // The same for the last part of the path, in this folder (O_PATH is enough), whatever the path's other
+  // parts mean by now.
+  static Result<NewFile> create_in(UniqueFd folder, const std::string& path, bool overwrite);
   // Keeps all in memory, for take().
   static NewFile in_memory();
 
@@ -51,14 +54,18 @@ class NewFile {
  private:
   enum class Kind { file, stdout_stream, memory };
   NewFile(Kind kind, std::string path) : kind_(kind), path_(std::move(path)) {}
+  bool create_hidden();
   Result<void> flush();
   Result<void> failed(int error);
   Result<void> lock_existing(UniqueFd& existing) const;
+  Result<void> keep_existing_mode();
   int publish();
 
   Kind kind_;
   std::string path_;
-  Leftover beside_;  // the hidden name, if it has one
+  UniqueFd folder_;
+  std::string name_;  // there
+  Leftover beside_;   // the path of the hidden name, if it has one
   UniqueFd fd_;
   bool overwrite_ = false;
   std::string buffer_;

@@ -13,6 +13,7 @@
 #include <poll.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <utility>
 
 #include "libport/base/clock.hpp"
 #include "libport/base/printable.hpp"
@@ -46,8 +47,8 @@ int write_with_patience(int fd, std::string_view text) {
   return 0;
 }
 
-Result<void> replace_report(const std::string& file, std::string_view text, mode_t kept) {
-  Result<NewFile> made = NewFile::create(file, true);
+Result<void> replace_report(ReportPlace place, std::string_view text, mode_t kept) {
+  Result<NewFile> made = NewFile::create_in(std::move(place.folder), place.file, true);
   if (!made) return made.error();
   if (Result<void> strict = made->keep(kept); !strict) return strict;
   if (Result<void> added = made->add(text); !added) return added;
@@ -57,7 +58,8 @@ Result<void> replace_report(const std::string& file, std::string_view text, mode
 int write_in_place(const ReportPlace& place, std::string_view text) {
   // O_NONBLOCK: a pipe that nobody has open for reading is an error, not a wait.
   const int follow = place.kind == ReportPlace::Kind::descriptor ? 0 : O_NOFOLLOW;
-  UniqueFd fd(::open(place.file.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | follow));
+  UniqueFd fd(::openat(place.folder.get(), place.name.c_str(),
+                       O_WRONLY | O_APPEND | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | follow));
   if (!fd) return errno;
   if (const int error = write_with_patience(fd.get(), text); error != 0) return error;
   return ::close(fd.release()) == 0 ? 0 : errno;
@@ -69,19 +71,20 @@ Error cannot_write(std::string_view what, const std::string& path, int error) {
   return make_error(Errc::io, fmt::format("{} {} cannot be written: {}", what, in_quotes(path), why));
 }
 
-// Errno of what would keep `file` from being replaced. A file without a name is the surest probe; not all
-// file systems have them.
-int probe_replace(const std::string& file) {
-  const std::string folder = fs::path(file).parent_path().string();
-  if (UniqueFd probe(::open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600)); !probe) {
+// Errno of what would keep the file there from being replaced. A file without a name is the surest probe; not
+// all file systems have them.
+int probe_replace(const ReportPlace& place) {
+  const int folder = place.folder.get();
+  if (UniqueFd probe(::openat(folder, ".", O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600)); !probe) {
     if (errno != EOPNOTSUPP && errno != EISDIR && errno != EINVAL) return errno;
-    if (::access(folder.c_str(), W_OK | X_OK) != 0) return errno;
+    if (::faccessat(folder, ".", W_OK | X_OK, 0) != 0) return errno;
   }
   struct stat parent {};
   struct stat old {};
-  if (::stat(folder.c_str(), &parent) != 0) return errno;
+  if (::fstat(folder, &parent) != 0) return errno;
   const bool sticky = (parent.st_mode & S_ISVTX) != 0 && ::geteuid() != 0 && parent.st_uid != ::geteuid();
-  if (sticky && ::lstat(file.c_str(), &old) == 0 && old.st_uid != ::geteuid()) return EPERM;
+  const bool exists = ::fstatat(folder, place.name.c_str(), &old, AT_SYMLINK_NOFOLLOW) == 0;
+  if (sticky && exists && old.st_uid != ::geteuid()) return EPERM;
   return 0;
 }
 
@@ -102,14 +105,9 @@ Result<void> check_report_place(const std::string& path, std::string_view what) 
   const Result<ReportPlace> place = find_report_place(path);
   if (!place)
     return make_error(Errc::usage, fmt::format("{} {}: {}", what, in_quotes(path), place.error().message));
-  const std::string folder = fs::path(place->file).parent_path().string();
-  if (!fs::is_directory(folder, error)) {
-    return make_error(Errc::usage, fmt::format("{} {}: its folder does not exist; type mkdir -p {}", what,
-                                               in_quotes(path), shell_word(folder)));
-  }
-  const int why = place->kind == ReportPlace::Kind::replaced ? probe_replace(place->file)
-                  : ::access(place->file.c_str(), W_OK) == 0 ? 0
-                                                             : errno;
+  const bool replaced = place->kind == ReportPlace::Kind::replaced;
+  const bool writable = replaced || ::faccessat(place->folder.get(), place->name.c_str(), W_OK, 0) == 0;
+  const int why = replaced ? probe_replace(*place) : writable ? 0 : errno;
   if (why == 0) return {};
   return make_error(Errc::usage, fmt::format("{} {} cannot be written: {}; name another file", what,
                                              in_quotes(path), errno_text(why)));
@@ -117,7 +115,7 @@ Result<void> check_report_place(const std::string& path, std::string_view what) 
 
 Result<void> check_report_free(const std::string& path, bool overwrite, const std::string& input) {
   if (path == "-") return {};
-  const Result<ReportPlace> place = find_report_place(path);
+  Result<ReportPlace> place = find_report_place(path);
   std::error_code error;
   // Any other trouble is check_report_place()'s.
   if (!place || place->kind != ReportPlace::Kind::replaced || !fs::exists(place->file, error)) return {};
@@ -127,7 +125,7 @@ Result<void> check_report_free(const std::string& path, bool overwrite, const st
   if (!overwrite)
     return make_error(Errc::usage,
                       fmt::format("report {} exists already; name another, or --overwrite", in_quotes(path)));
-  const Result<NewFile> replaceable = NewFile::create(place->file, true);
+  const Result<NewFile> replaceable = NewFile::create_in(std::move(place->folder), place->file, true);
   return replaceable ? Result<void>() : Result<void>(replaceable.error());
 }
 
@@ -153,12 +151,12 @@ Result<void> write_report(const std::string& path, std::string_view text, std::s
   if (path == "-") {
     error = write_with_patience(STDOUT_FILENO, text);
   } else {
-    const Result<ReportPlace> place = find_report_place(path);
+    Result<ReportPlace> place = find_report_place(path);
     if (!place)
       return make_error(
           Errc::io, fmt::format("{} {} cannot be written: {}", what, in_quotes(path), place.error().message));
     if (place->kind == ReportPlace::Kind::replaced) {
-      const Result<void> replaced = replace_report(place->file, text, kept);
+      const Result<void> replaced = replace_report(std::move(*place), text, kept);
       if (replaced) return {};
       return make_error(Errc::io, fmt::format("{} {}", what, replaced.error().message));
     }

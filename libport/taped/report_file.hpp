@@ -11,10 +11,9 @@ namespace porttape {
 
 // Where a report goes, by what stands at `path`:
 // - nothing or a regular file: a new file takes its place in one step, so that a reader sees the old report
-// or
-//   the new one, and what the old name led to (a hard link, an open file) is left alone;
+//   or the new one, and what the old name led to (a hard link, an open file) is left alone;
 // - a symbolic link: what it leads to is treated so, if the link and its target are the user's own or root's;
-//   anybody else's link is an error;
+//   anybody else's link is an error, also one that leads to a folder on the way;
 // - a pipe, a terminal, a device, and whatever /dev/stderr and /dev/fd/N lead to: written to as it is.
 // `-` is stdout.
 

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "libport/base/result.hpp"
+#include "libport/base/unique_fd.hpp"
 
 namespace porttape {
 
@@ -13,11 +14,15 @@ struct ReportPlace {
     written,    // a pipe, a terminal, a device: as it is
     descriptor  // of a process (/dev/stderr): written to whatever it is
   };
-  std::string file;  // behind all links
+  UniqueFd folder;   // that it is in, opened (O_PATH)
+  std::string name;  // there, behind all links
+  std::string file;  // the path, for messages
   Kind kind = Kind::replaced;
 };
 
-// Follows the links that are the user's own or root's. Errc::io for another's.
+// Follows the links that are the user's own or root's, those of folders on the way too. The descriptor and
+// the name mean that place even if somebody exchanges a folder on the way. Errc::io: there is another's link,
+// or no such folder.
 Result<ReportPlace> find_report_place(const std::string& path);
 
 }  // namespace porttape

@@ -17,8 +17,8 @@
 
 #include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/base/trusted_folder.hpp"
 #include "libport/tty/own_mark.hpp"
-#include "libport/tty/trusted_folder.hpp"
 
 namespace porttape {
 namespace {
@@ -114,10 +114,9 @@ bool move_mount_to(int mount, int place, unsigned how) {
 }  // namespace
 
 Result<PtyBind> PtyBind::publish(const std::string& path, const std::string& pty) {
-  const fs::path given = fs::absolute(path);
-  Result<UniqueFd> folder = open_trusted_folder(given.parent_path().string());
-  if (!folder) return bind_error(path, folder.error().message);
-  PtyBind bind(given.string(), std::move(*folder), given.filename().string());
+  Result<TrustedName> place = find_trusted_name(path);
+  if (!place) return bind_error(path, place.error().message);
+  PtyBind bind(fs::absolute(path).string(), std::move(place->folder), std::move(place->name));
   if (Result<void> taken = bind.take_place(); !taken) return taken.error();
   if (Result<void> mounted = bind.mount(pty); !mounted) return mounted.error();
   return bind;

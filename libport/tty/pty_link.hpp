@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "libport/base/result.hpp"
+#include "libport/base/trusted_folder.hpp"
 #include "libport/base/unique_fd.hpp"
 
 namespace porttape {
@@ -13,7 +14,8 @@ namespace porttape {
 // that a killed program of ours left.
 class PtyLink {
  public:
-  // Errc::usage when the path is taken by a file or a link in use, or its folder is missing.
+  // Errc::usage when the path is taken by a file or a link in use, its folder is missing, or another user's
+  // link leads there.
   static Result<PtyLink> publish(const std::string& path, const std::string& target);
 
   PtyLink(PtyLink&& other) noexcept = default;
@@ -28,10 +30,12 @@ class PtyLink {
   [[nodiscard]] const std::string& path() const { return path_; }
 
  private:
-  PtyLink(std::string path, UniqueFd link) : path_(std::move(path)), link_(std::move(link)) {}
+  PtyLink(std::string path, TrustedName place, UniqueFd link)
+      : path_(std::move(path)), place_(std::move(place)), link_(std::move(link)) {}
   void remove();
 
   std::string path_;
+  TrustedName place_;
   // The link itself (O_PATH), so that no later file gets its inode number. Unset when moved from.
   UniqueFd link_;
 };

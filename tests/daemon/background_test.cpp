@@ -100,6 +100,28 @@ TEST_F(PidFileThatOthersMayChange, IsLeftAloneWhereItHasAnotherName) {
   expect_refused("has other names too");
 }
 
+TEST(PidFile, IsNotMadeBehindAnotherUsersLink) {
+  const test::TempDir dir;
+  const std::string link = dir / "link";
+  std::filesystem::create_directory(dir / "folder");
+  std::filesystem::create_symlink("folder", link);
+  {
+    PidFile own;
+    ASSERT_TRUE(own.write(link + "/pid").has_value());
+    EXPECT_TRUE(std::filesystem::exists(dir / "folder/pid"));
+  }
+  EXPECT_FALSE(std::filesystem::exists(dir / "folder/pid"));
+  if (::lchown(link.c_str(), 12345, 12345) != 0) GTEST_SKIP() << "only root can make a link of another user";
+  PidFile file;
+  const Result<void> written = file.write(link + "/pid");
+  ASSERT_FALSE(written.has_value());
+  EXPECT_EQ(written.error().code, Errc::usage);
+  EXPECT_THAT(
+      written.error().message,
+      testing::HasSubstr("pidfile '" + link + "/pid': 'link' on the way there is a link that another user"));
+  EXPECT_TRUE(std::filesystem::is_empty(dir / "folder"));
+}
+
 TEST(PidFile, OfADeadProcessIsReplacedWhoeverHasItsNumberNow) {
   const test::TempDir dir;
   const std::string path = dir / "pid";

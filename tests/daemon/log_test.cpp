@@ -122,6 +122,16 @@ TEST_F(LogBehindALinkOfAnotherUser, IsNotOpenedAgainEither) {
   EXPECT_THAT(text_of(dir / "moved"), EndsWith("two\n")) << "the old one stays";
 }
 
+TEST_F(LogBehindALinkOfAnotherUser, IsNotMadeInAFolderBehindItEither) {
+  std::filesystem::create_directory(dir / "victim");
+  make_link();
+  const Result<Log> log = make_log({.file = path + "/x"}, spdlog::level::info);
+  ASSERT_FALSE(log.has_value());
+  EXPECT_EQ(log.error().code, Errc::usage);
+  EXPECT_THAT(log.error().message, HasSubstr("'log' on the way there is a link that another user made"));
+  EXPECT_TRUE(std::filesystem::is_empty(dir / "victim"));
+}
+
 TEST(Log, APipeThatNobodyReadsIsNoWait) {
   const test::TempDir dir;
   const std::string path = dir / "pipe";

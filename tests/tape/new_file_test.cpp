@@ -74,6 +74,24 @@ TEST(NewFileTest, KeepsFromTheGroupWhatTheReplacedFileDoes) {
   EXPECT_EQ(mode_of(dir / "x"), 0600U);
 }
 
+TEST(NewFileTest, InAFolderItStaysThereWhateverThePathMeans) {
+  const test::TempDir dir;
+  fs::create_directory(dir / "folder");
+  fs::create_directory(dir / "other");
+  for (const bool overwrite : {false, true}) {
+    UniqueFd folder(::open((dir / "folder").c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC));
+    auto file = NewFile::create_in(std::move(folder), dir / "folder/x", overwrite);
+    fs::rename(dir / "folder", dir / "moved");
+    fs::create_symlink("other", dir / "folder");
+    ASSERT_TRUE(file && file->add(std::string_view(overwrite ? "new" : "old")) && file->finish());
+    fs::remove(dir / "folder");
+    fs::rename(dir / "moved", dir / "folder");
+    EXPECT_EQ(content_of(dir / "folder/x"), overwrite ? "new" : "old");
+    EXPECT_TRUE(fs::is_empty(dir / "other"));
+  }
+  EXPECT_THAT(NewFile::create(dir / "folder/", true).error().message, HasSubstr("no regular file"));
+}
+
 TEST(NewFileTest, WhatIsThereStaysUntilItIsToBeReplaced) {
   const test::TempDir dir;
   test::write_file(dir / "x", test::bytes_of("old"));

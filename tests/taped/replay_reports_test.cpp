@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <sys/stat.h>
 #include <utility>
 #include <vector>
 
@@ -214,6 +215,16 @@ TEST_F(FilesOfReports, EachIsWrittenWhereItIsWanted) {
   EXPECT_EQ(write(), true);
   EXPECT_THAT(text_of(report_file), HasSubstr("\"verdict\":\"pass\""));
   EXPECT_THAT(text_of(junit_file), HasSubstr("<testsuite"));
+}
+
+TEST_F(FilesOfReports, AreForNobodyWhoMayNotReadTheTape) {
+  report_file = dir / "report.json";
+  junit_file = dir / "report.xml";
+  test::write_file(dir / "t.logr", ByteView{});
+  ASSERT_EQ(::chmod((dir / "t.logr").c_str(), 0600), 0);
+  EXPECT_EQ(write(), true);
+  for (const std::string& file : {report_file, junit_file})
+    EXPECT_EQ(std::filesystem::status(file).permissions(), std::filesystem::perms(0600)) << file;
 }
 
 TEST_F(FilesOfReports, EitherMayBeTheOnlyOne) {

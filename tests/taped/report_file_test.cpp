@@ -107,6 +107,35 @@ TEST_F(ReportFileLinks, AnotherUsersLinkIsRefusedBeforeTheRunAndAfterIt) {
   EXPECT_EQ(content(victim), "precious\n");
 }
 
+TEST_F(ReportFileLinks, AFolderMayBeReachedByTheUsersOwnLink) {
+  fs::create_directory(dir / "folder");
+  fs::create_symlink("folder", dir / "link");
+  EXPECT_TRUE(check_report_place(dir / "link/report.json").has_value());
+  ASSERT_TRUE(write_report(dir / "link/report.json", "new\n").has_value());
+  EXPECT_EQ(content(dir / "folder/report.json"), "new\n");
+}
+
+TEST_F(ReportFileLinks, AnotherUsersLinkToAFolderIsRefusedBeforeTheRunAndAfterIt) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can make a link of another user";
+  const std::string link = dir / "link";
+  fs::create_directories(dir / "folder/deep");
+  fs::create_symlink("folder", link);
+  const std::string there = link + "/deep/report.json";
+  EXPECT_TRUE(check_report_place(there).has_value());
+  ASSERT_EQ(::lchown(link.c_str(), 65534, 65534), 0);
+  const std::string why = "'link' on the way there is a link that another user made; name the folder itself";
+  const Result<void> place = check_report_place(there);
+  ASSERT_FALSE(place.has_value());
+  EXPECT_EQ(place.error().message, "report '" + there + "': " + why);
+  const Result<void> written = write_report(there, "new\n");
+  ASSERT_FALSE(written.has_value());
+  EXPECT_EQ(written.error().message, "report '" + there + "' cannot be written: " + why);
+  // A link of the user's own that leads through it, too.
+  fs::create_symlink(there, report);
+  EXPECT_FALSE(write_report(report, "new\n").has_value());
+  EXPECT_TRUE(fs::is_empty(dir / "folder/deep"));
+}
+
 TEST_F(ReportFileLinks, ALinkInACircleIsAnError) {
   fs::create_symlink("report.json", report);
   EXPECT_FALSE(check_report_place(report).has_value());
@@ -146,8 +175,14 @@ TEST(ReportFile, AnOpenFileGivenByItsDescriptorIsWrittenTo) {
   const test::TempDir dir;
   std::ofstream(dir / "log") << "before\n";
   const UniqueFd log(::open((dir / "log").c_str(), O_WRONLY | O_APPEND));
-  ASSERT_TRUE(write_report("/dev/fd/" + std::to_string(log.get()), "report\n").has_value());
-  EXPECT_EQ(content(dir / "log"), "before\nreport\n");
+  const std::string number = std::to_string(log.get());
+  EXPECT_TRUE(check_report_place("/dev/fd/" + number).has_value());
+  ASSERT_TRUE(write_report("/dev/fd/" + number, "report\n").has_value());
+  ASSERT_TRUE(write_report("/proc/self/fd/" + number, "again\n").has_value());
+  fs::create_symlink("/proc/self/fd/" + number, dir / "link");
+  ASSERT_TRUE(write_report(dir / "link", "by a link\n").has_value());
+  EXPECT_EQ(content(dir / "log"), "before\nreport\nagain\nby a link\n");
+  EXPECT_TRUE(check_report_place("/dev/stdout").has_value());
 }
 
 }  // namespace

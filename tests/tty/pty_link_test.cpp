@@ -10,6 +10,7 @@
 #include <iterator>
 #include <optional>
 #include <sys/stat.h>
+#include <unistd.h>
 #include <utility>
 #include <vector>
 
@@ -201,6 +202,48 @@ TEST_F(PtyLinkTest, RetargetMakesAgainWhatSomebodyRemoved) {
   fs::remove(path);
   ASSERT_TRUE(link->retarget("/dev/null").has_value());
   EXPECT_EQ(fs::read_symlink(path), "/dev/null");
+}
+
+TEST_F(PtyLinkTest, RetargetMakesItInTheFolderThatHasTheNameByNow) {
+  const std::string folder = (dir.path() / "folder").string();
+  fs::create_directory(folder);
+  {
+    Result<PtyLink> link = PtyLink::publish(folder + "/port", target);
+    ASSERT_TRUE(link.has_value());
+    fs::remove_all(folder);
+    EXPECT_FALSE(link->retarget("/dev/null").has_value());
+    fs::create_directory(folder);
+    ASSERT_TRUE(link->retarget("/dev/null").has_value());
+    EXPECT_EQ(fs::read_symlink(folder + "/port"), "/dev/null");
+  }
+  EXPECT_TRUE(fs::is_empty(folder));
+}
+
+TEST_F(PtyLinkTest, IsNotMadeBehindAnotherUsersLink) {
+  const std::string folder = (dir.path() / "folder").string();
+  const std::string way = (dir.path() / "way").string();
+  fs::create_directory(folder);
+  fs::create_symlink("folder", way);
+  Result<PtyLink> link = PtyLink::publish(way + "/port", target);
+  ASSERT_TRUE(link.has_value()) << link.error().message;
+  EXPECT_EQ(fs::read_symlink(folder + "/port"), target);
+  if (::lchown(way.c_str(), 12345, 12345) != 0) GTEST_SKIP() << "only root can make a link of another user";
+  const std::string why = "'way' on the way there is a link that another user made; name the folder itself";
+  const Result<PtyLink> other = PtyLink::publish(way + "/other", target);
+  ASSERT_FALSE(other.has_value());
+  EXPECT_EQ(other.error().code, Errc::usage);
+  EXPECT_EQ(other.error().message, "link '" + way + "/other': " + why);
+  ASSERT_TRUE(link->retarget("/dev/null").has_value()) << "it is the folder that it has been made in";
+  fs::create_directory(folder + ".other");
+  fs::remove(way);
+  fs::create_symlink("folder.other", way);
+  ASSERT_EQ(::lchown(way.c_str(), 12345, 12345), 0);
+  const Result<void> moved = link->retarget(target);
+  ASSERT_FALSE(moved.has_value());
+  EXPECT_EQ(moved.error().message, "link '" + way + "/port': " + why);
+  EXPECT_TRUE(fs::is_empty(folder + ".other"));
+  *link = *PtyLink::publish(path, target);
+  EXPECT_TRUE(fs::is_empty(folder)) << "it is removed where it was made";
 }
 
 TEST_F(PtyLinkTest, AnotherThatTakesItsPlaceTakesItAway) {

@@ -167,7 +167,7 @@ DAEMON_ROWS = [
     ("run good.logr", ["good.logr:1: is not text"]),
     ("run file --chek-config", ["'--chek-config'", near("--check-config")]),
     ("record -b --pidfile file --driver pty:p --device unix:socket --tape new", ["'file' is not a pidfile"]),
-    ("bridge --driver pty:p --device unix:socket --log-file no/l", ["'log-file': 'no/l' cannot be written"]),
+    ("bridge --driver pty:p --device unix:socket --log-file no/l", ["'log-file': 'no/l': its folder does not exist; type mkdir -p"]),
 ]
 
 TOOL_ROWS = [

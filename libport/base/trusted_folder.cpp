@@ -1,4 +1,4 @@
-#include "libport/tty/trusted_folder.hpp"
+#include "libport/base/trusted_folder.hpp"
 
 #include <cerrno>
 #include <fcntl.h>
@@ -53,6 +53,13 @@ Result<UniqueFd> open_trusted_folder(const std::string& path) {
     left.insert(left.begin(), text.begin(), text.end());  // "/" is the first part of an absolute one
   }
   return folder;
+}
+
+Result<TrustedName> find_trusted_name(const std::string& path) {
+  const fs::path absolute = fs::absolute(path);
+  Result<UniqueFd> folder = open_trusted_folder(absolute.parent_path().string());
+  if (!folder) return folder.error();
+  return TrustedName{std::move(*folder), absolute.filename().string()};
 }
 
 }  // namespace porttape

@@ -1,4 +1,4 @@
-#include "libport/tty/trusted_folder.hpp"
+#include "libport/base/trusted_folder.hpp"
 
 #include <fcntl.h>
 #include <filesystem>
@@ -46,6 +46,19 @@ TEST_F(TrustedFolder, EachWayThereThatIsOursLeadsThere) {
   expect_leads_to(dir / "one/back", folder);
   expect_leads_to("/", "/");
   expect_leads_to(".", ".");
+}
+
+TEST_F(TrustedFolder, ANameIsLookedForInItAndNotFollowed) {
+  fs::create_directory(dir / "one");
+  fs::create_symlink("one", dir / "link");
+  fs::create_symlink("nowhere", dir / "one/port");
+  const Result<TrustedName> found = find_trusted_name(dir / "link/port");
+  ASSERT_TRUE(found.has_value()) << found.error().message;
+  EXPECT_EQ(found->name, "port");
+  EXPECT_EQ(FileIdentity::of(found->folder.get()), FileIdentity::at(AT_FDCWD, dir / "one"));
+  const Result<TrustedName> nowhere = find_trusted_name(dir / "none/port");
+  ASSERT_FALSE(nowhere.has_value());
+  EXPECT_EQ(nowhere.error().message, "its folder does not exist; type mkdir -p " + (dir / "none"));
 }
 
 TEST_F(TrustedFolder, WhatLeadsNowhereSaysWhy) {

@@ -12,4 +12,12 @@ namespace porttape {
 // does not exist, or another user's link leads to it.
 Result<UniqueFd> open_trusted_folder(const std::string& path);
 
+// A name in a folder that was opened so: what a path means, but for a link at its end.
+struct TrustedName {
+  UniqueFd folder;
+  std::string name;
+};
+// Errors as open_trusted_folder(), for the path's folder.
+Result<TrustedName> find_trusted_name(const std::string& path);
+
 }  // namespace porttape
