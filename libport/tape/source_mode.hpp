@@ -9,28 +9,26 @@
 
 namespace porttape {
 
-// What is made of stricter files is as strict: a file that this program makes keeps from its group and from
-// others what any of the files that it is made of does, and what the file that it replaces does. These
-// functions are that rule, for all that makes files of tapes.
+// The rule for every file that this program makes of tapes and other files: a permission of the group or of
+// others that one of the sources lacks, or the file that is replaced, the new file lacks too.
 
-// The permissions (S_IRWXG | S_IRWXO) that a file keeps from its group and from others, and that what is made
-// of it is to keep from them too. 0: the file is not there, or is no regular file (the mode of a pipe says
-// nothing).
+// Returns the permissions (S_IRWXG | S_IRWXO) that the file does not give to its group and to others; 0 if
+// there is no such file, or it is not a regular one (the mode of a pipe means nothing).
 mode_t kept_from_others(const std::string& file);
 mode_t kept_from_others(int fd);
-// The same for what any of the tape's files keeps from them.
+// The same for all files of a tape, or of several: what any of them does not give.
 mode_t kept_from_others(const TapePaths& tape);
 mode_t kept_from_others(std::span<const TapePaths> tapes);
 
-// Takes these permissions from a file of ours that is open. Returns 0 or the errno. On a file system without
-// modes (vfat, a share) all files have one mode, and the function leaves it as it is.
+// Removes these permissions from an open file that this process has made. Returns 0 or an errno. A file
+// system without modes (vfat, a share) has one mode for all files; the function leaves that alone and
+// returns 0.
 int keep_from_others(int fd, mode_t kept);
-// The same for the files of a tape that nobody else can reach yet. Errc::io.
+// The same for a tape's files, which are in a folder that other users cannot open. Errc::io.
 Result<void> keep_from_others(const TapePaths& tape, mode_t kept);
 
-// While it lives, what this process makes keeps those permissions from the group and from others. It sets the
-// umask, so there is no moment at which a new file is open to more people; threads and children have that
-// umask, too.
+// While this object exists, new files of this process lack those permissions from the start, since the object
+// sets the umask. All threads have that umask, and so do child processes.
 class ModeOfSources {
  public:
   explicit ModeOfSources(mode_t kept);
