@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <list>
 #include <sys/stat.h>
+#include <system_error>
 #include <unistd.h>
 #include <utility>
 
@@ -29,7 +30,9 @@ Error cannot_open(int error, const std::string& folder) {
 }  // namespace
 
 Result<UniqueFd> open_trusted_folder(const std::string& path) {
-  const fs::path absolute = fs::absolute(path);
+  std::error_code error;
+  const fs::path absolute = fs::absolute(path, error);
+  if (error) return trouble(error.message());
   std::list<fs::path> left(absolute.begin(), absolute.end());
   UniqueFd folder;
   for (int links = 0; !left.empty();) {

@@ -58,9 +58,10 @@ ReplayReports::ReplayReports(const PortContext& context, Options options, Publis
       options_(std::move(options)),
       publish_(std::move(publish)),
       timer_(*context.loop, [this] { move_on(); }) {
+  kept_ = kept_from_others(options_.tape);
   if (!options_.group) return;
   file_strand_ = options_.group->file_strand;  // so that the newest comes last
-  options_.group->kept |= kept_from_others(options_.tape);
+  options_.group->kept |= kept_;
 }
 
 ReplayReports::~ReplayReports() {
@@ -284,8 +285,7 @@ void ReplayReports::write_file() {
   const auto job = std::make_shared<Job>();
   const auto written = std::make_shared<Result<void>>();
   const auto work = [written, file = options_.file, text = to_json(runs), junit_file = options_.junit_file,
-                     junit = junit_of(runs),
-                     kept = options_.group ? options_.group->kept : kept_from_others(options_.tape)] {
+                     junit = junit_of(runs), kept = options_.group ? options_.group->kept : kept_] {
     if (!file.empty()) *written = write_report(file, text, "report", kept);
     if (junit_file.empty()) return;
     if (const Result<void> other = write_report(junit_file, junit, "report", kept); *written)

@@ -114,6 +114,7 @@ class ReplayReports {
   Workers::Strand hint_strand_;
   Workers::Strand diagnosis_strand_;
   Workers::Strand file_strand_;
+  mode_t kept_ = 0;  // from others, by the tape
   std::shared_ptr<Count> count_;
   std::shared_ptr<Checking> check_;
   std::deque<std::shared_ptr<Search>> searches_;  // of the run that goes on
