@@ -122,7 +122,7 @@ fi
 for ((n = 0; n < 40; n++)); do
   printf '[channel c%d]\ndevice = unix:%s/device.socket\ndriver = pty:%s/c%d\n' "$n" "$work" "$work" "$n"
 done >many.conf
-for limit in 30 31; do
+for limit in 36 37; do
   start prlimit "--nofile=$limit:$limit" "$PORTTAPED" run many.conf 2>log
   daemon=$started
   until_true grep -q 'trying again' log || die "$limit descriptors are enough for 40 channels?"
