@@ -58,7 +58,7 @@ std::string place_of(const TapeRedaction& redaction) {
 }
 
 std::string name_of_rule(const RuleSet& rules, int number) {
-  return number < 0 ? "checksum" : in_quotes(rules.redactions[static_cast<std::size_t>(number)].name);
+  return number < 0 ? "checksum" : rules.redactions[static_cast<std::size_t>(number)].name.in_quotes();
 }
 
 JsonObject json_of(const RuleSet& rules, const TapeRedaction& redaction) {
@@ -140,7 +140,7 @@ void tell_rules(const RedactedTape& tape, const RuleSet& rules, bool colors, std
   for (std::size_t i = 0; i < tape.rules.size(); ++i) {
     const RedactRule& rule = rules.redactions[i];
     const RedactedTape::Use& use = tape.rules[i];
-    fmt::print(out, "  {}:{}: {}: ", printable_line(rules.file), rule.line.number, in_quotes(rule.name));
+    fmt::print(out, "  {}:{}: {}: ", printable_line(rules.file), rule.line.number, rule.name.in_quotes());
     if (use.count == 0) {
       fmt::print(out, "{}never found{}\n", color_begin(Color::bad, colors), color_end(colors));
       continue;
@@ -173,7 +173,7 @@ void warn(const RedactedTape& tape, const RuleSet& rules, std::ostream& err) {
     if (tape.rules[i].count > 0) continue;
     fmt::print(err, "porttape redact: warning: {}:{}: [[redact]] {} is found nowhere on the tape\n",
                printable_line(rules.file), rules.redactions[i].line.number,
-               in_quotes(rules.redactions[i].name));
+               rules.redactions[i].name.in_quotes());
   }
   for (const UnredactedText& left : tape.left) {
     const RedactRule& rule = rules.redactions[static_cast<std::size_t>(left.rule)];
@@ -184,7 +184,7 @@ void warn(const RedactedTape& tape, const RuleSet& rules, std::ostream& err) {
                                   : left.what == FixedText::key  ? "the name of the key"
                                                                  : "an event's kind,";
     fmt::print(err, "porttape redact: warning: {}:{}: {} is found in the {}{} in {} {}; it stays\n",
-               printable_line(rules.file), rule.line.number, in_quotes(rule.name),
+               printable_line(rules.file), rule.line.number, rule.name.in_quotes(),
                header ? "header" : "events", when, what, in_quotes(left.key));
   }
   if (tape.wrong_checksums > 0)

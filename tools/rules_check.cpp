@@ -42,24 +42,24 @@ std::string excerpt(const RulesReport::Use& use) {
   return text;
 }
 
-void print_use(std::ostream& out, const std::string& name, const RulesReport::Use& use, bool colors) {
+void print_use(std::ostream& out, const std::string& title, const RulesReport::Use& use, bool colors) {
   if (use.count == 0) {
-    out << name << ": " << color_begin(Color::bad, colors) << "never matched" << color_end(colors) << '\n';
+    out << title << ": " << color_begin(Color::bad, colors) << "never matched" << color_end(colors) << '\n';
     return;
   }
-  out << name << ": " << counted(use.count, "time") << ", first " << place_text(use.first) << "\n  "
+  out << title << ": " << counted(use.count, "time") << ", first " << place_text(use.first) << "\n  "
       << excerpt(use) << '\n';
 }
 
-std::string title(std::string_view kind, const std::string& name, const RuleLine& line,
-                  const std::string& file) {
-  return fmt::format("{}:{}: {} {}", printable_line(file), line.number, kind, in_quotes(name));
+std::string title_of(std::string_view kind, const StrangerText& name, const RuleLine& line,
+                     const std::string& file) {
+  return fmt::format("{}:{}: {} {}", printable_line(file), line.number, kind, name.in_quotes());
 }
 
 void print_formats(std::ostream& out, const RulesReport& report) {
   for (const RulesReport::Format& format : report.formats) {
     if (format.frames == 0) continue;
-    out << "frames of " << in_quotes(format.name) << ": " << format.frames;
+    out << "frames of " << format.name.in_quotes() << ": " << format.frames;
     if (format.checksum_held + format.checksum_wrong > 0)
       out << ", checksum right in " << format.checksum_held << " and wrong in " << format.checksum_wrong;
     out << '\n';
@@ -80,15 +80,15 @@ void print_rest(std::ostream& out, const RulesReport& report) {
 void print(std::ostream& out, const RulesReport& report, const RuleSet& set, bool colors) {
   print_formats(out, report);
   for (std::size_t i = 0; i < set.rules.size(); ++i)
-    print_use(out, title("rule", set.rules[i].name, set.rules[i].line, set.file), report.rules[i], colors);
+    print_use(out, title_of("rule", set.rules[i].name, set.rules[i].line, set.file), report.rules[i], colors);
   for (std::size_t i = 0; i < set.replies.size(); ++i)
-    print_use(out, title("reply", set.replies[i].name, set.replies[i].line, set.file), report.replies[i],
+    print_use(out, title_of("reply", set.replies[i].name, set.replies[i].line, set.file), report.replies[i],
               colors);
   for (const RulesReport::Overlap& overlap : report.overlaps) {
     const Rule& one = set.rules[static_cast<std::size_t>(overlap.one)];
     const Rule& other = set.rules[static_cast<std::size_t>(overlap.other)];
-    out << title("rule", other.name, other.line, set.file) << ' ' << color_begin(Color::bad, colors)
-        << "overlaps" << color_end(colors) << " rule " << in_quotes(one.name) << " (line " << one.line.number
+    out << title_of("rule", other.name, other.line, set.file) << ' ' << color_begin(Color::bad, colors)
+        << "overlaps" << color_end(colors) << " rule " << one.name.in_quotes() << " (line " << one.line.number
         << "), which goes before it: " << counted(overlap.use.count, "time") << ", first "
         << place_text(overlap.use.first) << '\n';
   }

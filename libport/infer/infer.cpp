@@ -100,7 +100,7 @@ void tell_left_out(const Findings& findings, std::span<const SessionTape> sessio
     if (!sort.sort.format.checksum && sort.sort.format.kind != FrameFormat::Kind::fixed)
       inference.unexplained.push_back(
           fmt::format("frame {}: no checksum of the catalogue is right in all frames: none is taken for one",
-                      sort.sort.format.name));
+                      sort.sort.format.name.for_line()));
 }
 
 std::string place_text(const SessionTape& session, std::size_t offset) {

@@ -18,7 +18,7 @@ constexpr std::size_t kMostAlone = 32;  // rules for frames of one kind that may
 
 std::string label_of(const FoundSort& sort, const FoundKind& kind) {
   std::string key = sort.sort.text ? to_printable(kind.key) : to_hex(kind.key);
-  if (key.empty()) key = sort.sort.format.name;
+  if (key.empty()) key = sort.sort.format.name.raw();
   return kind.size ? fmt::format("{} of {} bytes", key, *kind.size) : key;
 }
 
@@ -60,14 +60,14 @@ class Proposer {
     if (!format.checksum) return;
     const ChecksumField& sum = *format.checksum;
     reason(fmt::format("frame {}: {} at {}, over the bytes from {} to {}{}: right in all frames of all tapes",
-                       format.name, sum.kind, sum.at, sum.from, sum.to.value_or(sum.at),
+                       format.name.for_line(), sum.kind, sum.at, sum.from, sum.to.value_or(sum.at),
                        sum.hex ? ", as hexadecimal digits" : ""));
   }
 
   Rule rule_of(const FoundSort& sort, const std::string& label, std::string_view what) {
     Rule rule;
     rule.name = label + " " + std::string(what);
-    rule.frame = sort.sort.format.name;
+    rule.frame = sort.sort.format.name.raw();
     return rule;
   }
 
@@ -79,12 +79,12 @@ class Proposer {
   }
 
   void add_counter(const FoundSort& sort, const FoundField& field) {
-    Rule rule = rule_of(sort, sort.sort.format.name, fmt::format("counter at {}", field.at));
+    Rule rule = rule_of(sort, sort.sort.format.name.raw(), fmt::format("counter at {}", field.at));
     make_counter(rule, field);
     if (!sort.sort.format.start.empty()) rule.when = "^" + literal_expression(sort.sort.format.start);
     reason(fmt::format(
         "{}: {} that grows by {} from frame to frame in every tape, and differs between tapes in {}",
-        rule.name, times(field.size, "byte"), *field.step, times(field.places, "place")));
+        rule.name.for_line(), times(field.size, "byte"), *field.step, times(field.places, "place")));
     std::vector<FrameRun> runs;
     for (const FoundKind& kind : findings_.kinds)
       if (&findings_.sorts[kind.sort] == &sort) runs.insert(runs.end(), kind.runs.begin(), kind.runs.end());
@@ -96,11 +96,11 @@ class Proposer {
   void add_echo(std::size_t sort, std::span<const FrameRun> runs, const FoundField& field, const Rule& rule) {
     if (!is_echoed(findings_, sort, runs, field)) return;
     ReplyTemplate reply;
-    reply.name = rule.name + " echoed";
+    reply.name = rule.name.raw() + " echoed";
     reply.frame = reply.answer_frame = rule.frame;
     reply.when = rule.when;
     reply.from = reply.to = rule.place;
-    reason(fmt::format("{}: every answer has the same there as its request", reply.name));
+    reason(fmt::format("{}: every answer has the same there as its request", reply.name.for_line()));
     proposal_.rules.replies.push_back(std::move(reply));
   }
 
@@ -137,12 +137,12 @@ class Proposer {
     const std::string where = times(field.places, "place");
     if (field.step)
       return fmt::format("{}: a number that grows by {} in every tape; differs between tapes in {}",
-                         rule.name, *field.step, where);
+                         rule.name.for_line(), *field.step, where);
     if (field.what == What::bytes)
-      return fmt::format("{}: {}, different between tapes in {}", rule.name, times(field.size, "byte"),
-                         where);
-    return fmt::format("{}: {} to {} bytes, different between tapes in {}", rule.name, field.shortest,
-                       field.longest, where);
+      return fmt::format("{}: {}, different between tapes in {}", rule.name.for_line(),
+                         times(field.size, "byte"), where);
+    return fmt::format("{}: {} to {} bytes, different between tapes in {}", rule.name.for_line(),
+                       field.shortest, field.longest, where);
   }
 
   Rule middle_rule(const FoundSort& sort, const FoundKind& kind, const FoundField& field,
@@ -207,7 +207,8 @@ class Proposer {
     const std::string label = label_of(sort, kind);
     for (const std::string& expression : expressions) {
       Rule rule = rule_of(sort, label, "any number of times");
-      if (expressions.size() > 1) rule.name += fmt::format(" ({})", proposal_.rules.rules.size());
+      if (expressions.size() > 1)
+        rule.name = fmt::format("{} ({})", rule.name.raw(), proposal_.rules.rules.size());
       rule.kind = Rule::Kind::frame;
       rule.when = expression;
       rule.optional = rule.repeated = true;

@@ -106,7 +106,7 @@ Result<void> RedactStream::search(std::size_t rule, bool ended) {
       return make_error(Errc::usage,
                         fmt::format("[[redact]] {} (line {}): a match at byte {} may go on beyond {} bytes; "
                                     "give it a larger 'longest', or a narrower pattern",
-                                    in_quotes(asked.name), asked.line.number, base_ + begin, longest - 1));
+                                    asked.name.in_quotes(), asked.line.number, base_ + begin, longest - 1));
     }
     replace(rule, match->secret);
     at = match->end;

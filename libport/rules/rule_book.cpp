@@ -41,7 +41,7 @@ constexpr std::size_t kShown = 24;
 }  // namespace
 
 std::string name_of(const RuleSet& set, const Rule& rule) {
-  std::string name = "rule " + in_quotes(rule.name);
+  std::string name = "rule " + rule.name.in_quotes();
   if (rule.line.number > 0) name += fmt::format(" ({}:{})", printable_line(set.file), rule.line.number);
   return name;
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "libport/base/bytes.hpp"
+#include "libport/base/stranger_text.hpp"
 #include "libport/base/time.hpp"
 #include "libport/tape/record.hpp"
 
@@ -74,7 +75,7 @@ struct LengthField {
 // How frames are cut out of what the driver writes (and, for replies, out of answers).
 struct FrameFormat {
   enum class Kind : std::uint8_t { delimited, length, fixed, idle };
-  std::string name{};
+  StrangerText name{};
   std::string protocol{};  // of protocol_names(); else empty. All that follows is filled in by it
   Kind kind = Kind::delimited;
   Bytes start{};               // what a frame begins with; empty: anything
@@ -100,7 +101,7 @@ struct Counter {
 // What may vary.
 struct Rule {
   enum class Kind : std::uint8_t { ignore, mask, regex, range, counter, frame };
-  std::string name{};
+  StrangerText name{};
   std::string frame{};  // only frames of that format; empty: of any
   std::string when{};   // only where this expression is found in the recorded frame; empty: everywhere
   Kind kind = Kind::ignore;
@@ -133,7 +134,7 @@ struct Rule {
 // A part of the request that came is copied into the recorded answer, whose checksum (that of its format) is
 // computed anew.
 struct ReplyTemplate {
-  std::string name{};
+  StrangerText name{};
   std::string frame{};  // of the request
   std::string when{};
   Place from{};
@@ -158,7 +159,7 @@ enum class FillerKind : std::uint8_t {
 // What of a tape is no one's business: `porttape redact` puts a filler of the same length in its place.
 struct RedactRule {
   enum class Kind : std::uint8_t { place, pattern, text, range };
-  std::string name{};
+  StrangerText name{};
   std::optional<Direction> direction{};  // absent: both
   Kind kind = Kind::place;
   std::string frame{};  // place: only frames of that format; empty: of any

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "libport/base/bytes.hpp"
+#include "libport/base/stranger_text.hpp"
 #include "libport/base/time.hpp"
 #include "libport/rules/rule_book.hpp"
 #include "libport/tape/record.hpp"
@@ -27,7 +28,7 @@ struct RulesReport {
     FrameSpan span{};
   };
   struct Format {
-    std::string name{};
+    StrangerText name{};
     std::uint64_t frames = 0;
     std::uint64_t checksum_held = 0;
     std::uint64_t checksum_wrong = 0;

@@ -99,9 +99,9 @@ class RulesReader {
       format.longest = static_cast<std::size_t>(*longest);
     const bool by_protocol = table.has("protocol");
     if (format.name.empty()) format.name = by_protocol ? table.text("protocol").value_or("") : "";
-    if (!rules_.frames.empty() && known_frame(format.name))
+    if (!rules_.frames.empty() && known_frame(format.name.raw()))
       return table.wrong("name", fmt::format("is {}, as of an earlier one; accepted: a name of its own",
-                                             in_quotes(format.name)));
+                                             format.name.in_quotes()));
     if (by_protocol) return read_protocol(table, std::move(format));
     if (format.name.empty()) table.wrong("lacks 'name': a name of its own");
     read_own_format(table, format);
@@ -234,7 +234,7 @@ class RulesReader {
     const auto name = table.text(key);
     if (!name || known_frame(*name)) return name.value_or("");
     std::vector<std::string_view> names;
-    for (const FrameFormat& format : rules_.frames) names.push_back(format.name);
+    for (const FrameFormat& format : rules_.frames) names.push_back(format.name.raw());
     table.wrong(key, fmt::format("is {}, and there is no [[frame]] of that name{}", in_quotes(*name),
                                  did_you_mean(*name, names)));
     return {};

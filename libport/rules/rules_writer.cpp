@@ -147,7 +147,7 @@ void write_kind(Writer& out, const FrameFormat& format) {
 
 void write(Writer& out, const FrameFormat& format) {
   out.table("frame");
-  out.text("name", format.name);
+  out.text("name", format.name.raw());
   if (format.longest != FrameFormat().longest) out.number("longest", format.longest);
   if (!format.protocol.empty()) return out.text("protocol", format.protocol);
   write_kind(out, format);
@@ -158,7 +158,7 @@ void write(Writer& out, const FrameFormat& format) {
 void write(Writer& out, const Rule& rule) {
   using Kind = Rule::Kind;
   out.table("rule");
-  out.text("name", rule.name);
+  out.text("name", rule.name.raw());
   out.text("frame", rule.frame);
   out.text("when", rule.when);
   if (rule.kind == Kind::frame) {
@@ -185,7 +185,7 @@ void write(Writer& out, const Rule& rule) {
 
 void write(Writer& out, const ReplyTemplate& reply) {
   out.table("reply");
-  out.text("name", reply.name);
+  out.text("name", reply.name.raw());
   out.text("frame", reply.frame);
   out.text("when", reply.when);
   out.line("from = " + inline_place(reply.from));
@@ -213,7 +213,7 @@ void write_secret(Writer& out, const RedactRule& rule) {
 
 void write(Writer& out, const RedactRule& rule) {
   out.table("redact");
-  out.text("name", rule.name);
+  out.text("name", rule.name.raw());
   if (rule.direction) out.text("dir", *rule.direction == Direction::read ? "r" : "w");
   write_secret(out, rule);
   switch (rule.filler) {

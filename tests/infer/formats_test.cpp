@@ -13,7 +13,7 @@ using test::session;
 
 std::string names(const FoundSorts& found) {
   std::string all;
-  for (const FrameSort& sort : found.sorts) all += (all.empty() ? "" : " ") + sort.format.name;
+  for (const FrameSort& sort : found.sorts) all += (all.empty() ? "" : " ") + sort.format.name.raw();
   return all;
 }
 

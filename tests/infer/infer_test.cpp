@@ -116,7 +116,7 @@ void expect_nothing_else_varies(const Truth& truth, const RuleSet& rules, const 
       const bool may = std::any_of(spans.begin(), spans.end(), [&](const FrameSpan& span) {
         return field.span.begin >= span.begin && field.span.end <= span.end;
       });
-      EXPECT_TRUE(may) << rules.rules[static_cast<std::size_t>(field.rule)].name << " of "
+      EXPECT_TRUE(may) << rules.rules[static_cast<std::size_t>(field.rule)].name.raw() << " of "
                        << to_printable(frame);
     }
   }
@@ -173,7 +173,7 @@ TEST(Infer, WhatAnswersRepeatOfTheRequestIsCopiedIntoThem) {
     const Inference found = infer_rules(
         std::vector{session(kind->make({.seed = 1})), session(kind->make({.seed = 2}))}, {.changes = 90});
     std::vector<std::string> names;
-    for (const ReplyTemplate& reply : found.rules.replies) names.push_back(reply.name);
+    for (const ReplyTemplate& reply : found.rules.replies) names.push_back(reply.name.raw());
     EXPECT_EQ(names, replies) << name;
   }
 }
