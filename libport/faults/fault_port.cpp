@@ -150,14 +150,14 @@ void FaultPort::do_timed_breaks() {
 
 void FaultPort::break_line(const Fault& fault) {
   const bool was_up = std::exchange(up_, false);
-  const bool reopens = options_.always_open && !passive();
+  const bool reopens = options_.always_open;
   const Nanos length = reopens ? std::max(fault.length, kShortest) : fault.length;
   away_until_ = std::max(away_until_, now() + length);
   const LineDown down{.reason = LineDown::Reason::lost,
                       .error = make_error(Errc::device_lost, fmt::format("{}: unplugged by the fault {}",
                                                                          name(), to_text(fault))),
                       .after_reading = true};  // the break is behind its byte, however slow the driver reads
-  if (passive()) {                             // its peer may come back at once
+  if (passive()) {                             // its peer may come back at once, whatever is kept open
     away_until_ = {};
     if (was_up) hang_up(false);
   } else if (reopens) {

@@ -219,11 +219,9 @@ void FilterPort::hang_up(bool after_reading) {
   ForwardingPort::hang_up(after_reading);
 }
 
-// One at a time: the last that is asked for is the one.
+// One at a time: the last that is asked for is the one, at the place of the first.
 void FilterPort::end_behind_writes(std::function<void()> end) {
-  const bool waits = end_ != nullptr;
   end_ = std::move(end);
-  if (waits) return;
   out_.put([this] {
     if (const auto due = std::exchange(end_, nullptr)) due();
   });

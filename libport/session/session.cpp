@@ -535,8 +535,8 @@ std::optional<std::size_t> Session::left() const {
   const std::optional<std::size_t> driver = driver_up_ ? driver_->unread_by_peer() : std::nullopt;
   const bool to_device = device_has_line() && device_->congested();
   const std::optional<std::size_t> device = to_device ? device_->unread_by_peer() : std::nullopt;
-  if (!driver && !device) return std::nullopt;
-  return driver.value_or(0) + device.value_or(0);
+  if (!driver) return device;
+  return device ? *driver + *device : driver;
 }
 
 void Session::end() {

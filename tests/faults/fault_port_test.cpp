@@ -193,6 +193,15 @@ TEST_F(FaultPortTest, ALineThatIsKeptOpenIsInterruptedAndBack) {
   EXPECT_EQ(device.written, "a");
 }
 
+TEST_F(FaultPortTest, ALineThatIsKeptOpenMeetsItsFaultsWhenItIsBack) {
+  make("hangup:byte=0,dir=r;drop:byte=1,dir=w", true);
+  device.send("a");
+  ASSERT_TRUE(let_pass(loop, clock, hours(1), [this] { return log.events == "up interrupted resumed "; }));
+  port->write(as_bytes("xyz"));
+  EXPECT_EQ(device.written, "xz");
+  EXPECT_EQ(kinds(told), "plan hangup drop ");
+}
+
 TEST_F(FaultPortTest, ADriverThatComesMeanwhileWaits) {
   make("replug:byte=0,for=0.02", true);
   device.send("a");

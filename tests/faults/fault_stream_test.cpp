@@ -214,6 +214,23 @@ TEST(FaultStream, WhatIsToldOfAFaultMakesItAgain) {
   }
 }
 
+TEST(FaultStream, WhatIsToldOfAFaultByTheClockNamesItsMoment) {
+  EXPECT_EQ(made_of("drop:at=0", {"abc"}).specs, std::vector<std::string>{"drop:at=0:dir=r"});
+}
+
+// Reports and tapes keep a seed, and a later version repeats the run from it.
+TEST(FaultStream, ASeedStandsForTheSameFaultsInEveryVersion) {
+  const FaultPlan plan = plan_of("drop:p=0.1,dir=both;duplicate:p=0.1,dir=both");
+  const auto bytes_of = [&plan](LineDir dir) {
+    FaultStream stream(plan, 7, dir, false);
+    Made made;
+    take(stream, "abcdefghijklmnopqrstuvwxyz", made);
+    return made.bytes;
+  };
+  EXPECT_EQ(bytes_of(LineDir::r), "abcdefghjklmnnopqstuvwxyz");
+  EXPECT_EQ(bytes_of(LineDir::w), "abcdefghiklmnoppqrstuvwxyz");
+}
+
 // When each byte is due, and in which direction's stream.
 std::vector<Nanos> dues(const std::string& plan_text, const std::string& arrival, Nanos after = Nanos(0)) {
   const FaultPlan plan = plan_of(plan_text);

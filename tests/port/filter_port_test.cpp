@@ -233,6 +233,23 @@ TEST_F(FilterPortTest, WhatWaitsAtTheEndIsTold) {
   EXPECT_EQ(log.status, 0);
 }
 
+TEST_F(FilterPortTest, WritesThatWaitAtTheEndAreToldToo) {
+  port.out = hours(1);
+  port.write(as_bytes("ask"));
+  port.finish();
+  EXPECT_EQ(log.dropped, 3U);
+  EXPECT_EQ(log.why, "they were held back at the end");
+  EXPECT_EQ(device.written, "");
+}
+
+TEST_F(FilterPortTest, WhereNobodyKnowsWhatThePeerHasUnreadWhatIsHeldDoesNotTell) {
+  port.in = hours(1);
+  device.send("abc");
+  EXPECT_EQ(device.unread_by_driver(), std::nullopt);
+  log.peer_unread = 2;
+  EXPECT_EQ(device.unread_by_driver(), 5U);
+}
+
 TEST_F(FilterPortTest, HeldWritesDoNotReachTheNextPeer) {
   device.passive = true;
   port.out = hours(1);
@@ -453,6 +470,15 @@ TEST_F(FilterPortTest, HeldBytesAreForWaitingCallsWhateverTheInnerPortHas) {
   EXPECT_FALSE(calls.next_due().has_value());
   EXPECT_EQ(calls.unsent(), 0U);
   EXPECT_EQ(log.dropped, 0U);
+}
+
+TEST_F(FilterPortTest, ALineThatIsClosedByWhatWasHeldIsNotToldOfItsEnd) {
+  port.in = hours(1);
+  device.send("bye");
+  device.wait_until_sent([this] { port.close(); });
+  EXPECT_EQ(device.end(), PortListener::Answers::none);
+  EXPECT_EQ(log.data, "bye");
+  EXPECT_EQ(log.events, "drain ");
 }
 
 // One that delivers from within set_reading(), as a tape does, and may refuse a discard().

@@ -118,6 +118,13 @@ TEST_F(WrappedTest, WhatEveryPortHasIsReadWithItsOptions) {
   EXPECT_TRUE(common("plain:x,alwaysopen").always_open);
 }
 
+TEST_F(WrappedTest, TheHelpNamesWhatEveryTypeHasOnce) {
+  const std::string help = port_help(types);
+  const std::size_t at = help.find("\n  timeout=");
+  EXPECT_LT(help.find("\nevery type\n"), at);
+  EXPECT_NE(at, std::string::npos);
+}
+
 TEST_F(WrappedTest, AFlagIsSpelledWithoutAValue) {
   EXPECT_EQ(parse_options(types, "plain:x,readonly=yes,debug=3")->spelled(), "plain:x,debug=3,readonly");
 }

@@ -36,6 +36,7 @@ class Listening final : public Port, private ConnectionSource {
   [[nodiscard]] bool keeps_datagrams() const override { return false; }
   [[nodiscard]] std::string name() const override { return "listening"; }
 
+  void finish(int exit_status) { listener().on_finished(exit_status); }
   void connect(MemoryPort::Peer& peer) { take(std::make_unique<MemoryPort>(peer), "somebody"); }
 
   bool is_open = false;
@@ -306,6 +307,27 @@ TEST_F(ConnectionsTest, AGroupThatIsPlayedOnceEndsWithItsLastConnection) {
   leave(drivers[2]);
   run_to_end();
   EXPECT_EQ(end_status, 0);
+}
+
+TEST_F(ConnectionsTest, AGroupThatIsPlayedOnceNeedsNoConnectionMoreThanItHas) {
+  devices.ends_after = 2;
+  start();
+  leave(driver());
+  leave(driver());
+  run_to_end();
+  EXPECT_EQ(end_status, 0);
+  EXPECT_EQ(devices.came, 2U);
+}
+
+TEST_F(ConnectionsTest, AnEndThatTheDriversPortAsksForWhileOneIsUnderWayCompletesNothingTwice) {
+  devices.finishes = false;
+  start();
+  connections->stop();
+  run_ready();
+  EXPECT_EQ(std::exchange(devices.came, std::nullopt), 0U);
+  listening->finish(exit_status::kRuntime);
+  run_ready();
+  EXPECT_EQ(devices.came, std::nullopt);
 }
 
 TEST_F(ConnectionsTest, ATapeThatMustNotFailEndsAll) {

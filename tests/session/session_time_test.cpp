@@ -85,7 +85,9 @@ TEST_F(SessionTimeTest, ADeviceThatTakesAllIsNotAskedHowMuchIsLeft) {
   device.unread = 5;  // in its own buffer, say
   session->stop();
   EXPECT_EQ(driver.calls, "prepare open hang_up_after_reading ");
-  EXPECT_FALSE(ends_within(milliseconds(4900)));
+  EXPECT_FALSE(ends_within(milliseconds(4000)));
+  --*device.unread;
+  EXPECT_FALSE(ends_within(milliseconds(900)));
   EXPECT_TRUE(ends_within(milliseconds(200))) << "the driver stays, and nothing is known of it";
 }
 
@@ -118,6 +120,27 @@ TEST_F(SessionTimeTest, BothPortsAreReadOnceMoreAtTheEnd) {
   driver.congested = true;
   session->stop();
   EXPECT_EQ(order, "driver device ");
+}
+
+// What the device still sends is for nobody.
+TEST_F(SessionTimeTest, ADeviceWhoseDriverHasGoneIsNotReadOnceMoreAtTheEnd) {
+  driver.up();
+  device.congested = true;
+  driver.down(Reason::closed);
+  std::string order;
+  driver.pending = [&] { order += "driver "; };
+  device.pending = [&] { order += "device "; };
+  session->stop();
+  EXPECT_EQ(order, "driver ") << "one may have come that nothing has told of";
+}
+
+TEST_F(SessionTimeTest, ADeviceThatItsDriverHasClosedHasWorked) {
+  fail(1);
+  device.up_at_once = true;
+  driver.up();
+  EXPECT_FALSE(told("device: works again")) << "it may die at once";
+  driver.down(Reason::closed);
+  EXPECT_TRUE(told("device: works again"));
 }
 
 TEST_F(SessionTimeTest, ADeviceThatHasFailedOnceIsOpenedAtOnce) {
