@@ -36,7 +36,7 @@ class Listening final : public Port, private ConnectionSource {
   [[nodiscard]] bool keeps_datagrams() const override { return false; }
   [[nodiscard]] std::string name() const override { return "listening"; }
 
-  void finish(int exit_status) { listener().on_finished(exit_status); }
+  void ask_for_end(int exit_status) { listener().on_finished(exit_status); }
   void connect(MemoryPort::Peer& peer) { take(std::make_unique<MemoryPort>(peer), "somebody"); }
 
   bool is_open = false;
@@ -325,7 +325,7 @@ TEST_F(ConnectionsTest, AnEndThatTheDriversPortAsksForWhileOneIsUnderWayComplete
   connections->stop();
   run_ready();
   EXPECT_EQ(std::exchange(devices.came, std::nullopt), 0U);
-  listening->finish(exit_status::kRuntime);
+  listening->ask_for_end(exit_status::kRuntime);
   run_ready();
   EXPECT_EQ(devices.came, std::nullopt);
 }
