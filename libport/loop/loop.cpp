@@ -75,7 +75,6 @@ Loop::Loop(const Clock& clock, const Clock& machine)
       gate_(std::make_shared<Gate>(*io_)) {}
 Loop::~Loop() {
   gate_->shut();
-  urgent_events_.reset();
   sampler_.reset();
   file_events_.reset();
   // Handlers that are left go with the io_context, and may have timers.

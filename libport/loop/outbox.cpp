@@ -52,16 +52,14 @@ std::size_t Outbox::send(ByteView data) {
     const ByteView rest = data.subspan(sent);
     const ssize_t n = kind_ == Kind::socket ? ::send(fd_, rest.data(), rest.size(), MSG_NOSIGNAL)
                                             : ::write(fd_, rest.data(), rest.size());
-    if (n > 0) {
+    if (n >= 0) {
       sent += static_cast<std::size_t>(n);
-    } else if (n < 0 && errno == EINTR) {
-      continue;
-    } else if (n < 0 && errno != EAGAIN && errno != ENOMEM && errno != ENOBUFS) {
+    } else if (errno == EAGAIN || errno == ENOMEM || errno == ENOBUFS) {
+      break;
+    } else if (errno != EINTR) {
       broken_ = true;
       on_error_(errno, data.size() - sent);
       return data.size();  // a broken line takes everything and keeps nothing
-    } else {
-      break;
     }
   }
   return sent;

@@ -140,7 +140,7 @@ void StreamLine::received(ByteView data) {
 
 void StreamLine::read_pending() {
   std::size_t left = unread();
-  while (phase_ == Phase::up && reading_ && left > 0) {
+  while (phase_ == Phase::up && reading_) {  // where nothing is left, none is asked for and none comes
     const std::span<Byte> buffer = loop_->read_buffer();
     const ssize_t size = ::recv(fd_.get(), buffer.data(), std::min(left, buffer.size()), 0);
     if (size <= 0) return;

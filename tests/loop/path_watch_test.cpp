@@ -4,6 +4,8 @@
 #include <fstream>
 #include <memory>
 #include <optional>
+#include <string>
+#include <system_error>
 
 #include <gtest/gtest.h>
 
@@ -148,6 +150,18 @@ TEST_F(PathWatchTest, LinksThatLeadInACircleLeadNowhere) {
   make(top / "new");
   fs::rename(top / "new", top / "b");
   until_called();
+}
+
+TEST_F(PathWatchTest, AWayHasAsManyLinksAsTheKernelFollows) {
+  make(top / "0");
+  for (int n = 1; n <= 41; ++n) fs::create_symlink(std::to_string(n - 1), top / std::to_string(n));
+  wait_for(top / "40");
+  EXPECT_TRUE(watch->has_timer()) << "it leads to the file";
+  EXPECT_TRUE(fs::exists(top / "40"));
+  wait_for(top / "41");
+  EXPECT_FALSE(watch->has_timer()) << "it leads nowhere";
+  std::error_code error;
+  EXPECT_FALSE(fs::exists(top / "41", error));
 }
 
 TEST_F(PathWatchTest, WhileNothingIsThereNoTimerRuns) {

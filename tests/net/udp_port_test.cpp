@@ -317,6 +317,18 @@ TEST_F(UdpPortTest, EmptyDatagramsAreDroppedAndTold) {
   EXPECT_NE(book.text().find("1 empty datagrams"), std::string::npos) << book.text();
 }
 
+TEST_F(UdpPortTest, WhatCameWhileItWasClosedIsNotReadWhateverIsAmongIt) {
+  make_sending();
+  port->close();
+  peer.send_to(number, "");
+  peer.send_to(number, "old");
+  port->open();
+  peer.send_to(number, "new");
+  run_until(loop, [&] { return log.data.ends_with("new"); });
+  EXPECT_EQ(log.data, "new");
+  EXPECT_NE(book.text().find("2 datagrams came while it was closed"), std::string::npos) << book.text();
+}
+
 TEST_F(UdpPortTest, ADatagramThatCannotBeSentIsCountedAndTheLineStaysUp) {
   make("udp:255.255.255.255:9,recv_ip=127.0.0.1,recv_port=0");  // broadcasting is not allowed
   port->open();
