@@ -1,6 +1,5 @@
 #include "libport/tty/last_close.hpp"
 
-#include <cerrno>
 #include <sys/epoll.h>
 
 namespace porttape {
@@ -15,11 +14,7 @@ LastClose::LastClose(int master) : epoll_(::epoll_create1(EPOLL_CLOEXEC)) {
 bool LastClose::take() {
   if (!epoll_) return false;
   epoll_event event{};
-  int count = 0;
-  do {
-    count = ::epoll_wait(epoll_.get(), &event, 1, 0);
-  } while (count < 0 && errno == EINTR);
-  return count > 0 && (event.events & EPOLLHUP) != 0;
+  return ::epoll_wait(epoll_.get(), &event, 1, 0) > 0 && (event.events & EPOLLHUP) != 0;
 }
 
 }  // namespace porttape

@@ -28,8 +28,6 @@ namespace fs = std::filesystem;
 // linux/mount.h of 6.5 and later.
 constexpr unsigned kMoveMountBeneath = 0x200;
 
-constexpr int kMostLayers = 100;  // of dead mounts, one on the other
-
 Error bind_error(const std::string& path, std::string_view what) {
   return make_error(Errc::usage, fmt::format("option 'bind': {}: {}", in_quotes(path), what));
 }
@@ -93,9 +91,9 @@ UniqueFd open_name(int folder, const std::string& name) {
   return UniqueFd(::openat(folder, name.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
 }
 
-// Mounts that killed programs left there.
+// Mounts that killed programs left there, one on the other.
 void unmount_dead(int folder, const std::string& name) {
-  for (int n = 0; n < kMostLayers; ++n) {
+  for (;;) {
     const auto mounted = mounted_on(folder, name);
     if (!mounted || !is_dead(*mounted)) return;
     const UniqueFd last = open_name(folder, name);

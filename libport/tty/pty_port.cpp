@@ -202,7 +202,7 @@ void PtyPort::watch_reading() {
 
 // Without reading, its end is not seen behind the bytes that it left.
 void PtyPort::look_unread() {
-  if (!peer_ || !line_ || !accepting_ || reading_) return;
+  if (!peer_ || !line_ || reading_) return;
   const Instant now = context_.loop->now();
   line_->master_watch.watch_hang_up(false);  // it would be told again and again
   if (line_->pty.open_now()) {  // another one has come, or a flush is to be read: it looks the same

@@ -369,14 +369,12 @@ void SerialPort::close_elsewhere(Line& left, std::vector<LineSettings> to_make) 
       });
   if (taken) return;
   --closing_;
-  int unsent = 0;
-  if (::ioctl(line->fd.get(), TIOCOUTQ, &unsent) != 0) unsent = 0;
+  const std::size_t unsent = calls_->unsent(line->fd.get());
   (void)::tcflush(line->fd.get(), TCOFLUSH);
   line->waits = false;
   leave(*line);
   if (unsent > 0) {
-    listener().on_dropped(static_cast<std::uint64_t>(unsent),
-                          "no thread was to be had to wait until the device has sent them");
+    listener().on_dropped(unsent, "no thread was to be had to wait until the device has sent them");
   }
 }
 

@@ -165,7 +165,7 @@ bool wait_until_sent(int fd, Nanos patience, const std::atomic<bool>& hurry) {
   int left = 0;
   if (::ioctl(fd, TIOCOUTQ, &left) != 0) return false;
   auto got_on = machine_clock().now();
-  for (int before = 0; ::ioctl(fd, TIOCOUTQ, &left) == 0 && left > 0; before = left) {
+  for (int before = left; ::ioctl(fd, TIOCOUTQ, &left) == 0 && left > 0; before = left) {
     const auto now = machine_clock().now();
     if (left != before) got_on = now;
     if (now - got_on >= (hurry ? shortest : std::max(shortest, patience))) return false;

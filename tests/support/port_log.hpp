@@ -25,6 +25,7 @@ class PortLog final : public PortListener {
   void on_data(ByteView bytes) override {
     data += as_text(bytes);
     ++calls;
+    if (on_bytes) on_bytes();
   }
   void on_arrivals(ByteView bytes, std::span<const std::size_t> ends) override {
     arrivals += ends.size();
@@ -94,6 +95,7 @@ class PortLog final : public PortListener {
   int calls = 0;                                 // that brought bytes,
   std::size_t arrivals = 0;                      // and arrivals in those of on_arrivals
   Answers answers = Answers::until_it_is_quiet;  // what on_ended gives
+  std::function<void()> on_bytes;                // what it does when some have come
   bool peer_half_closes = false;
   bool wanted = false;                       // what wants_rest gives
   std::optional<std::size_t> peer_unread{};  // what unread gives

@@ -6,6 +6,7 @@
 #include <fcntl.h>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <linux/filter.h>
 #include <linux/seccomp.h>
 #include <memory>
@@ -234,8 +235,11 @@ TEST_F(PtyBindTest, WhatReplacedItsFileIsNotMountedOn) {
     ASSERT_EQ(::umount2(path.c_str(), MNT_DETACH), 0);
     fs::remove(path);
     make_file("");
+    const auto descriptors = [] { return std::distance(fs::directory_iterator("/proc/self/fd"), {}); };
+    const auto before = descriptors();
     const Result<void> moved = bind->retarget(pty.slave_path());
     ASSERT_FALSE(moved.has_value());
+    EXPECT_EQ(descriptors(), before - 1) << "that of what is mounted no more is closed";
     EXPECT_EQ(moved.error().message,
               "option 'bind': '" + path + "': something else is there by now; it is left alone");
   }

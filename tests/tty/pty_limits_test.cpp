@@ -174,6 +174,7 @@ TEST_F(PtyLimits, APtyThatCannotBeMadeIsTriedAgainEverLaterUpToFiveSeconds) {
     }
   }
   EXPECT_EQ(book.text().find("is dead until"), book.text().rfind("is dead until")) << "once";
+  EXPECT_TRUE(told("Too many open files; pty:" + link + " is dead until that is mended")) << book.text();
   pass(seconds(5));
   EXPECT_TRUE(told("there is a pty for it again")) << book.text();
   driver = open_it();

@@ -449,6 +449,46 @@ TEST_F(PtyPortTest, ADriverThatFlushesItsInputDropsWhatWeQueued) {
   EXPECT_FALSE(port.congested());
 }
 
+// What the kernel keeps behind a full line comes in as the driver's own flush makes room.
+TEST_F(PtyPortTest, ADriverThatFlushesItsInputDropsWhatTheKernelHasQueuedToo) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  port.write(as_bytes(std::string(2 * 4095, 'q')));
+  EXPECT_FALSE(port.congested());
+  pollfd line{fd.get(), POLLIN, 0};
+  ASSERT_EQ(::poll(&line, 1, -1), 1);
+  ASSERT_EQ(::tcflush(fd.get(), TCIFLUSH), 0);
+  until("up flush_in ");
+  EXPECT_EQ(::poll(&line, 1, 0), 0);
+}
+
+TEST_F(PtyPortTest, WhatIsReadAtTheEndIsBehindAFlushToo) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  ASSERT_EQ(::tcflush(fd.get(), TCIFLUSH), 0);
+  ASSERT_EQ(::write(fd.get(), "last", 4), 4);
+  port.read_pending();
+  EXPECT_EQ(log.events, "up flush_in ");
+  EXPECT_EQ(log.data, "last");
+}
+
+TEST_F(PtyPortTest, ADriverThatGoesOnWritingDoesNotHoldUpTheEnd) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  constexpr std::size_t kEnough = std::size_t{1} << 20;
+  const std::string block(1000, 'w');
+  log.on_bytes = [&] {
+    if (log.data.size() < kEnough) (void)!::write(fd.get(), block.data(), block.size());
+  };
+  log.on_bytes();
+  port.read_pending();
+  EXPECT_GE(log.data.size(), std::size_t{64} << 10) << "as much as a pty can hold";
+  EXPECT_LT(log.data.size(), kEnough);
+}
+
 TEST_F(PtyPortTest, AFlushOfTheDriversIsTold) {
   start();
   const UniqueFd fd = driver();

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <fcntl.h>
+#include <filesystem>
 #include <map>
 #include <string>
 #include <string_view>
@@ -45,6 +46,20 @@ TEST_F(SerialDeviceTest, WhatItIsInsteadIsSaid) {
   EXPECT_EQ(prepare_error(dir / "none").message,
             "device '" + (dir / "none") +
                 "': No such file or directory; is it plugged in? (--wait-device waits for it)");
+}
+
+TEST_F(SerialDeviceTest, WhatItHasBecomeByTheOpenIsNotTaken) {
+  const test::TempDir dir;
+  const std::string link = dir / "ttyX";
+  std::filesystem::create_symlink(path, link);
+  make_port({{"device", link}});
+  ASSERT_TRUE(port->prepare().has_value());
+  std::filesystem::remove(link);
+  test::write_file(link, {});
+  port->open();
+  EXPECT_EQ(log.events, "failed ");
+  EXPECT_EQ(log.error.code, Errc::device_missing);
+  EXPECT_EQ(log.error.message, "device '" + link + "' is not a serial device");
 }
 
 TEST_F(SerialDeviceTest, OneThatIsMissingIsSaidOnceWhereItIsWaitedFor) {

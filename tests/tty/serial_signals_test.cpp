@@ -329,6 +329,7 @@ TEST_F(SerialSignalsTest, WhatTheDriverDroveIsDrivenAgainWhenTheDeviceComesBack)
   start({{"device", link}, {"alwaysopen", "1"}, {"baud", "4800"}});
   port->signal({Name::dtr, true});
   port->signal({Name::rts, false});
+  port->signal({Name::cts, false});  // which the device drives
   std::string told;
   ask(made_rs485(3), told);
   until_journal("[dtr+][rts-][set rs485]");

@@ -422,5 +422,16 @@ TEST_F(SettingsQueueTest, ThoseThatDrainCanBeLetGo) {
   EXPECT_FALSE(loop.next_timer());
 }
 
+TEST_F(SettingsQueueTest, ThoseThatAreLetGoWhileTheUartSendsTheirLastBytesAreDoneOnce) {
+  int done = 0;
+  queue->drain([&done] { ++done; });
+  queue->end_drains();
+  int next = 0;
+  queue->drain([&next] { ++next; });
+  settle(loop);
+  EXPECT_EQ(done, 1);
+  EXPECT_EQ(next, 1);
+}
+
 }  // namespace
 }  // namespace porttape

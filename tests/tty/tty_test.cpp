@@ -7,6 +7,9 @@
 #include <atomic>
 #include <chrono>
 #include <fcntl.h>
+#include <filesystem>
+#include <fmt/format.h>
+#include <fstream>
 #include <optional>
 #include <string>
 #include <sys/ioctl.h>
@@ -252,6 +255,17 @@ TEST(TtyDevice, IsToldByItsNumber) {
   EXPECT_NE(is_tty_device(gnu_dev_makedev(1, 3)), true) << "/dev/null is none";
   EXPECT_NE(is_tty_device(gnu_dev_makedev(135, 0)), true);
   EXPECT_NE(is_tty_device(gnu_dev_makedev(144, 0)), true);
+}
+
+TEST(TtyDevice, OfADriverOfItsOwnIsKnownBySysfs) {
+  unsigned major_number = 0;
+  unsigned minor_number = 0;
+  char colon = ' ';
+  std::ifstream("/sys/class/tty/tty/dev") >> major_number >> colon >> minor_number;
+  const std::string place = fmt::format("/sys/dev/char/{}:{}", major_number, minor_number);
+  if (!std::filesystem::exists(place)) GTEST_SKIP() << "there is no sysfs here";
+  EXPECT_EQ(is_tty_device(gnu_dev_makedev(major_number, minor_number)), true);
+  EXPECT_EQ(is_tty_device(gnu_dev_makedev(1, 3)), false) << "/dev/null is none";
 }
 
 }  // namespace
