@@ -449,20 +449,6 @@ TEST_F(PtyPortTest, ADriverThatFlushesItsInputDropsWhatWeQueued) {
   EXPECT_FALSE(port.congested());
 }
 
-// What the kernel keeps behind a full line comes in as the driver's own flush makes room.
-TEST_F(PtyPortTest, ADriverThatFlushesItsInputDropsWhatTheKernelHasQueuedToo) {
-  start();
-  const UniqueFd fd = driver();
-  until("up ");
-  port.write(as_bytes(std::string(2 * 4095, 'q')));
-  EXPECT_FALSE(port.congested());
-  pollfd line{fd.get(), POLLIN, 0};
-  ASSERT_EQ(::poll(&line, 1, -1), 1);
-  ASSERT_EQ(::tcflush(fd.get(), TCIFLUSH), 0);
-  until("up flush_in ");
-  EXPECT_EQ(::poll(&line, 1, 0), 0);
-}
-
 TEST_F(PtyPortTest, WhatIsReadAtTheEndIsBehindAFlushToo) {
   start();
   const UniqueFd fd = driver();
