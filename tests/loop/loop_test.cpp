@@ -1,14 +1,19 @@
 #include "libport/loop/loop.hpp"
 
+#include <array>
 #include <chrono>
 #include <fcntl.h>
+#include <functional>
+#include <optional>
 #include <thread>
+#include <unistd.h>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/fd_watch.hpp"
+#include "libport/loop/patience.hpp"
 #include "libport/loop/stall_watch.hpp"
 #include "libport/loop/timer.hpp"
 #include "tests/support/time_bound.hpp"
@@ -90,6 +95,52 @@ TEST(LoopStalls, AWaitForTheFirstEventIsNone) {
   loop.run();
   EXPECT_TRUE(done);
   EXPECT_IN_TIME(loop.stalls_since(Instant{}).empty());
+}
+
+// A clock that each look moves on by a microsecond.
+class LookedAt final : public Clock {
+ public:
+  [[nodiscard]] Instant now() const override {
+    if (left > 0 && --left == 0) on_last();
+    return at(1) + std::chrono::microseconds(++looks);
+  }
+  [[nodiscard]] WallTime wall() const override { return {}; }
+  [[nodiscard]] std::optional<Instant> machine_time(Instant) const override { return std::nullopt; }
+
+  mutable int looks = 0;
+  mutable int left = 0;
+  std::function<void()> on_last;  // which happens within the last of so many
+};
+
+TEST(LoopPolls, InAConversationTheNextEventIsLookedForWithoutASleep) {
+  LookedAt looked;
+  Loop loop(machine_clock(), looked);
+  std::array<int, 2> ends{};
+  ASSERT_EQ(::pipe2(ends.data(), O_NONBLOCK | O_CLOEXEC), 0);
+  const UniqueFd in(ends[0]);
+  const UniqueFd out(ends[1]);
+  const auto say = [&out] { EXPECT_EQ(::write(out.get(), "x", 1), 1); };
+  looked.on_last = say;
+  int heard = 0;
+  FdWatch watch(loop, in.get(), [&] {
+    char byte = 0;
+    ASSERT_EQ(::read(in.get(), &byte, 1), 1);
+    ++heard;
+    if (heard < 2 * Patience::kShortWaitsInARow) return say();
+    if (heard > 2 * Patience::kShortWaitsInARow) return loop.stop();
+    looked.left = 10;  // while it sleeps nobody looks at the clock
+  });
+  watch.watch_readable(true);
+  bool slept = false;
+  Timer wake(loop, [&] {
+    slept = true;
+    loop.stop();
+  });
+  wake.set_after(std::chrono::seconds(10));
+  say();
+  loop.run();
+  EXPECT_FALSE(slept);
+  EXPECT_EQ(heard, 2 * Patience::kShortWaitsInARow + 1);
 }
 
 // A regular file has no events: the kernel refuses to watch it.
