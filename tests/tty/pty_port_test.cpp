@@ -449,6 +449,22 @@ TEST_F(PtyPortTest, ADriverThatFlushesItsInputDropsWhatWeQueued) {
   EXPECT_FALSE(port.congested());
 }
 
+// The kernel drops what the line discipline has, and goes on with what that had no room for.
+TEST_F(PtyPortTest, ADriverThatFlushesWithNewSettingsDropsWhatHadNoRoomToo) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  port.write(as_bytes(std::string(2 * 4095, 'q')));
+  EXPECT_FALSE(port.congested());
+  pollfd line{fd.get(), POLLIN, 0};
+  ASSERT_EQ(::poll(&line, 1, -1), 1);
+  termios same{};
+  ASSERT_EQ(::tcgetattr(fd.get(), &same), 0);
+  ASSERT_EQ(::tcsetattr(fd.get(), TCSAFLUSH, &same), 0);
+  until("up flush_in ");
+  EXPECT_EQ(::poll(&line, 1, 0), 0);
+}
+
 TEST_F(PtyPortTest, WhatIsReadAtTheEndIsBehindAFlushToo) {
   start();
   const UniqueFd fd = driver();
