@@ -1,11 +1,13 @@
 #include <algorithm>
 #include <cerrno>
+#include <cstddef>
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
 #include <functional>
 #include <map>
 #include <memory>
+#include <pthread.h>
 #include <string>
 #include <sys/file.h>
 #include <sys/ioctl.h>
@@ -300,6 +302,44 @@ TEST_F(SerialSignalsTest, WithoutADescriptorABreakThatWouldHaveToWaitIsLeftOut) 
   EXPECT_EQ(line->journal(), "[break-]");
   EXPECT_EQ(told, "0,0,0 ") << "not the device's error";
   EXPECT_EQ(times_told("a break is left out, since the device does not take the bytes before it"), 1U);
+}
+
+// While it lives, no thread can be started: a stack of that size is not to be had.
+class NoThreads {
+ public:
+  NoThreads() {
+    EXPECT_EQ(::pthread_getattr_default_np(&before_), 0);
+    pthread_attr_t none;
+    EXPECT_EQ(::pthread_getattr_default_np(&none), 0);
+    EXPECT_EQ(::pthread_attr_setstacksize(&none, std::size_t{1} << 60), 0);
+    EXPECT_EQ(::pthread_setattr_default_np(&none), 0);
+    ::pthread_attr_destroy(&none);
+  }
+  ~NoThreads() {
+    ::pthread_setattr_default_np(&before_);
+    ::pthread_attr_destroy(&before_);
+  }
+  NoThreads(const NoThreads&) = delete;
+  NoThreads& operator=(const NoThreads&) = delete;
+
+ private:
+  pthread_attr_t before_{};
+};
+
+TEST_F(SerialSignalsTest, WithoutAThreadTheCloseWaitsForNothingAndTellsWhatThatCost) {
+  start();
+  line->queued = 3;
+  const NoThreads none;
+  port->close();
+  EXPECT_EQ(log.dropped, 3U);
+  EXPECT_EQ(log.why, "no thread was to be had to wait until the device has sent them");
+}
+
+TEST_F(SerialSignalsTest, WithoutAThreadTheCloseOfALineThatHasSentAllCostsNothing) {
+  start();
+  const NoThreads none;
+  port->close();
+  EXPECT_EQ(log.why, "");
 }
 
 TEST_F(SerialSignalsTest, ABreakThatTheDriverLeftEndsWhenItCloses) {
