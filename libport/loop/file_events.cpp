@@ -215,6 +215,7 @@ void FileEvents::wake() {
 
 // Others' events came along with those that were asked for.
 void FileEvents::wake_soon() {
+  std::erase_if(pending_, [](const auto& entry) { return entry->gone || entry->events.empty(); });
   if (!pending_.empty()) loop_->within(nullptr, [this] { loop_->post([this] { wake(); }); });
 }
 

@@ -66,6 +66,16 @@ TEST_F(FileEventsTest, TheLoopCallsForWhatIsNotTaken) {
   EXPECT_EQ(watch->take(), (Events{Event::opened, Event::closed}));
 }
 
+TEST_F(FileEventsTest, ForWhatIsTakenTheLoopHasNothingToDo) {
+  const auto watch = watch_file();
+  settle(loop);
+  open_and_close();
+  EXPECT_EQ(watch->take(), (Events{Event::opened, Event::closed}));
+  loop.restart();
+  EXPECT_FALSE(loop.poll_one());
+  EXPECT_EQ(calls, 0);
+}
+
 TEST_F(FileEventsTest, MoreThanOneReadOfTheKernelsEventsIsTold) {
   const auto watch = watch_file();
   open_and_close(200);
