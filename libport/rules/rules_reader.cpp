@@ -392,7 +392,7 @@ class RulesReader {
     if (place.to && (*place.to < 0) == (place.at < 0) && *place.to <= place.at)
       table.wrong("to",
                   fmt::format("is {}, and 'at' is {}; accepted: a position behind it", *place.to, place.at));
-    if (place.size && place.at < 0 && place.at + *place.size > 0)
+    if (place.at < 0 && place.at + place.size.value_or(0) > 0)
       table.wrong("size", fmt::format("is {}, and from 'at' = {} to the frame's end there are {}",
                                       *place.size, place.at, -place.at));
     if (const auto column = table.integer("column", 0, 1000)) {

@@ -44,7 +44,7 @@ std::string kind_of(const toml::node& node) {
 }  // namespace
 
 toml::parse_result parse_toml(std::string text, const std::string& file) {
-  for (std::size_t at = text.starts_with("\xEF\xBB\xBF") ? 3 : 0; at < text.size();) {
+  for (std::size_t at = text.starts_with("\xEF\xBB\xBF") ? 3 : 0; at != text.size();) {
     const std::size_t end = end_of_text(text, at);
     const bool quote = text[at] == '"' || text[at] == '\'';
     const bool inside =
@@ -52,6 +52,7 @@ toml::parse_result parse_toml(std::string text, const std::string& file) {
     if (inside || (end == at && static_cast<unsigned char>(text[at]) >= 0x80)) {
       text[at] = '?';
       text.resize(at + 1);  // what follows is read no more
+      break;
     }
     at = std::max(end, at + 1);
   }

@@ -51,7 +51,7 @@ TEST(RuleBookTest, EachRuleSaysWhatIsWrong) {
 TEST(RuleBookTest, ACounterGoesOnAsTheTapesDoes) {
   const RuleBook book = book_of("at=0\nto=-1\ncounter=true\ntype='decimal'\n");
   RuleBook::Counted counted;
-  const auto judged = [&](std::string_view recorded, std::string_view came) {
+  const auto judged = [&](const std::string& recorded, const std::string& came) {
     const auto is = book.judge(0, as_bytes(recorded), as_bytes(came), counted);
     return is.right ? std::string("right") : is.why;
   };
@@ -247,6 +247,16 @@ TEST_F(RuleRepliesAlone, ARequestThatWasLeftOutIsNoRequest) {
   EXPECT_EQ(answer("A1\n"), "A1\n");
 }
 
+TEST_F(RuleRepliesAlone, WhatComesInThePlaceOfOneThatWasLeftOutIsTheNextRequest) {
+  asked("x\nT1\n", "T8\n");
+  EXPECT_EQ(answer("A1\n"), "A8\n");
+}
+
+TEST_F(RuleRepliesAlone, ManyFramesMayComeAtOnce) {
+  asked("a\nb\nc\nT1\n", "a\nb\nc\nT7\n");
+  EXPECT_EQ(answer("A1\n"), "A7\n");
+}
+
 TEST_F(RuleRepliesAlone, WhatMayBeRepeatedIsNotTakenForARequest) {
   asked("T1\n", "keep\nT7\n");
   EXPECT_EQ(answer("A1\n"), "A7\n");
@@ -264,6 +274,13 @@ TEST_F(RuleRepliesAlone, AnotherPlaceOnTheTapeBeginsAnew) {
   offset = 100;
   asked("T1\n", "T5\n");
   EXPECT_EQ(answer("A1\n"), "A5\n");
+}
+
+TEST_F(RuleRepliesAlone, ARequestCountsAlthoughTheTapeGoesOnElsewhere) {
+  asked("T1\n", "T7\n");
+  offset += 100;
+  asked("x\n", "x\n");
+  EXPECT_EQ(answer("A1\n"), "A7\n");
 }
 
 TEST_F(RuleRepliesAlone, ABeginForgetsAll) {

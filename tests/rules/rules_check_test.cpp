@@ -141,6 +141,16 @@ TEST(RulesCheckTest, ARequestWithoutTheReplysPlaceIsNoUse) {
   EXPECT_TRUE(report.any_trouble());
 }
 
+TEST(RulesCheckTest, OfAnExchangeTheFirst4096RequestsMayBeMeant) {
+  const auto uses = [](std::size_t before) {
+    std::string requests;
+    for (std::size_t i = 0; i < before; ++i) requests += "x\n";
+    return checked(kReply, MemoryTape().write(1, requests + "T1\n").read(2, "A11\n")).replies[0].count;
+  };
+  EXPECT_EQ(uses(4095), 1U);
+  EXPECT_EQ(uses(4096), 0U);
+}
+
 TEST(RulesCheckTest, TheLastAnswerCountsToo) {
   EXPECT_EQ(checked(kReply, MemoryTape().write(1, "T1\n").read(2, "A11\n")).replies[0].count, 1U);
   EXPECT_EQ(checked(kReply, MemoryTape().write(1, "T1\n")).replies[0].count, 0U);

@@ -168,6 +168,8 @@ TEST(RulesWordsTest, OfARule) {
   const std::vector<std::pair<std::string, std::string>> known = {
       {"at=0\nto=0\nignore=true\n",
        "f:8: key 'to'" + in + "is 0, and 'at' is 0; accepted: a position behind it"},
+      {"at=5\nto=3\nignore=true\n",
+       "f:8: key 'to'" + in + "is 3, and 'at' is 5; accepted: a position behind it"},
       {"at=-4\nto=-4\nignore=true\n",
        "f:8: key 'to'" + in + "is -4, and 'at' is -4; accepted: a position behind it"},
       {"at=-1\nsize=2\nignore=true\n",
@@ -216,6 +218,13 @@ TEST(RulesWordsTest, OfARule) {
   EXPECT_EQ(said_of("[[rule]]\nat=0\nignore=true\n"), "f:1: [[rule]] lacks 'name': a name of its own");
   EXPECT_EQ(of_rule("at=0\nignore=true\n[[rule]]\nname='r'\nat=0\nignore=true\n"),
             "f:10: key 'name' of [[rule]] 'r' is that of an earlier rule; accepted: one of its own");
+}
+
+TEST(RulesWordsTest, TheNameOfAFrameThatIsMeantIsSuggested) {
+  EXPECT_EQ(said_of("[[frame]]\nname='status'\nkind='delimited'\nend='x'\n"
+                    "[[rule]]\nname='r'\nframe='sttaus'\nat=0\nignore=true\n"),
+            "f:7: key 'frame' of [[rule]] 'r' is 'sttaus', and there is no [[frame]] of that name; did you mean "
+            "'status'?");
 }
 
 TEST(RulesWordsTest, OfAReply) {
