@@ -76,9 +76,10 @@ Result<std::size_t> FileSource::read_at(std::uint64_t offset, std::span<Byte> in
   while (done < into.size()) {
     const ssize_t got =
         ::pread(fd_.get(), into.data() + done, into.size() - done, static_cast<off_t>(offset + done));
-    if (got == 0) break;
     if (got > 0) {
       done += static_cast<std::size_t>(got);
+    } else if (got == 0) {
+      break;
     } else if (errno != EINTR) {
       return make_error(Errc::io, "cannot read " + name_ + " at offset " + std::to_string(offset + done) +
                                       ": " + errno_text(errno));

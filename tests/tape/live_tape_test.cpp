@@ -127,6 +127,17 @@ class LiveTapeTest : public testing::Test {
       tape.note([](TapeWriter&) {});
     }
   }
+  // A block whose write takes longer than the caller ever waits again.
+  void block_late(LiveTape& tape, std::int64_t us) {
+    disk->hang();
+    std::thread later([this] {
+      disk->wait_until_reached();
+      clock.pass(LiveTape::kHungWrite * 3 / 2);
+      disk->go_on();
+    });
+    tape.block(Direction::read, tape_time_us(us), as_bytes("late"));
+    later.join();
+  }
   void finish(LiveTape& tape, std::int64_t us) {
     tape.finish(tape_time_us(us));
     wait_for_news([&] { return tape.status().over(); });
@@ -172,14 +183,7 @@ TEST_F(LiveTapeTest, TheCallerWritesItselfWhileTheDiskAnswers) {
 TEST_F(LiveTapeTest, AfterOneLongWriteTheCallerNeverWaitsAgain) {
   const auto tape = make_tape();
   wait_until_direct(*tape);
-  disk->hang();
-  std::thread later([this] {
-    disk->wait_until_reached();
-    clock.pass(LiveTape::kHungWrite * 3 / 2);
-    disk->go_on();
-  });
-  tape->block(Direction::read, tape_time_us(10), as_bytes("late"));
-  later.join();
+  block_late(*tape, 10);
   EXPECT_EQ(tape->status().phase, Phase::queued);
   EXPECT_GE(tape->status().slowest, LiveTape::kHungWrite);
 
@@ -195,6 +199,21 @@ TEST_F(LiveTapeTest, AfterOneLongWriteTheCallerNeverWaitsAgain) {
   EXPECT_EQ(tape->status().error, std::nullopt);
   EXPECT_EQ(records().size(), 1U + 40U + 1U);
   EXPECT_LE(disk->appends[0] - before[0], 2) << "what gathers is written in one go";
+}
+
+TEST_F(LiveTapeTest, AfterALongWriteOfTheQueueBothFilesAreWrittenWhole) {
+  const auto tape = make_tape();
+  wait_until_direct(*tape);
+  block_late(*tape, 10);
+  disk->hang();
+  tape->block(Direction::read, tape_time_us(20), as_bytes("queued"));
+  disk->wait_until_reached();
+  clock.pass(LiveTape::kHungWrite * 3 / 2);
+  tape->block(Direction::read, tape_time_us(30), as_bytes("r"));
+  tape->block(Direction::write, tape_time_us(31), as_bytes("w"));
+  disk->go_on();
+  finish(*tape, 100);
+  EXPECT_THAT(records(), ElementsAre("r 10 late", "r 20 queued", "r 30 r", "w 31 w", "end 100"));
 }
 
 TEST_F(LiveTapeTest, AnotherTapeOfASlowDiskGoesOverAQueueToo) {

@@ -157,7 +157,10 @@ TEST_F(RefusedCalls, WithoutUnnamedFilesSomebodyElsesFileStaysToo) {
       auto made = NewFile::create(file, false);
       ASSERT_TRUE(made && made->add(std::string_view("ours")));
       test::write_file(file, test::bytes_of("theirs"));
-      EXPECT_THAT(made->finish().error().message, HasSubstr("made by somebody else meanwhile"));
+      const Result<void> finished = made->finish();
+      ASSERT_FALSE(finished);
+      EXPECT_EQ(finished.error().code, Errc::usage) << "the caller may name another file";
+      EXPECT_THAT(finished.error().message, HasSubstr("made by somebody else meanwhile"));
     }));
     EXPECT_THAT(names(), ElementsAre("file"));
     EXPECT_EQ(content_of(file), "theirs");

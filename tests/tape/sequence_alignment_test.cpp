@@ -59,6 +59,14 @@ TEST(SequenceAlignment, PairsWhatIsEqualInOrder) {
   EXPECT_THAT(align(letters("xy"), letters("ab")), ElementsAre(none, none));
 }
 
+TEST(SequenceAlignment, WhatHasNothingToBePairedWithTakesNoEffort) {
+  for (const auto& [one, other] : {std::pair("", "xyz"), {"xyz", ""}, {"ab", "axb"}, {"axb", "ab"}}) {
+    AlignmentEffort effort{100};
+    (void)align_sequences(letters(one), letters(other), effort);
+    EXPECT_EQ(effort.steps, 100U) << one << " and " << other;
+  }
+}
+
 TEST(SequenceAlignment, OfShortOnesAsManyAsCanBe) {
   std::mt19937 random(20260201);
   for (int round = 0; round < 2000; ++round) {

@@ -56,6 +56,14 @@ TEST(TapeSummary, AnAnswerBehindAReopenIsNone) {
   EXPECT_EQ(tape.events.count<event::Open>(), 1U);
 }
 
+TEST(TapeSummary, TheZeroThatAnEventTellsIsInTheHeader) {
+  const std::string mark = "{\"t_us\":1,\"event\":\"mark\"}\n";
+  const std::string zero = R"({"t_us":2,"event":"zero","wall":"2024","monotonic_us":7,"boot":"b"})";
+  const std::string later = "{\"t_us\":3,\"event\":\"mark\"}\n";
+  EXPECT_FALSE(summary_of({}, {}, mark).events.header->zero);
+  EXPECT_EQ(summary_of({}, {}, mark + zero + "\n" + later).events.header->zero, (TapeZero{"2024", 7, "b"}));
+}
+
 TEST(TapeSummary, GapsAreAddedUp) {
   const TapeSummary tape = summary_of(
       {}, {}, "{\"t_us\":1,\"event\":\"gap\",\"bytes\":5}\n{\"t_us\":2,\"event\":\"gap\",\"bytes\":6}\n");

@@ -93,6 +93,15 @@ TEST(TurnReader, OfAnyTapeNoByteIsLostAndLongRunsAreCutAlike) {
   EXPECT_LE(fresh, 2);
 }
 
+TEST(TurnReader, TellsHowManyBytesOfTheFilesItHasRead) {
+  const MemoryTape tape = MemoryTape().write(100, "ask").read(150, "answer");
+  test::MemorySource source(tape, test::MemorySource::Select::merged, 4);
+  std::vector<std::uint64_t> told;
+  TurnReader reader(source, {.progress = [&told](std::uint64_t bytes) { told.push_back(bytes); }});
+  ASSERT_TRUE(reader.next());
+  EXPECT_THAT(told, ElementsAre(15, 31, 33)) << "each block has 12 bytes before its data";
+}
+
 TEST(TurnReader, CountsExchangesAndKeepsTheBytesOfRandomTapes) {
   std::mt19937 random(6);
   for (int round = 0; round < 300; ++round) {
