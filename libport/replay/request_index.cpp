@@ -168,17 +168,11 @@ bool RequestIndex::may_come_for(std::uint32_t exchange, ByteView came) {
   std::size_t used = 0;
   std::size_t taken = 0;
   bool goes_on = false;
-  while (used < size && (taken < came.size() || goes_on)) {
+  while (used < size) {
     const Expectation::Held held = comparison.hold(stretch(exchange, used), came.subspan(taken));
     if (held.differs || (held.recorded == 0 && held.came == 0)) return false;
     used += held.recorded;
     taken += held.came;
-    goes_on = held.goes_on;
-  }
-  while (used < size && taken == came.size()) {
-    const Expectation::Held held = comparison.hold(stretch(exchange, used), {});
-    if (held.differs || held.recorded == 0) return false;
-    used += held.recorded;
     goes_on = held.goes_on;
   }
   return used == size && taken == came.size() && !goes_on;

@@ -67,6 +67,8 @@ TEST(CauseKind, OfTheBytesOfARequest) {
   EXPECT_EQ(told(laser(), {"VV\n", "PX\n"}), "changed");
   EXPECT_EQ(told(laser(), {"VV\n", "pp\n"}), "letter-case");
   EXPECT_EQ(told(laser(), {"VV\n", "PP\n", "II\n", "BM\n", "GD0045\n"}), "off-by-one?");
+  EXPECT_EQ(told(laser(), {"VV\n", "PP\n", "II\n", "BM\n", "GD0043\n"}), "off-by-one?");
+  EXPECT_EQ(told(laser(), {"VV\n", "PP\n", "II\n", "BM\n", "GD0046\n"}), "changed");
   EXPECT_EQ(told(laser(), {"VV\n", "PP", "II\n"}), "terminator");
   EXPECT_EQ(told(laser(), {"VV\n", "PP\r\n"}), "terminator");
   EXPECT_EQ(told(modbus(), {std::string("\x01\x03\x00\x00\x00\x02\xc4\x0c", 8)}), "checksum");

@@ -274,6 +274,14 @@ TEST(Drive, ADeviceThatHangsUpAsRecordedIsAsRecorded) {
   }
 }
 
+TEST(Drive, AHangUpOfTheDeviceIsDueAtOnce) {
+  Rig rig(two_questions(), driving());
+  rig.open().until(1'000);
+  EXPECT_EQ(rig.deadline_us(), std::nullopt);
+  rig.engine.on_line_ended(rig.now());
+  EXPECT_EQ(rig.deadline_us(), rig.now_us());
+}
+
 TEST(Drive, ADeviceThatHangsUpEarlierEndsTheRun) {
   Rig rig(two_questions(), driving());
   rig.open().until(1'000).write("answer").line_ended();

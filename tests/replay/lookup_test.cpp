@@ -190,6 +190,15 @@ TEST(Lookup, AnUnknownRequestIsAMismatchAndFails) {
   EXPECT_EQ(mismatch.write, 1U);
 }
 
+TEST(Lookup, OfALongRequestTheLast32BytesBeforeTheDifferenceAreShown) {
+  const std::string same(40, 'a');
+  Rig rig(MemoryTape().write(0, same + "Q1" + same).read(1'000, "A"), lookup(OnMismatch::fail));
+  rig.open().write(same + "Q2" + same);
+  ASSERT_EQ(rig.mismatches.size(), 1U);
+  EXPECT_EQ(as_text(rig.mismatches[0].before), same.substr(0, 31) + "Q");
+  EXPECT_EQ(as_text(rig.mismatches[0].expected), "1" + same.substr(0, 31));
+}
+
 TEST(Lookup, UnderWarnAnUnknownRequestGoesToTheNextPauseAndHasNoAnswer) {
   Rig rig(two_polls(), lookup());
   rig.open().write("X").write("Q1\r").wait(100'000);

@@ -283,6 +283,18 @@ TEST(Loops, AReopenBetweenThemIsOfTheRun) {
   EXPECT_EQ(rig.report->playback.loops_complete, 3U);
 }
 
+TEST(Loops, ForADriverThatIsFasterThanTheRecordedOneTheNextBeginsEarlier) {
+  const auto tape = MemoryTape().write(100, "a").read(200, "A").write(60'000'000, "b");
+  Rig rig(tape, looped(3));
+  rig.open();
+  for (int n = 0; n < 3; ++n) rig.write("a").wait(1'000).write("b").wait(10'000);
+  EXPECT_EQ(rig.read(), "AAA");
+  Rig other(MemoryTape().write(100, "a").read(200, "A").event(60'000'000, event::Mark{"m"}), looped(3));
+  other.open();
+  for (int n = 0; n < 3; ++n) other.write("a").wait(10'000);
+  EXPECT_EQ(other.read(), "AAA");
+}
+
 TEST(Loops, ForEverACloseAtTheEndOfOneEndsTheRun) {
   const auto tape = MemoryTape().open(0).write(100, "a").read(200, "A").close(300);
   Rig rig(tape, looped(0));

@@ -296,6 +296,20 @@ TEST_F(RuleExpectationTest, UnderLookupARequestMayEndWithAFrameThatIsLeftOut) {
   EXPECT_EQ(rig.finish(), Verdict::pass);
 }
 
+TEST_F(RuleExpectationTest, UnderLookupARequestMayBeWrittenInPieces) {
+  const auto tape =
+      MemoryTape().write(0, "T=").write(100, "1\n").read(200, "a").write(300, "T=2\n").read(400, "b");
+  const RuleExpectation rules(
+      rules_of(std::string(kLines) + "[[rule]]\nname='t'\nat=2\nsize=1\nregex='\\d'\n"));
+  Rig rig(tape, {.on_mismatch = OnMismatch::fail, .match = Match::lookup}, true, 100,
+          {.expectation = &rules});
+  rig.open();
+  EXPECT_EQ(rig.write("T=7\n").wait(1'000).read(), "a");
+  EXPECT_EQ(rig.write("T=").write("8\n").wait(1'000).read(), "b");
+  EXPECT_EQ(rig.finish(), Verdict::pass);
+  EXPECT_EQ(rig.report->lookup->requests, 1U) << "the number may be any";
+}
+
 TEST_F(RuleExpectationTest, UnderLookupAFrameThatMayBeRepeatedMayBeTheLast) {
   const auto tape = MemoryTape().write(0, "PING 1\n").read(10, "p").write(20, "GO\n").read(30, "g");
   const RuleExpectation rules(
@@ -306,6 +320,18 @@ TEST_F(RuleExpectationTest, UnderLookupAFrameThatMayBeRepeatedMayBeTheLast) {
   EXPECT_EQ(rig.write("GO\n").wait(1'000).read(), "g");
   EXPECT_EQ(rig.write("PING 2\n").wait(1'000).read(), "");
   EXPECT_EQ(rig.finish(), Verdict::pass);
+}
+
+TEST_F(RuleExpectationTest, UnderWarnWhatAPauseShowsIsToldOnceForItsExchange) {
+  const auto tape = MemoryTape().write(0, "ab12").read(5'000, "ok").write(9'000, "ab34").read(9'100, "on");
+  const RuleExpectation rules(
+      rules_of("[[frame]]\nname='i'\nkind='idle'\nidle_ms=2\n[[rule]]\nname='n'\nat=2\nregex='\\d+'\n"));
+  Rig rig(tape, {.on_mismatch = OnMismatch::warn}, true, 100, {.expectation = &rules});
+  rig.open().write("abxy").wait(3'000);
+  EXPECT_EQ(rig.mismatches.size(), 1U);
+  rig.write("more").wait(3'000);
+  EXPECT_EQ(rig.mismatches.size(), 1U);
+  EXPECT_EQ(rig.finish(), Verdict::data_mismatch);
 }
 
 TEST_F(RuleExpectationTest, UnderWarnTheNextExchangeIsComparedAgain) {
