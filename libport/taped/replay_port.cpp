@@ -386,7 +386,7 @@ void ReplayPort::pump() {
     const bool empty = actions.empty();
     perform(actions);
     const std::optional<Instant> next = engine_->next_deadline();
-    reading_on_ = empty && next && *next <= at;
+    reading_on_ = next && *next <= at;
     due = !empty || (context_.pulled && next && *next <= now && ++steps < kMostSteps);
   }
   set_timer();

@@ -19,7 +19,6 @@ Result<RuleSet> read_rules_file(const std::string& path) {
   if (path == "-")
     return make_error(Errc::usage, "rules file '-': name a file; standard input is /dev/stdin");
   std::error_code error;
-  errno = 0;
   std::ifstream file(path, std::ios::binary);
   const bool directory = std::filesystem::is_directory(path, error);
   if (directory) errno = EISDIR;

@@ -45,9 +45,8 @@ class CommandTable {
     std::vector<CommandStats> all;
     for (const auto& [command, row] : rows_)
       all.push_back({command, row.count, row.bytes, row.unanswered, stats_of(row.spans), row.longest});
-    std::sort(all.begin(), all.end(), [](const CommandStats& a, const CommandStats& b) {
-      return a.count != b.count ? a.count > b.count : a.command < b.command;
-    });
+    std::ranges::sort(all, {}, &CommandStats::command);
+    std::ranges::stable_sort(all, std::ranges::greater{}, &CommandStats::count);
     return all;
   }
 

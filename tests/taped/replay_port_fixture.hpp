@@ -27,6 +27,7 @@ class ReplayPortTest : public testing::Test {
     options.config.match = match;
     options.config.chunks = chunks;
     options.config.timing = timing;
+    options.config.strictness = strictness;
     options.config.at_end = at_end;
     options.report_file = report;
     options.once = once;
@@ -77,6 +78,7 @@ class ReplayPortTest : public testing::Test {
   Match match = Match::sequence;
   Chunks chunks = Chunks::automatic;
   Timing timing = ReplayConfig{}.timing;
+  int strictness = ReplayConfig{}.strictness;
   AtEnd at_end = ReplayConfig{}.at_end;
   std::unique_ptr<ReplayPort> port;
 };

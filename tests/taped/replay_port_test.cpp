@@ -72,6 +72,19 @@ TEST_F(LookingOn, ARequestOfAnotherPlaceIsAnsweredAndWhatFollowsIsKept) {
               HasSubstr(R"("cause":{"kind":"swapped")"));
 }
 
+TEST_F(LookingOn, WhereTheTimeAloneIsWrongNothingIsWaitedFor) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one\n"}, {3'600'000'000, "two\n"}}));
+  test::write_file(dir / "t.logr", test::block_bytes({{5'000, "1\n"}}));
+  strictness = 2;
+  start();
+  write("one\n");
+  run_until(loop, [this] { return log.data == "1\n"; });
+  write("two\n");
+  EXPECT_EQ(log.events, "up hung_up ");
+  run_until(loop, [this] { return port->report().has_value(); });
+  EXPECT_EQ(port->report()->verdict, Verdict::timing_mismatch);
+}
+
 TEST_F(LookingOn, WhatNoRequestOfALookupIsIsReported) {
   match = Match::lookup;
   start();
@@ -169,6 +182,16 @@ TEST_F(ReplayPortTest, FilesThatAreNotWhatTheEndTellsAreNotPlayed) {
   events({});
   test::write_file(dir / "t.logw", {});
   EXPECT_EQ(said(), "plays") << "an end that tells nothing of the files";
+}
+
+TEST_F(ReplayPortTest, TheReportIsInTheLogWithoutAnEmptyLineBehindIt) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
+  start();
+  write("one");
+  port->close();
+  (void)finish();
+  EXPECT_THAT(book.text(), HasSubstr("pass"));
+  EXPECT_THAT(book.text(), testing::Not(HasSubstr("\n\n")));
 }
 
 TEST_F(ReplayPortTest, TheReportFileIsThereWhenTheEndIsTold) {

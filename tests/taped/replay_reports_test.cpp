@@ -175,6 +175,18 @@ TEST_F(HintsOfARun, SayWhoseBytesTheyAreOf) {
     EXPECT_THAT(book.text(), HasSubstr(fmt::format("t.log: what the driver wrote at byte {} is ", byte)));
 }
 
+TEST_F(HintsOfARun, AreInItsReportAsSoonAsTheyAreFound) {
+  Mismatch mismatch;
+  mismatch.got = test::bytes_of("two\n");
+  reports->look_for_hint(mismatch);
+  RunReport report = failed(mismatch);
+  report.verdict = Verdict::incomplete;  // so that no cause is looked for
+  reports->add(std::move(report));
+  EXPECT_THAT(published, IsEmpty());
+  run_until(loop, [this] { return !published.empty(); });
+  EXPECT_THAT(published.at(0).mismatch->hint, HasSubstr("comes later"));
+}
+
 TEST_F(HintsOfARun, AreLookedForAgainInTheNext) {
   mismatches(ReplayReports::kMostHints);
   reports->add({});

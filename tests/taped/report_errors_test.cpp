@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <string>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <thread>
 #include <unistd.h>
 
@@ -11,6 +12,7 @@
 #include "libport/base/unique_fd.hpp"
 #include "libport/tape/tape_writer.hpp"
 #include "libport/taped/report_file.hpp"
+#include "tests/support/refused_calls.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
@@ -55,6 +57,23 @@ TEST_F(ReportErrors, WhatTheSystemSaysIsInTheMessage) {
   EXPECT_EQ(io_of(write_report(path, "x")), "report " + quoted(path) + " cannot be written: " + why);
   EXPECT_EQ(io_of(write_report("/dev/full", "x", "page")),
             "page '/dev/full' cannot be written: No space left on device");
+}
+
+TEST_F(ReportErrors, AFolderInWhichNoFileCanBeMadeIsFoundBeforeTheRun) {
+  const std::string path = dir / "report.json";
+  const test::RefusedCall no_files{SYS_openat, EROFS, test::RefusedCall::Argument{2, O_TMPFILE, O_TMPFILE}};
+  EXPECT_TRUE(test::holds_without({no_files}, [&] {
+    EXPECT_EQ(usage_of(check_report_place(path)),
+              "report " + quoted(path) + " cannot be written: Read-only file system; name another file");
+  }));
+}
+
+TEST_F(ReportErrors, ADeviceThatTakesNothingIsAnError) {
+  const test::RefusedCall nothing{SYS_write, 0, test::RefusedCall::Argument{2, 0xffffffff, 1}};
+  EXPECT_TRUE(test::holds_without({nothing}, [&] {
+    EXPECT_EQ(io_of(write_report("/dev/null", "x")),
+              "report '/dev/null' cannot be written: Input/output error");
+  }));
 }
 
 TEST_F(ReportErrors, AChainOfLinksMayBeAsLongAsTheKernelFollows) {

@@ -82,6 +82,17 @@ class Prompt final : public ForwardingPort {
   std::size_t write_some(ByteView data) override { return std::min<std::size_t>(data.size(), 2); }
 };
 
+// Drops what waits, or has passed it on already.
+class Dropping final : public ForwardingPort {
+ public:
+  Dropping(std::unique_ptr<Port> inner, bool drops) : ForwardingPort(std::move(inner)), drops_(drops) {}
+  [[nodiscard]] WaitingCalls* waiting() override { return this; }
+  bool discard() override { return drops_; }
+
+ private:
+  bool drops_;
+};
+
 // Reads within whatever it is asked for, as ports do that look for what is left.
 class RereadingPort final : public ForwardingPort {
  public:
@@ -267,6 +278,17 @@ TEST_F(TapPortTest, ADeviceThatAnswersWithinWriteAnswersBehindIt) {
   busy.within_data = [&] { EXPECT_EQ(around.waiting()->write_some(as_bytes("some")), 2U); };
   around.write(as_bytes("ask"));
   EXPECT_EQ(one.text, "w:ask r:prompt w:so ");
+}
+
+TEST_F(TapPortTest, WhatIsNotToBeDroppedIsNoFlush) {
+  for (const bool drops : {true, false}) {
+    TapPort around({&loop, book.log()},
+                   std::make_unique<Dropping>(std::make_unique<MemoryPort>(device), drops));
+    around.add(std::make_unique<Notes>(one));
+    one.text.clear();
+    EXPECT_EQ(around.waiting()->discard(), drops);
+    EXPECT_EQ(one.text, drops ? "flush " : "");
+  }
 }
 
 TEST_F(TapPortTest, AReadWithinOnDataDoesNotChangeWhatIsTold) {
