@@ -446,7 +446,6 @@ void Player::line_opened(Instant now) {
 void Player::line_ended(Instant now) {
   driver_line_.ended();
   if (!writing_ended_) set_writing_ended(now);
-  wake_ = now;
 }
 
 Player::Progress Player::at_write(Turn& turn) {

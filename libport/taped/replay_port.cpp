@@ -643,10 +643,7 @@ bool ReplayPort::may_spin(Instant due) const {
 
 void ReplayPort::set_timer() {
   const std::optional<Instant> due = engine_->next_deadline();
-  if (!due) {
-    timer_.cancel();
-    return;
-  }
+  if (!due) return timer_.cancel();
   if (reading_on_) return timer_.set_after(kPause);
   if (engine_->holds_piece()) return timer_.set(std::min(*due, context_.loop->now() + kLook));
   timer_.set(may_spin(*due) ? *due - kSpin : *due);

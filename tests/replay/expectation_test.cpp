@@ -114,6 +114,23 @@ TEST(ExpectationTest, AFieldMayBeLongerOrShorterHoweverBothSidesAreCut) {
   }
 }
 
+TEST(ExpectationTest, UnderLookupEachBlockOfARequestMayVary) {
+  const auto tape = MemoryTape()
+                        .write(0, "aXb")
+                        .write(100, "cYd")
+                        .read(200, "1")
+                        .write(300, "aPb")
+                        .write(400, "cQd")
+                        .read(500, "2");
+  const AnyBytes rule(1, 2);
+  Rig rig(tape, {.on_mismatch = OnMismatch::fail, .match = Match::lookup}, true, 100, {.expectation = &rule});
+  rig.open();
+  EXPECT_EQ(rig.write("aMbcNd").wait(1'000).read(), "1");
+  EXPECT_EQ(rig.write("aXbcYd").wait(1'000).read(), "2");
+  EXPECT_EQ(rig.finish(), Verdict::pass);
+  EXPECT_EQ(rig.report->lookup->requests, 1U);
+}
+
 TEST(ExpectationTest, TheEngineAnswersAWriteThatVariesAsItMay) {
   const auto tape =
       MemoryTape().write(0, "T=123;").read(1'000, "ok").write(2'000, "T=124;").read(3'000, "on");

@@ -228,6 +228,24 @@ TEST(Lookup, AtStrictnessZeroAnUnknownRequestIsNone) {
   EXPECT_EQ(rig.report->lookup->unknown, 1U);
 }
 
+TEST(Lookup, AtStrictnessZeroNoSilenceStandsForAnOpen) {
+  ReplayConfig config = lookup();
+  config.strictness = 0;
+  Rig rig(MemoryTape()
+              .open(0)
+              .read(1'000, "hello")
+              .write(5'000, "ask")
+              .read(6'000, "answer")
+              .close(10'000)
+              .open(20'000)
+              .read(21'000, "hello again"),
+          config);
+  rig.open().wait(600'000'000);
+  EXPECT_EQ(rig.read(), "hello");
+  rig.close().open().wait(600'000'000);
+  EXPECT_EQ(rig.read(), "hello again");
+}
+
 TEST(Lookup, WhatIsNeverAskedIsListedAndNoFailure) {
   Rig rig(two_polls(), lookup());
   rig.open().write("Q1\r").wait(2000).close();

@@ -324,10 +324,12 @@ TEST_F(RuleExpectationTest, UnderLookupAFrameThatMayBeRepeatedMayBeTheLast) {
 
 TEST_F(RuleExpectationTest, UnderWarnWhatAPauseShowsIsToldOnceForItsExchange) {
   const auto tape = MemoryTape().write(0, "ab12").read(5'000, "ok").write(9'000, "ab34").read(9'100, "on");
-  const RuleExpectation rules(
-      rules_of("[[frame]]\nname='i'\nkind='idle'\nidle_ms=2\n[[rule]]\nname='n'\nat=2\nregex='\\d+'\n"));
+  const RuleExpectation rules(rules_of(
+      "[[frame]]\nname='i'\nkind='idle'\nidle_ms=2\n[[rule]]\nname='n'\nat=2\nregex='\\d+'\nlength=[1,5]\n"));
   Rig rig(tape, {.on_mismatch = OnMismatch::warn}, true, 100, {.expectation = &rules});
-  rig.open().write("abxy").wait(3'000);
+  rig.open().write("abxy");
+  EXPECT_EQ(rig.mismatches.size(), 0U);
+  rig.wait(3'000);
   EXPECT_EQ(rig.mismatches.size(), 1U);
   rig.write("more").wait(3'000);
   EXPECT_EQ(rig.mismatches.size(), 1U);

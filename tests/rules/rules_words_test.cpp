@@ -221,10 +221,11 @@ TEST(RulesWordsTest, OfARule) {
 }
 
 TEST(RulesWordsTest, TheNameOfAFrameThatIsMeantIsSuggested) {
-  EXPECT_EQ(said_of("[[frame]]\nname='status'\nkind='delimited'\nend='x'\n"
-                    "[[rule]]\nname='r'\nframe='sttaus'\nat=0\nignore=true\n"),
-            "f:7: key 'frame' of [[rule]] 'r' is 'sttaus', and there is no [[frame]] of that name; did you mean "
-            "'status'?");
+  EXPECT_EQ(
+      said_of("[[frame]]\nname='status'\nkind='delimited'\nend='x'\n"
+              "[[rule]]\nname='r'\nframe='sttaus'\nat=0\nignore=true\n"),
+      "f:7: key 'frame' of [[rule]] 'r' is 'sttaus', and there is no [[frame]] of that name; did you mean "
+      "'status'?");
 }
 
 TEST(RulesWordsTest, OfAReply) {
