@@ -371,6 +371,20 @@ TEST(Lookup, ADeviceThatHasEndedItsSendingSaysNoMoreInThatSession) {
   EXPECT_EQ(rig.read(), "so long");
 }
 
+TEST(Lookup, WhatTheDeviceSaidBeforeItEndedItsSendingKeepsItsBlocks) {
+  const MemoryTape tape = MemoryTape()
+                              .open(0)
+                              .read(1000, "hello")
+                              .half_close(1000, Side::device)
+                              .write(4000, "ask")
+                              .read(5000, "no")
+                              .close(6000);
+  Rig rig(tape, lookup(), true, 1000, kSocket);
+  rig.open().wait(1000);
+  EXPECT_TRUE(rig.ended);
+  EXPECT_EQ(rig.deliveries, (std::vector<Rig::Delivery>{{1000, "hello", {5}}}));
+}
+
 // In the tape's order such a read is a crafted one, or comes by a loop of the tape within one session.
 TEST(HalfClosedDevice, SaysNoMoreInTheTapesOrderEither) {
   ReplayConfig config;

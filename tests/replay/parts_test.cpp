@@ -133,6 +133,20 @@ TEST(Hint, DamageMeansNoHint) {
   EXPECT_EQ(find_hint(source, 0, as_bytes("def")), "");
 }
 
+TEST(MatcherTest, TellsWhenEachPieceOfABlockWasComplete) {
+  const MemoryTape tape = MemoryTape().write(1, "abcdef");
+  MemorySource source(tape, MemorySource::Select::writes_only, 2);
+  Budget budget;
+  Matcher matcher(source, budget, Micros{500});
+  matcher.rewind();
+  (void)matcher.write(at_ns(1), as_bytes("abc"));
+  (void)matcher.write(at_ns(2), as_bytes("def"));
+  EXPECT_EQ(matcher.position(), 6U);
+  EXPECT_EQ(matcher.completion(2)->real, at_ns(1));
+  EXPECT_EQ(matcher.completion(4)->real, at_ns(2));
+  EXPECT_EQ(matcher.completion(6)->real, at_ns(2));
+}
+
 TEST(MatcherTest, MemoryIsBoundedForADriverFarAhead) {
   MemoryTape tape;
   for (int i = 0; i < 20'000; ++i) tape.write(i, "x");
