@@ -331,7 +331,7 @@ TEST_F(RuleExpectationTest, UnderWarnWhatAPauseShowsIsToldOnceForItsExchange) {
   EXPECT_EQ(rig.mismatches.size(), 0U);
   rig.wait(3'000);
   EXPECT_EQ(rig.mismatches.size(), 1U);
-  rig.write("more").wait(3'000);
+  rig.write("more").wait(3'000).write("ab12").wait(3'000);
   EXPECT_EQ(rig.mismatches.size(), 1U);
   EXPECT_EQ(rig.finish(), Verdict::data_mismatch);
 }
