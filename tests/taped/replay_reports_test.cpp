@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <fmt/format.h>
+#include <fstream>
 #include <memory>
 #include <optional>
 #include <string>
@@ -110,6 +111,26 @@ TEST_F(ReplayReportsTest, TheHintIsWaitedForUntilItsLimit) {
   pass(kMoment);
   ASSERT_THAT(published, SizeIs(1));
   EXPECT_THAT(published[0].mismatch->hint, HasSubstr("not known"));
+}
+
+TEST_F(ReplayReportsTest, OnceTheyAreGoneNobodyReadsTheTapeForThem) {
+  // What this process has read from files so far.
+  const auto read_so_far = [] {
+    std::ifstream io("/proc/self/io");
+    std::string name;
+    std::uintmax_t bytes = 0;
+    return io >> name >> bytes ? bytes : 0;
+  };
+  if (read_so_far() == 0) GTEST_SKIP() << "this system does not tell what a process has read";
+  begin_on_a_huge_tape(TapeTotals{});
+  Mismatch mismatch;
+  mismatch.got = test::bytes_of("x");
+  reports->look_for_hint(mismatch);
+  reports->add(failed(mismatch));
+  const std::uintmax_t before = read_so_far();
+  reports.reset();
+  settle(loop);
+  EXPECT_LT(read_so_far() - before, std::filesystem::file_size(dir / "t.logw"));
 }
 
 TEST_F(ReplayReportsTest, TheCauseIsWaitedForUntilItsLimit) {

@@ -74,6 +74,18 @@ TEST(TapeStatsTest, ExchangesAreToldApartByTheirWrites) {
   EXPECT_EQ(stats.slowest[0].number, 2U);
 }
 
+TEST(TapeStatsTest, TheMostFrequentCommandsAreFirstAndEqualOnesByName) {
+  MemoryTape tape;
+  std::int64_t us = 0;
+  for (const char* const command : {"MOVE", "STOP", "HALT", "VOLT", "BEEP", "STOP", "VOLT", "STOP"}) {
+    tape.write(us, std::string(command) + "\n").read(us + 500, "ok\n");
+    us += 1'000;
+  }
+  std::vector<std::string> names;
+  for (const CommandStats& each : stats_of_tape(tape).write.commands) names.push_back(each.command);
+  EXPECT_THAT(names, ElementsAre("STOP", "VOLT", "BEEP", "HALT", "MOVE"));
+}
+
 TEST(TapeStatsTest, SilenceIsOfAnOpenLine) {
   const TapeStats stats = stats_of_tape(asked());
   ASSERT_EQ(stats.silences, 2U);  // not while it was closed
