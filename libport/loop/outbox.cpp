@@ -52,9 +52,9 @@ std::size_t Outbox::send(ByteView data) {
     const ByteView rest = data.subspan(sent);
     const ssize_t n = kind_ == Kind::socket ? ::send(fd_, rest.data(), rest.size(), MSG_NOSIGNAL)
                                             : ::write(fd_, rest.data(), rest.size());
-    if (n >= 0) {
+    if (n > 0) {
       sent += static_cast<std::size_t>(n);
-    } else if (errno == EAGAIN || errno == ENOMEM || errno == ENOBUFS) {
+    } else if (n == 0 || errno == EAGAIN || errno == ENOMEM || errno == ENOBUFS) {
       break;
     } else if (errno != EINTR) {
       broken_ = true;

@@ -88,7 +88,7 @@ void StreamListener::on_acceptable() {
 }
 
 void StreamListener::not_accepted(int error_number) {
-  if (error_number == EAGAIN || error_number == ECONNABORTED) return;
+  if (error_number == EAGAIN || error_number == EINTR || error_number == ECONNABORTED) return;
   if (std::exchange(told_error_, error_number) != error_number) {
     context_.log->error("{}: a connection cannot be accepted: {}{}; it waits, and is tried again", name_,
                         errno_text(error_number),

@@ -73,6 +73,7 @@ PeerState tcp_peer_state(int fd) {
     return error.error == -ENOENT ? PeerState::remote : PeerState::unknown;
   }
   if (header.nlmsg_type != SOCK_DIAG_BY_FAMILY) return PeerState::unknown;
+  if (size < static_cast<ssize_t>(NLMSG_HDRLEN + sizeof message)) return PeerState::unknown;
   std::memcpy(&message, answer.data() + NLMSG_HDRLEN, sizeof message);
   return message.idiag_inode == 0 ? PeerState::gone : PeerState::reading;  // no inode: no program has it
 }

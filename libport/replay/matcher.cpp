@@ -174,7 +174,7 @@ bool Matcher::compare_beyond(ByteView rest, Step& step) {
   if (replies_ != nullptr && held.came > 0) replies_->asked({position(), {}, rest.first(held.came)});
   remember(rest.first(held.came));
   step.used += held.came;
-  return !held.differs;
+  return !held.differs && (held.came > 0 || rest.empty());
 }
 
 // The gaps that end before the next recorded byte.
