@@ -10,6 +10,7 @@
 #include <spdlog/spdlog.h>
 
 #include "libport/base/line_settings_text.hpp"
+#include "libport/base/printable.hpp"
 #include "libport/loop/file_events.hpp"
 #include "libport/replay/pieces.hpp"
 #include "libport/replay/replay_clock.hpp"
@@ -113,6 +114,7 @@ Result<void> ReplayPort::prepare() {
   }
   line_ = std::move(known->line);
   ended_ = known->ended;
+  missing_ = known->missing;
   own_settings_ = settings_ = own_settings(line_, header);
   if (drives()) facts.totals.reset();  // what is compared is counted, and that may be less
   if (Result<void> there = check_start(*schedule_, known->last); !there) return there;
@@ -556,6 +558,12 @@ void ReplayPort::take_report(RunReport report) {
     report.doubts.push_back({Doubt::Kind::gap,
                              "the tape has no end: its recorder was killed, or still writes; what came "
                              "last may be missing"});
+  }
+  if (!missing_.empty() && !report.nobody_came) {
+    report.doubts.push_back(
+        {Doubt::Kind::unchecked, fmt::format("{} is missing, and the tape's end does not tell what it held: "
+                                             "whether it held nothing is not known",
+                                             printable_line(missing_))});
   }
   if (const auto torn = ended_ ? std::nullopt : schedule_->torn_tail(); torn && !report.nobody_came)
     report.doubts.push_back({Doubt::Kind::gap, *torn + ": what came last may be missing"});

@@ -161,6 +161,7 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   std::unique_ptr<TapeAnswers> answers_;
   DeviceLine line_;
   std::optional<bool> ended_;       // see TapeFacts
+  std::string missing_;             // the same
   std::optional<TapeTime> length_;  // of what is played, if known
   std::optional<LineSettings> own_settings_;
   std::optional<LineSettings> settings_;

@@ -113,6 +113,8 @@ Result<TapeFacts> tape_facts(const TapePaths& tape, const PlayedPart& played) {
     if (end) {
       for (const auto& [path, told] : {std::pair(tape.read, end->read), std::pair(tape.write, end->write)}) {
         if (Result<void> whole = check_size(path, told); !whole && !known.flaw) known.flaw = whole.error();
+        std::error_code error;
+        if (!told && !std::filesystem::exists(path, error)) known.missing = path;
       }
     }
     if (const auto& header = events->header()) known.zero = header->zero;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 
 #include "libport/base/line_settings.hpp"
 #include "libport/base/result.hpp"
@@ -23,8 +24,9 @@ struct TapeFacts {
   TapeTime last{};                 // event of the part
   std::optional<Error> flaw = {};  // a file that is not what the tape's end tells of it: it is not played
   std::optional<bool> ended =
-      {};                  // whether the tape has its end; nothing: no events, or the part ends before
-  bool checkable = false;  // its end has digests, by which check_tape() finds more than a size shows
+      {};                    // whether the tape has its end; nothing: no events, or the part ends before
+  std::string missing = {};  // a file that is not there, where the tape's end does not tell what it held
+  bool checkable = false;    // its end has digests, by which check_tape() finds more than a size shows
 };
 
 // What of a tape is wanted.

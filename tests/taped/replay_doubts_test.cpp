@@ -19,6 +19,7 @@ namespace {
 using testing::HasSubstr;
 
 TEST_F(ReplayPortTest, AnEndThatIsMissingIsADoubt) {
+  test::write_file(dir / "t.logr", {});
   test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
   for (const bool ended : {false, true}) {
     std::string events = encode(TapeHeader{}) + encode(tape_time_us(0), event::Open{});
@@ -32,6 +33,27 @@ TEST_F(ReplayPortTest, AnEndThatIsMissingIsADoubt) {
     ASSERT_EQ(port->report()->doubts.size(), ended ? 0U : 1U);
     for (const Doubt& doubt : port->report()->doubts)
       EXPECT_THAT(doubt.text, HasSubstr("the tape has no end"));
+  }
+}
+
+// An older tape's end says no more than that it is one. A recorder makes both files.
+TEST_F(ReplayPortTest, AFileThatIsMissingOfWhichTheEndTellsNothingIsADoubt) {
+  const std::string end =
+      encode(TapeHeader{}) + encode(tape_time_us(0), event::Open{}) + encode(tape_time_us(50), event::End{});
+  test::write_file(dir / "t.loge", as_bytes(end));
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
+  for (const bool missing : {true, false}) {
+    if (!missing) test::write_file(dir / "t.logr", {});
+    start();
+    write("one");
+    port->close();
+    run_until(loop, [this] { return port->report().has_value(); });
+    EXPECT_EQ(port->report()->verdict, Verdict::pass);
+    ASSERT_EQ(port->report()->doubts.size(), missing ? 1U : 0U);
+    for (const Doubt& doubt : port->report()->doubts) {
+      EXPECT_EQ(doubt.kind, Doubt::Kind::unchecked);
+      EXPECT_THAT(doubt.text, HasSubstr("t.logr is missing"));
+    }
   }
 }
 
