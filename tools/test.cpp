@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <array>
+#include <csignal>
 #include <fmt/format.h>
 #include <fmt/ostream.h>
 #include <optional>
@@ -119,6 +121,14 @@ Result<int> run_single(CommandVerbLine line, const VerdictView& view, const Next
   return end_test(std::move(verdict), view, files, out, err);
 }
 
+// What of a recording's status is a test's. The command's own, which record ends with, is told there, and
+// here is no verdict.
+int status_of_recorded(int status) {
+  constexpr std::array kOwn{exit_status::kPass, exit_status::kRuntime, exit_status::kDevice, 128 + SIGINT,
+                            128 + SIGTERM};
+  return std::ranges::find(kOwn, status) == kOwn.end() ? exit_status::kRuntime : status;
+}
+
 // Faults are for the test, and not on what it is held against from then on. Where there is no tape then, the
 // test was none.
 Result<int> record_cassette(CommandVerbLine line, std::ostream& err) {
@@ -128,6 +138,7 @@ Result<int> record_cassette(CommandVerbLine line, std::ostream& err) {
   if (faults) fmt::print(err, "porttape test: the tape is recorded now, without the faults\n");
   line.values = values_to_record(std::move(line.values));
   Result<int> status = record_command(std::move(line), err);
+  if (status) status = status_of_recorded(*status);
   if (status && *status == exit_status::kPass && !find_tape(tape)) {
     fmt::print(err, "porttape test: incomplete: nothing was recorded\n");
     status = exit_status::kIncomplete;

@@ -72,6 +72,18 @@ TEST_F(Cassettes, ADriverThatRecordsNothingIsNoPass) {
   EXPECT_FALSE(std::filesystem::exists(dir / "new.logw"));
 }
 
+// 3, 4 and 5 are verdicts, and a recording has none.
+TEST_F(Cassettes, TheStatusOfACommandThatWasRecordedIsNoVerdict) {
+  for (const int status : {3, 4, 5, 77}) {
+    const std::string tape = "t" + std::to_string(status);
+    const Ran ran =
+        run_verb("test", tape, {"--record-mode", "once"}, "echo ask >{port}; exit " + std::to_string(status));
+    EXPECT_EQ(ran.status, 1) << ran.err;
+    EXPECT_THAT(ran.err, HasSubstr("the command ended with status " + std::to_string(status)));
+    EXPECT_TRUE(std::filesystem::exists(dir / (tape + ".logw"))) << ran.err;
+  }
+}
+
 TEST_F(Cassettes, FaultsOfTheTestAreNotRecorded) {
   const Ran ran =
       run_verb("test", "new", {"--record-mode", "once", "--faults", "drop:p=1:dir=both"}, "echo ask >{port}");
