@@ -154,16 +154,16 @@ class SuiteReader {
       throw SuiteProblem(table, "key 'command' is missing, here and at the top of the file");
     if (test.name.empty()) test.name = plain_name(test.values.at("tape"));
     check_new_name(test, table);
-    lines_[test.name] = &table;
+    lines_[test.name.raw()] = &table;
     tapes_.insert(tape_path(test.values.at("tape")));
     suite_.tests.push_back(std::move(test));
   }
 
   void check_new_name(const SuiteTest& test, const toml::node& where) {
-    if (names_.insert(test.name).second) return;
+    if (names_.insert(test.name.raw()).second) return;
     throw SuiteProblem(where,
                        fmt::format("a second test is named {}; give it a name of its own, name = \"…\"",
-                                   in_quotes(test.name)));
+                                   test.name.in_quotes()));
   }
 
   // The names of the folder's files.
@@ -209,12 +209,12 @@ class SuiteReader {
       SuiteTest test = general_;
       test.name = plain_name(tape);
       test.values["tape"] = tape;
-      if (!names_.insert(test.name).second) {
+      if (!names_.insert(test.name.raw()).second) {
         throw SuiteProblem(
-            *lines_.at(test.name),
+            *lines_.at(test.name.raw()),
             fmt::format("the test of tape {} is named {}, as is that of the folder's tape {}; "
                         "give it another name, name = \"…\"",
-                        in_quotes(named_tape(test.name)), in_quotes(test.name), in_quotes(tape)));
+                        in_quotes(named_tape(test.name.raw())), test.name.in_quotes(), in_quotes(tape)));
       }
       suite_.tests.push_back(std::move(test));
     }

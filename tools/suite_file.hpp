@@ -6,15 +6,16 @@
 #include <vector>
 
 #include "libport/base/result.hpp"
+#include "libport/base/stranger_text.hpp"
 
 namespace porttape {
 
 // The tests of a folder (SUITE.md).
 struct SuiteTest {
-  std::string name;
+  StrangerText name;
   std::vector<std::string> command;
   std::map<std::string, std::string> values;  // options of the test by name, `tape` among them; checked
-  std::string skip;                           // why it is not run, or empty
+  StrangerText skip;                          // why it is not run, or empty
 };
 struct Suite {
   std::string folder;

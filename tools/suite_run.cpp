@@ -42,8 +42,8 @@ std::string packed(const TestCase& test, const std::string& report) {
   add(std::to_string(static_cast<int>(test.outcome)));
   add(std::to_string(test.exit_status));
   add(fmt::format("{}", test.seconds));
-  for (const std::string* text : {&test.kind, &test.message, &test.text, &report}) add(*text);
-  for (const std::string& doubt : test.doubts) add(doubt);
+  for (const std::string* text : {&test.kind, &test.message.raw(), &test.text.raw(), &report}) add(*text);
+  for (const StrangerText& doubt : test.doubts) add(doubt.raw());
   return out;
 }
 
@@ -58,8 +58,11 @@ void unpack(std::string_view text, TestCase& test, std::string& report) {
   test.outcome = static_cast<TestCase::Outcome>(std::stoi(next()));
   test.exit_status = std::stoi(next());
   test.seconds = std::stod(next());
-  for (std::string* one : {&test.kind, &test.message, &test.text, &report}) *one = next();
-  while (!text.empty()) test.doubts.push_back(next());
+  test.kind = next();
+  test.message = next();
+  test.text = next();
+  report = next();
+  while (!text.empty()) test.doubts.emplace_back(next());
 }
 
 // In a worker, whose folder is the suite's.
@@ -163,7 +166,7 @@ class SuiteRun {
     finish(index, std::move(test));
   }
 
-  [[nodiscard]] TestCase skipped(std::size_t index, const std::string& why) const {
+  [[nodiscard]] TestCase skipped(std::size_t index, const StrangerText& why) const {
     return {.name = suite_.tests[index].name,
             .group = name_,
             .outcome = TestCase::Outcome::skipped,
@@ -201,19 +204,18 @@ class SuiteRun {
     if (test.outcome == TestCase::Outcome::failed || test.outcome == TestCase::Outcome::error) {
       clear_progress();
       fmt::print(out_, "{}{}{}  {}\n", color_begin(Color::bad, colors_), "FAIL", color_end(colors_),
-                 printable_line(test.name));
-      tell_lines(test.text);
-      if (!test.output.empty()) tell_lines("what the command wrote:\n" + last_lines(test.output));
+                 test.name.for_line());
+      tell_lines(test.text.raw());
+      if (!test.output.empty()) tell_lines("what the command wrote:\n" + last_lines(test.output.raw()));
       const std::vector<std::string> again = {"porttape",      "test",   "--suite",
-                                              options_.folder, "--only", test.name};
+                                              options_.folder, "--only", test.name.raw()};
       fmt::print(out_, "    again     {}\n", shell_line(again));
       out_.flush();
     } else if (!test.doubts.empty()) {
       clear_progress();
       fmt::print(out_, "{}pass{}, with doubts  {}\n", color_begin(Color::doubtful, colors_),
-                 color_end(colors_), printable_line(test.name));
-      for (const std::string& doubt : test.doubts)
-        fmt::print(out_, "    doubt     {}\n", printable_line(doubt));
+                 color_end(colors_), test.name.for_line());
+      for (const StrangerText& doubt : test.doubts) fmt::print(out_, "    doubt     {}\n", doubt.for_line());
       out_.flush();
     }
     tell_progress();
@@ -321,7 +323,7 @@ class SuiteRun {
 Result<void> choose(Suite& suite, const std::string& only) {
   if (only.empty()) return {};
   std::erase_if(suite.tests, [&only](const SuiteTest& test) {
-    return test.name != only && ::fnmatch(only.c_str(), test.name.c_str(), 0) != 0;
+    return test.name != only && ::fnmatch(only.c_str(), test.name.raw().c_str(), 0) != 0;
   });
   suite.notes.clear();
   if (!suite.tests.empty()) return {};

@@ -43,17 +43,18 @@ std::string tap_head(std::size_t tests) { return fmt::format("TAP version 13\n1.
 std::string tap_of(const TestCase& test, std::size_t number) {
   const bool good = test.outcome == TestCase::Outcome::passed || test.outcome == TestCase::Outcome::skipped;
   const bool skipped = test.outcome == TestCase::Outcome::skipped;
-  std::string out = fmt::format("{} {} - {}{}\n", good ? "ok" : "not ok", number, description(test.name),
-                                skipped ? " # SKIP " + printable_line(test.message) : "");
+  std::string out =
+      fmt::format("{} {} - {}{}\n", good ? "ok" : "not ok", number, description(test.name.raw()),
+                  skipped ? " # SKIP " + test.message.for_line() : "");
   if (good) {
-    for (const std::string& doubt : test.doubts) out += "# doubt: " + printable_line(doubt) + '\n';
+    for (const StrangerText& doubt : test.doubts) out += "# doubt: " + doubt.for_line() + '\n';
     return out;
   }
   out += fmt::format("  ---\n  message: {}\n  kind: {}\n  exit: {}\n  duration_ms: {:.3f}\n",
-                     json_quote(test.message), json_quote(test.kind), test.exit_status, test.seconds * 1e3);
+                     test.message.for_json(), json_quote(test.kind), test.exit_status, test.seconds * 1e3);
   // In quotes: Perl's reader takes neither blocks with an indentation nor lists of texts with colons.
-  if (!test.text.empty()) out += "  report: " + json_quote(test.text) + '\n';
-  if (!test.output.empty()) out += "  output: " + json_quote(test.output) + '\n';
+  if (!test.text.empty()) out += "  report: " + test.text.for_json() + '\n';
+  if (!test.output.empty()) out += "  output: " + test.output.for_json() + '\n';
   return out + "  ...\n";
 }
 
@@ -75,7 +76,7 @@ std::string_view to_string(TestCase::Outcome outcome) {
 
 JsonObject json_of(const TestCase& test, std::string_view report) {
   JsonList doubts;
-  for (const std::string& doubt : test.doubts) doubts.add(doubt);
+  for (const StrangerText& doubt : test.doubts) doubts.add_raw(doubt.for_json());
   JsonObject json;
   json.add("test", test.name)
       .add("outcome", to_string(test.outcome))

@@ -13,11 +13,10 @@ namespace porttape {
 
 TestCase TestVerdict::as_case(std::string name, std::string group) const {
   TestCase test = test_case_of(report, std::move(name), std::move(group));
-  if (error) {
-    test.message = error->message;
-    test.text = error->message + '\n';
-  }
-  for (const std::string& note : notes) test.text += "  note      " + note + '\n';
+  if (error) test.message = error->message;
+  std::string text = error ? error->message + '\n' : test.text.raw();
+  for (const std::string& note : notes) text += "  note      " + note + '\n';
+  test.text = std::move(text);
   test.seconds = seconds;
   return test;
 }

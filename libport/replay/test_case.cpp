@@ -15,16 +15,17 @@ bool is_verdict(int status) {
 
 }  // namespace
 
-TestCase test_case_of(const RunReport& report, std::string name, std::string group) {
+TestCase test_case_of(const RunReport& report, StrangerText name, StrangerText group) {
   TestCase test{.name = std::move(name), .group = std::move(group), .text = to_text(report)};
   test.exit_status = report.process_exit.value_or(exit_status_of(report));
   test.seconds = std::chrono::duration<double>(report.duration).count();
-  for (const Doubt& doubt : report.doubts) test.doubts.push_back(doubt.text);
+  for (const Doubt& doubt : report.doubts) test.doubts.emplace_back(doubt.text);
   if (test.exit_status == exit_status::kPass) return test;
   const bool by_verdict = is_verdict(test.exit_status) && !report.trouble;
   test.outcome = by_verdict ? TestCase::Outcome::failed : TestCase::Outcome::error;
   test.kind = by_verdict ? std::string(to_string(report.verdict)) : "failed";
-  test.message = test.text.substr(0, test.text.find('\n'));
+  const std::string& text = test.text.raw();
+  test.message = text.substr(0, text.find('\n'));
   return test;
 }
 

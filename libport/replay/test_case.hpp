@@ -10,8 +10,8 @@
 
 namespace porttape {
 
-// A test that was run, as the formats of test runners have it. Texts are UTF-8 or any bytes; what shows them
-// escapes what it must.
+// A test that was run, as the formats of test runners have it. Its texts are a stranger's: of a suite's file,
+// of a tape, of the command.
 struct TestCase {
   enum class Outcome : std::uint8_t {
     passed,
@@ -20,22 +20,22 @@ struct TestCase {
     skipped,  // `message` says why
   };
 
-  std::string name = {};
-  std::string group = {};  // the suite it belongs to
+  StrangerText name = {};
+  StrangerText group = {};  // the suite it belongs to
   Outcome outcome = Outcome::passed;
-  std::string kind = {};     // "data-mismatch", "incomplete", …; what kind of failure
-  std::string message = {};  // in one line
-  std::string text = {};     // all of it, as a person reads it
-  std::string output = {};   // what the command wrote, where that was kept
+  std::string kind = {};      // "data-mismatch", "incomplete", …; what kind of failure
+  StrangerText message = {};  // in one line
+  StrangerText text = {};     // all of it, as a person reads it
+  StrangerText output = {};   // what the command wrote, where that was kept
   // What makes the outcome doubtful. A test that passed with doubts has not simply passed, and every format
   // says so.
-  std::vector<std::string> doubts = {};
+  std::vector<StrangerText> doubts = {};
   int exit_status = 0;
   double seconds = 0;
 };
 
 // The test that a run was; to_text(report) is its text.
-TestCase test_case_of(const RunReport& report, std::string name, std::string group);
+TestCase test_case_of(const RunReport& report, StrangerText name, StrangerText group);
 
 struct TestCounts {
   std::size_t passed = 0;
