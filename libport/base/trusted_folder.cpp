@@ -59,7 +59,9 @@ Result<UniqueFd> open_trusted_folder(const std::string& path) {
 }
 
 Result<TrustedName> find_trusted_name(const std::string& path) {
-  const fs::path absolute = fs::absolute(path);
+  std::error_code error;
+  const fs::path absolute = fs::absolute(path, error);
+  if (error) return trouble(error.message());
   Result<UniqueFd> folder = open_trusted_folder(absolute.parent_path().string());
   if (!folder) return folder.error();
   return TrustedName{std::move(*folder), absolute.filename().string()};

@@ -24,7 +24,8 @@ UniqueFd make_socket(int type = SOCK_STREAM) {
 }
 
 Error cannot_make(const std::string& path, int error) {
-  const std::string folder = std::filesystem::absolute(path).parent_path().string();
+  std::error_code unknown;
+  const std::string folder = std::filesystem::absolute(path, unknown).parent_path().string();
   return make_error(Errc::usage,
                     fmt::format("socket {} cannot be made: {}{}", in_quotes(path), errno_text(error),
                                 error == ENOENT ? "; type mkdir -p " + shell_word(folder) : ""));

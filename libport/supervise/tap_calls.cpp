@@ -332,7 +332,9 @@ CallPart::Decision TapCalls::decide_device_open(const Keep& keep, const Call& ca
     return outcome::Pass{};
   }
   if (!device_ && is_other_kind(device.number)) return outcome::Pass{};
+  // Of a program that is killed meanwhile nothing is known, and nothing needs to be told.
   if (const std::string why = why_not_opened(call, wanted); !why.empty()) {
+    if (!call.waits()) return outcome::Pass{};
     tell_once(
         fmt::format("the command opens its device where that cannot be done for it ({}): what it says then "
                     "is not on the tape; record it by `porttape exec --device`",
@@ -340,7 +342,7 @@ CallPart::Decision TapCalls::decide_device_open(const Keep& keep, const Call& ca
     return outcome::Pass{};
   }
   if (!free_place(call, 0, files_from_)) {
-    tell_unseen();
+    if (call.waits()) tell_unseen();
     return outcome::Pass{};
   }
   return open_tapped(keep, call, wanted, device);

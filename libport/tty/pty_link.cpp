@@ -56,8 +56,9 @@ Result<TrustedName> find_place(const std::string& path) {
 bool is_folder_of(const TrustedName& place, const std::string& path) {
   struct stat ours {};
   struct stat now {};
-  const fs::path folder = fs::absolute(path).parent_path();
-  return ::fstat(place.folder.get(), &ours) == 0 && ::stat(folder.c_str(), &now) == 0 &&
+  std::error_code error;
+  const fs::path folder = fs::absolute(path, error).parent_path();
+  return !error && ::fstat(place.folder.get(), &ours) == 0 && ::stat(folder.c_str(), &now) == 0 &&
          ours.st_dev == now.st_dev && ours.st_ino == now.st_ino;
 }
 

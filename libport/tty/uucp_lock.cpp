@@ -67,7 +67,7 @@ std::vector<std::string> lock_files(const std::string& folder, const std::string
   std::vector<std::string> files;
   std::error_code error;
   const fs::path real = fs::canonical(device, error);
-  const bool counts = fs::absolute(device).lexically_normal().string().starts_with(devices + "/");
+  const bool counts = fs::absolute(device, error).lexically_normal().string().starts_with(devices + "/");
   for (const fs::path& name : {real, counts ? fs::path(device) : fs::path()}) {
     std::string file = folder + "/LCK.." + name.filename().string();
     if (!name.empty() && std::ranges::find(files, file) == files.end()) files.push_back(std::move(file));

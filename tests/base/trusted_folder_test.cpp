@@ -48,6 +48,19 @@ TEST_F(TrustedFolder, EachWayThereThatIsOursLeadsThere) {
   expect_leads_to(".", ".");
 }
 
+TEST_F(TrustedFolder, WhereTheWorkingFolderIsGoneARelativeNameIsAnError) {
+  const fs::path before = fs::current_path();
+  fs::create_directory(dir / "gone");
+  fs::current_path(dir / "gone");
+  fs::remove(dir / "gone");
+  const Result<TrustedName> found = find_trusted_name("port");
+  const Result<TrustedName> absolute = find_trusted_name(dir / "port");
+  fs::current_path(before);
+  ASSERT_FALSE(found.has_value());
+  EXPECT_EQ(found.error().code, Errc::usage);
+  EXPECT_TRUE(absolute.has_value());
+}
+
 TEST_F(TrustedFolder, ANameIsLookedForInItAndNotFollowed) {
   fs::create_directory(dir / "one");
   fs::create_symlink("one", dir / "link");
