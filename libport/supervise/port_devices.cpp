@@ -15,8 +15,6 @@ namespace {
 
 constexpr unsigned kTtyMajor = 4;  // consoles below kFirstSerial
 constexpr unsigned kFirstSerial = 64;
-constexpr unsigned kFirstPty = 136;
-constexpr unsigned kLastPty = 143;
 
 // By proc_pid_stat(5): the fifth number behind the name, which may hold anything.
 std::optional<std::uint64_t> controlling_terminal() {
