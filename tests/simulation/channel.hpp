@@ -25,6 +25,8 @@ class Channel {
   virtual void calm() = 0;
   // After a calm minute: nothing is under way.
   virtual void check_calm() = 0;
+  // Its driver looks again and again for what may not come: the world's own wake-ups, and not the daemon's.
+  [[nodiscard]] virtual bool looks_on() const { return false; }
   // After the daemon's end; `failed`: its exit status was not 0.
   virtual void check_end(bool failed) = 0;
 

@@ -169,7 +169,8 @@ void ReplayChannel::do_item(const TapeItem& item) {
       if (driver_.kind().half_closes && !driver_.near_ended() && !broken_ && waits()) return;
       break;
     case Kind::hang_up:
-      if (!broken_ && waits()) return act_at(world().loop().now() + milliseconds(100));
+      looks_for_hang_up_ = !broken_ && waits();
+      if (looks_for_hang_up_) return act_at(world().loop().now() + milliseconds(100));
       break;
     case Kind::mark:
     case Kind::gap:

@@ -25,6 +25,7 @@ class ReplayChannel final : public Channel {
   void start() override;
   void calm() override;
   void check_calm() override;
+  [[nodiscard]] bool looks_on() const override { return looks_for_hang_up_; }
   void check_end(bool failed) override;
 
  private:
@@ -77,6 +78,7 @@ class ReplayChannel final : public Channel {
   std::optional<Instant> unseen_until_;
   bool acting_ = false;
   bool finished_ = false;
+  bool looks_for_hang_up_ = false;
   bool broken_ = false;  // the line, by the replay
   bool made_mistake_ = false;
   bool missed_settings_ = false;  // maybe: the line had ended
