@@ -41,30 +41,28 @@ Result<UniqueFd> open_trusted_folder(const std::string& path) {
     if (part.empty()) continue;  // behind a last slash
     UniqueFd next(::openat(folder ? folder.get() : AT_FDCWD, part.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
     struct stat status {};
-    if (!next || ::fstat(next.get(), &status) != 0) return cannot_open(errno, path);
+    if (!next || ::fstat(next.get(), &status) != 0) return cannot_open(errno, absolute.string());
     if (S_ISDIR(status.st_mode)) {
       folder = std::move(next);
       continue;
     }
-    if (!S_ISLNK(status.st_mode)) return cannot_open(ENOTDIR, path);
+    if (!S_ISLNK(status.st_mode)) return cannot_open(ENOTDIR, absolute.string());
     if (!is_own_or_root(status.st_uid))
       return trouble(
           fmt::format("{} on the way there is a link that another user made; name the folder itself",
                       in_quotes(part.string())));
     const fs::path text = link_text(next.get(), {});
-    if (text.empty() || ++links > kMostLinks) return cannot_open(ELOOP, path);
+    if (text.empty() || ++links > kMostLinks) return cannot_open(ELOOP, absolute.string());
     left.insert(left.begin(), text.begin(), text.end());  // "/" is the first part of an absolute one
   }
   return folder;
 }
 
 Result<TrustedName> find_trusted_name(const std::string& path) {
-  std::error_code error;
-  const fs::path absolute = fs::absolute(path, error);
-  if (error) return trouble(error.message());
-  Result<UniqueFd> folder = open_trusted_folder(absolute.parent_path().string());
+  const fs::path given(path);
+  Result<UniqueFd> folder = open_trusted_folder(given.has_parent_path() ? given.parent_path().string() : ".");
   if (!folder) return folder.error();
-  return TrustedName{std::move(*folder), absolute.filename().string()};
+  return TrustedName{std::move(*folder), given.filename().string()};
 }
 
 }  // namespace porttape

@@ -165,7 +165,7 @@ bool Engine::Impl::work_on(Input& input) {
   return finish();
 }
 
-// What is written behind the tape's end is a run of its own; where nothing is, the open is none.
+// What the driver writes after the tape's end is a run of its own, which begins with the first byte.
 std::size_t Engine::Impl::write(ByteView data, bool counted) {
   if (std::exchange(behind_end, false)) run.begin_behind_end(now);
   return run.write(now, data, counted);

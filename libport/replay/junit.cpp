@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <concepts>
 #include <cstdio>
 #include <string>
 #include <string_view>
@@ -16,24 +17,24 @@ std::string attribute(std::string_view name, std::string_view value) {
   return ' ' + std::string(name) + "=\"" + xml_text(value, false) + '"';
 }
 
-std::string attribute(std::string_view name, const StrangerText& value) {
+template <std::same_as<StrangerText> Text>
+std::string attribute(std::string_view name, const Text& value) {
   return ' ' + std::string(name) + "=\"" + value.for_attribute() + '"';
 }
 
 std::string number(std::string_view name, std::size_t value) {
-  return attribute(name, std::string_view(std::to_string(value)));
+  return attribute(name, std::to_string(value));
 }
 
 std::string seconds_of(double seconds) {
   std::array<char, 48> text{};
   std::snprintf(text.data(), text.size(), "%.6f", std::isfinite(seconds) && seconds > 0 ? seconds : 0.0);
-  return attribute("time", std::string_view(text.data()));
+  return attribute("time", text.data());
 }
 
 std::string trouble(std::string_view element, const TestCase& test) {
   return "      <" + std::string(element) + attribute("message", test.message) +
-         attribute("type", std::string_view(test.kind)) + '>' + test.text.for_element() + "</" +
-         std::string(element) + ">\n";
+         attribute("type", test.kind) + '>' + test.text.for_element() + "</" + std::string(element) + ">\n";
 }
 
 std::string body_of(const TestCase& test) {
@@ -64,8 +65,8 @@ std::string to_junit(std::string_view suite, std::span<const TestCase> tests, do
   const std::string sums =
       number("tests", counts.all()) + number("failures", counts.failed) + number("errors", counts.errors);
   std::string out = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites" +
-                    attribute("name", std::string_view("porttape")) + sums + seconds_of(seconds) +
-                    ">\n  <testsuite" + attribute("name", suite) + sums + number("skipped", counts.skipped) +
+                    attribute("name", "porttape") + sums + seconds_of(seconds) + ">\n  <testsuite" +
+                    attribute("name", suite) + sums + number("skipped", counts.skipped) +
                     seconds_of(seconds) + ">\n";
   for (const TestCase& test : tests) out += case_of(test);
   return out + "  </testsuite>\n</testsuites>\n";

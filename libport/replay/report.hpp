@@ -88,7 +88,7 @@ struct FaultsReport {
   std::uint64_t seed = 0;
   std::uint64_t made = 0;
   std::map<StrangerText, std::uint64_t> kinds = {};  // how many of each
-  std::vector<LineFault> list = {};                 // the first ones
+  std::vector<LineFault> list = {};                  // the first ones
 
   void add(const LineFault& fault);
 };

@@ -27,8 +27,8 @@ class RunList {
   [[nodiscard]] std::uint64_t count() const { return count_; }
   [[nodiscard]] std::uint64_t looks() const { return looks_; }
 
-  // Of the worst run, the first of equals. Where no run came: of the latest look or of nobody's run, with
-  // `incomplete` for its verdict; nothing where there was not even that.
+  // Returns the report of the worst run, the first of equals. If there was no run, it returns that of the
+  // latest look or of nobody's run, with the verdict `incomplete`; nullopt if there was not even that.
   [[nodiscard]] const std::optional<RunReport>& worst() const { return worst_ ? worst_ : none_; }
   // The same of the latest.
   [[nodiscard]] const std::optional<RunReport>& latest() const { return latest_ ? latest_ : none_; }

@@ -41,12 +41,17 @@ std::string without_repeats(const std::filesystem::path& path) {
   return made.native();
 }
 
+// The place in /proc of a folder that a program names files from.
+std::string folder_here(pid_t thread, int folder) {
+  return folder == AT_FDCWD ? fmt::format("/proc/{}/cwd", thread)
+                            : fmt::format("/proc/{}/fd/{}", thread, folder);
+}
+
 // As the program names it, from `/` on or from its folder's place in /proc.
 std::string absolute_here(pid_t thread, const std::string& named, int folder) {
   std::string path = without_repeats(named);
   if (path.starts_with('/')) return path;
-  const std::string from = folder == AT_FDCWD ? fmt::format("/proc/{}/cwd", thread)
-                                              : fmt::format("/proc/{}/fd/{}", thread, folder);
+  const std::string from = folder_here(thread, folder);
   std::error_code error;
   // Below it there may be the links by which a process names itself.
   const std::string place = std::filesystem::read_symlink(from, error).native();
@@ -88,8 +93,7 @@ std::string path_here(pid_t thread, const std::string& named, int folder) {
 
 QuickLook look_at_once(pid_t thread, const std::string& path, int folder) {
   const bool relative = !path.starts_with('/');
-  const std::string from = folder == AT_FDCWD ? fmt::format("/proc/{}/cwd", thread)
-                                              : fmt::format("/proc/{}/fd/{}", thread, folder);
+  const std::string from = folder_here(thread, folder);
   const UniqueFd begin(relative ? ::open(from.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC) : -1);
   if (relative && !begin) return {};
   // Links to what a process has open are the program's own, which is another process here.

@@ -297,6 +297,8 @@ CallPart::Decision TapCalls::look_elsewhere(Supervisor& supervisor, const Call& 
   const auto look = [found, thread = call.thread()] {
     OpenArguments& file = found->wanted;
     file.path = path_here(thread, file.named, file.folder);
+    file.through_process = !file.path.starts_with("/proc/") && leads_through_process(file.path);
+    file.may_wait = true;
     found->device = tty_device_at(file.path);
   };
   const auto done = [this, found, waiting = std::weak_ptr(kept), alive = std::weak_ptr<int>(alive_)] {
@@ -305,8 +307,7 @@ CallPart::Decision TapCalls::look_elsewhere(Supervisor& supervisor, const Call& 
   if (!loop_->run_elsewhere(Workers::Strand(), look, done)) {
     tell_once(
         "no thread was to be had to look at a file that the command opens: if that is its device, what it "
-        "says "
-        "is not on the tape");
+        "says is not on the tape");
     kept->finish(outcome::Pass{});
   }
   return Kept{};
@@ -332,7 +333,7 @@ CallPart::Decision TapCalls::decide_device_open(const Keep& keep, const Call& ca
     return outcome::Pass{};
   }
   if (!device_ && is_other_kind(device.number)) return outcome::Pass{};
-  // Of a program that is killed meanwhile nothing is known, and nothing needs to be told.
+  // The system says nothing of a program that was killed meanwhile, so the reason would be wrong.
   if (const std::string why = why_not_opened(call, wanted); !why.empty()) {
     if (!call.waits()) return outcome::Pass{};
     tell_once(
@@ -351,8 +352,7 @@ CallPart::Decision TapCalls::decide_device_open(const Keep& keep, const Call& ca
 // Landlock holds for who restricts itself, and for all that it starts from then on.
 std::string TapCalls::why_not_opened(const Call& call, const OpenArguments& wanted) const {
   if (wanted.own_way) return "by a path with rules of its own";
-  if (!wanted.path.starts_with("/proc/") && leads_through_process(wanted.path))
-    return "by a link to what a process has open";
+  if (wanted.through_process) return "by a link to what a process has open";
   if (!restricted_.empty()) {
     const std::vector<pid_t> lineage = lineage_of(call.thread());
     if (std::ranges::any_of(lineage, [this](pid_t process) { return restricted_.contains(process); }))
@@ -361,7 +361,7 @@ std::string TapCalls::why_not_opened(const Call& call, const OpenArguments& want
   return why_not_ours(call.thread());
 }
 
-// A tty may wait for its carrier; a pty has none.
+// A tty may wait for its carrier, which a pty does not have, and the way to it for a file system.
 CallPart::Decision TapCalls::open_tapped(const Keep& keep, const Call& call, const OpenArguments& wanted,
                                          const TtyDevice& device) {
   if ((wanted.flags & O_NOCTTY) == 0 && gets_terminal(call.thread()))
@@ -369,7 +369,7 @@ CallPart::Decision TapCalls::open_tapped(const Keep& keep, const Call& call, con
         "the command's device does not become its controlling terminal, as without --tap: a hang-up sends "
         "it no SIGHUP");
   files_.let_go();
-  if ((wanted.flags & O_NONBLOCK) != 0 || is_pty(device.number)) {
+  if (!wanted.may_wait && ((wanted.flags & O_NONBLOCK) != 0 || is_pty(device.number))) {
     const int flags = wanted.flags & ~(O_CREAT | O_EXCL | O_TRUNC);
     UniqueFd file(::open(wanted.path.c_str(), flags | O_NOCTTY | O_CLOEXEC));
     if (!file) return outcome::Refuse{errno};

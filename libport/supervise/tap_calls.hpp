@@ -56,8 +56,12 @@ class TapCalls final : public CallPart {
     std::string named;  // by the program
     int folder = 0;     // from there, where it is relative
     int flags = 0;
-    bool own_way = false;   // resolved with rules of its own (openat2)
-    std::string path = {};  // as it is called here, once it was looked at
+    bool own_way = false;  // resolved with rules of its own (openat2)
+    // Once it was looked at: how it is called here, whether it leads through what a process has open, and
+    // whether to go there may wait for a file system.
+    std::string path = {};
+    bool through_process = false;
+    bool may_wait = false;
   };
   using Keep = std::function<std::shared_ptr<KeptCall>()>;
   struct Holder {

@@ -81,12 +81,12 @@ struct EventsSummary {
   std::uint64_t gap_bytes = 0;     // that the gap events say are missing
   std::vector<GapSummary> gaps;    // the first 64
   std::vector<MarkSummary> marks;  // the first 64
-  std::vector<SettingsSummary> settings;             // the first 64
-  std::vector<SignalSummary> signals;                // of modem lines and breaks, the first 64
-  std::vector<FaultSummary> faults;                  // the first 64, plans among them
+  std::vector<SettingsSummary> settings;              // the first 64
+  std::vector<SignalSummary> signals;                 // of modem lines and breaks, the first 64
+  std::vector<FaultSummary> faults;                   // the first 64, plans among them
   std::map<StrangerText, std::uint64_t> fault_kinds;  // how many were made of each; at most 64 kinds
-  bool ended = false;                                // the last event is `end`
-  std::optional<PayloadTotals> end_read;             // what it tells of the r and w files, both or none
+  bool ended = false;                                 // the last event is `end`
+  std::optional<PayloadTotals> end_read;              // what it tells of the r and w files, both or none
   std::optional<PayloadTotals> end_write;
   bool covers_lines = false;  // it vouches for the lines before it
   std::optional<TapeTime> last;

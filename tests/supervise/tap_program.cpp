@@ -73,8 +73,8 @@ void say(const std::string& what, ssize_t result, const std::string& more = {}) 
 
 void open_line(int flags) { line = ::open(path, O_RDWR | O_NOCTTY | flags); }
 
-// Answers what the kernel asks of an empty file system (linux/fuse.h). To look for a name it opens a file of
-// its own, as such servers do.
+// Answers what the kernel asks of a file system (linux/fuse.h) that has a link to the device, `device`. For
+// each name and for the link's text it opens a file of its own, as such servers do.
 [[noreturn]] void serve_files(int requests) {
   static char room[256 * 1024];
   struct {
@@ -82,6 +82,8 @@ void open_line(int flags) { line = ::open(path, O_RDWR | O_NOCTTY | flags); }
     union {
       fuse_init_out init;
       fuse_attr_out attributes;
+      fuse_entry_out entry;
+      char text[64];
     } body;
   } answer;
   for (;;) {
@@ -101,9 +103,19 @@ void open_line(int flags) { line = ::open(path, O_RDWR | O_NOCTTY | flags); }
       answer.body.attributes.attr.mode = S_IFDIR | 0755;
       answer.body.attributes.attr.nlink = 1;
       answer.header.len += sizeof(answer.body.attributes);
+    } else if (asked->opcode == FUSE_LOOKUP && std::strcmp(room + sizeof(*asked), "device") == 0) {
+      ::close(::open("/proc/self/status", O_RDONLY));
+      answer.body.entry.nodeid = answer.body.entry.attr.ino = 2;
+      answer.body.entry.attr.mode = S_IFLNK | 0777;
+      answer.body.entry.attr.nlink = 1;
+      answer.header.len += sizeof(answer.body.entry);
     } else if (asked->opcode == FUSE_LOOKUP) {
       ::close(::open("/proc/self/status", O_RDONLY));
       answer.header.error = -ENOENT;
+    } else if (asked->opcode == FUSE_READLINK) {
+      ::close(::open("/proc/self/status", O_RDONLY));
+      std::strncpy(answer.body.text, path, sizeof(answer.body.text) - 1);
+      answer.header.len += static_cast<std::uint32_t>(std::strlen(answer.body.text));
     } else if (asked->opcode == FUSE_FORGET) {
       continue;  // has no answer
     } else {
@@ -126,6 +138,9 @@ void do_open_served() {
   if (server == 0) serve_files(requests);
   ::close(requests);
   say("served", ::open((folder + "/name").c_str(), O_RDONLY));
+  const int device = ::open((folder + "/device").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK);
+  say("written", ::write(device, "by a link", 9));
+  ::close(device);
   ::umount2(folder.c_str(), MNT_DETACH);
   ::kill(server, SIGKILL);
   ::waitpid(server, nullptr, 0);
