@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <fmt/format.h>
+#include <initializer_list>
 #include <re2/re2.h>
 #include <tuple>
 #include <utility>
@@ -384,7 +385,12 @@ class RulesReader {
     Place place;
     const int given = static_cast<int>(table.has("at")) + static_cast<int>(table.has("column")) +
                       static_cast<int>(table.has("capture"));
-    if (given != 1) table.wrong("needs one of at, column, capture: where in the frame");
+    if (given != 1) {
+      table.wrong("needs one of at, column, capture: where in the frame");
+    } else {
+      refuse_without(table, "at", {"size", "to"});
+      refuse_without(table, "column", {"separator"});
+    }
     place.at = table.integer("at", -kMostPosition, kMostPosition).value_or(0);
     place.size = table.integer("size", 1, kMostPosition);
     place.to = table.integer("to", -kMostPosition, kMostPosition);
@@ -404,6 +410,14 @@ class RulesReader {
     place.capture = read_expression(table, "capture", 1);
     if (table.has("capture")) place.by = Place::By::capture;
     return place;
+  }
+
+  static void refuse_without(TomlTable& table, std::string_view place,
+                             std::initializer_list<std::string_view> its_own) {
+    if (table.has(place)) return;
+    for (const std::string_view key : its_own) {
+      if (table.has(key)) table.wrong(key, fmt::format("has no meaning here: it belongs to '{}'", place));
+    }
   }
 
   Place read_named_place(TomlTable& table, std::string_view key) {

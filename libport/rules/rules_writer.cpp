@@ -3,6 +3,7 @@
 #include <string_view>
 
 #include "libport/base/utf8.hpp"
+#include "libport/rules/framing.hpp"
 #include "libport/rules/rule_set.hpp"
 
 namespace porttape {
@@ -148,8 +149,10 @@ void write_kind(Writer& out, const FrameFormat& format) {
 void write(Writer& out, const FrameFormat& format) {
   out.table("frame");
   out.text("name", format.name.raw());
-  if (format.longest != FrameFormat().longest) out.number("longest", format.longest);
-  if (!format.protocol.empty()) return out.text("protocol", format.protocol);
+  const bool own = format.protocol.empty();
+  const std::size_t usual = own ? FrameFormat().longest : protocol_formats(format.protocol).front().longest;
+  if (format.longest != usual) out.number("longest", format.longest);
+  if (!own) return out.text("protocol", format.protocol);
   write_kind(out, format);
   out.bytes("start", format.start);
   if (format.checksum) out.line(inline_checksum(*format.checksum));

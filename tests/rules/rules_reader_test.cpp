@@ -1,5 +1,6 @@
 #include "libport/rules/rules_reader.hpp"
 
+#include <fmt/format.h>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -189,6 +190,14 @@ TEST(RulesReaderTest, EachMistakeIsNamed) {
   has(rule("capture='abc'\nignore=true\n"), "has no group in parentheses");
   has(rule("at=0\ncolumn=1\nignore=true\n"), "needs one of at, column, capture");
   has(rule("at=0\nsize=2\nto=3\nignore=true\n"), "besides 'size'");
+  for (const std::string_view place : {"column=1\n", "capture='a(b)'\n"}) {
+    for (const std::string_view key : {"size", "to"})
+      has(rule(fmt::format("{}{}=3\nignore=true\n", place, key)),
+          fmt::format("key '{}' of [[rule]] 'r' has no meaning here: it belongs to 'at'", key));
+  }
+  for (const std::string_view place : {"at=1\n", "capture='a(b)'\n"})
+    has(rule(fmt::format("{}separator=';'\nignore=true\n", place)), "it belongs to 'column'");
+  has(refused(std::string(frame) + "[[redact]]\nname='r'\ncolumn=2\nsize=4\n"), "it belongs to 'at'");
   has(rule("at=5\nto=3\nignore=true\n"), "a position behind it");
   has(rule("at=-2\nsize=3\nignore=true\n"), "to the frame's end there are 2");
   has(rule("at=0\nsize=9\ncounter=true\n"), "up to 8 bytes");

@@ -176,7 +176,7 @@ TEST(RulesWordsTest, OfARule) {
        "f:8: key 'size'" + in + "is 2, and from 'at' = -1 to the frame's end there are 1"},
       {"column=1001\nignore=true\n",
        "f:7: key 'column'" + in + "is 1001; accepted: a whole number from 0 to 1000"},
-      {"at=0\nseparator=''\nignore=true\n", "f:8: key 'separator'" + in + "is empty"},
+      {"column=0\nseparator=''\nignore=true\n", "f:8: key 'separator'" + in + "is empty"},
       {"at=0\nsize=9\nrange=[1,2]\n", "f:8: key 'size'" + in + "is 9; accepted: up to 8 bytes for a number"},
       {"at=0\ncounter=false\n",
        "f:8: key 'counter'" + in + "is false; accepted: true, { modulo = … }, or another kind of rule"},

@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <string>
 #include <vector>
 
@@ -73,12 +74,17 @@ TEST(RulesWriterTest, AChecksumHasWhatIsNotTheUsual) {
 }
 
 TEST(RulesWriterTest, AProtocolIsOneTableWhateverFormatsItHas) {
-  const std::string nmea = "longest = 1024\nprotocol = 'nmea'\n";
+  const std::string nmea = "protocol = 'nmea'\n";
   expect_same("\n[[frame]]\nname = 'nmea'\n" + nmea + kPoll);
   expect_same("\n[[frame]]\nname = 'one'\n" + nmea +
               "\n[[frame]]\nname = 'two'\nlongest = 99\nprotocol = 'nmea'\n" + kPoll);
   expect_same("\n[[frame]]\nname = 'one'\n" + nmea +
-              "\n[[frame]]\nname = 'two'\nlongest = 65536\nprotocol = 'gdb'\n" + kPoll);
+              "\n[[frame]]\nname = 'two'\nlongest = 65535\nprotocol = 'gdb'\n" + kPoll);
+  for (const char* const protocol : {"nmea", "mavlink", "modbus-ascii"}) {
+    expect_same(fmt::format("\n[[frame]]\nname = 'f'\nprotocol = '{}'\n{}", protocol, kPoll));
+    // 4096 is the usual of frames that are described, not of these.
+    expect_same(fmt::format("\n[[frame]]\nname = 'f'\nlongest = 4096\nprotocol = '{}'\n{}", protocol, kPoll));
+  }
 }
 
 TEST(RulesWriterTest, RulesHaveTheKeysOfTheirPlaceAndKind) {
