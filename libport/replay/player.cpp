@@ -204,8 +204,8 @@ Player::Progress Player::at_device_signal(Turn& turn, const LineSignal& signal) 
   const bool at_once = stood || (answers_signal_ && due < turn.now + kAtOnce);
   const Instant when = at_once ? std::min(turn.now, due) : due;
   const bool passed_over =
-      turn.mode == Mode::drop_all || (turn.mode != Mode::deliver && passes_over(turn, when));
-  if (turn.mode != Mode::drop_all && passed_over) late_signals_.put(signal);
+      hung_up_ || turn.mode == Mode::drop_all || (turn.mode != Mode::deliver && passes_over(turn, when));
+  if (!hung_up_ && turn.mode != Mode::drop_all && passed_over) late_signals_.put(signal);
   if (!passed_over) {
     if (turn.blocked) return wait(std::nullopt);
     if (turn.mode != Mode::deliver || early(turn, when)) return wait(when);
@@ -253,7 +253,7 @@ bool Player::gate_opens(Instant now, TapeTime next_at) {
 
 Player::Progress Player::at_read(Turn& turn) {
   const Record& head = *schedule_.head();
-  if (head.data.empty() || schedule_.line_closed() || !driver_line_.is_open()) {
+  if (head.data.empty() || schedule_.line_closed() || hung_up_ || !driver_line_.is_open()) {
     reads_excused_ += schedule_.rest().size();
     schedule_.pop();
     return Progress::passed;
@@ -373,7 +373,8 @@ Player::Progress Player::at_device_end(Turn& turn, bool ReplayActions::*what) {
   if (!schedule_.line_closed()) {
     if (!gate_opens(turn.now, at)) return Progress::waits;
     const Instant when = pace_.due(at);
-    const bool dropped = turn.mode == Mode::drop_all || (turn.mode == Mode::drop_due && when <= turn.now);
+    const bool dropped =
+        hung_up_ || turn.mode == Mode::drop_all || (turn.mode == Mode::drop_due && when <= turn.now);
     if (!dropped) {
       if (turn.blocked) return wait(std::nullopt);
       if (turn.mode != Mode::deliver || early(turn, when)) return wait(when);
@@ -515,7 +516,7 @@ Player::Progress Player::at_close(Turn& turn) {
 }
 
 Player::Progress Player::at_open(Turn& turn) {
-  if (turn.mode != Mode::deliver) return wait(std::nullopt);
+  if (turn.mode != Mode::deliver || hung_up_) return wait(std::nullopt);
   const TapeTime at = schedule_.head()->at;
   const Instant when = pace_.real(at);
   if (!gated()) {
@@ -562,7 +563,7 @@ Player::Progress Player::at_end(Turn& turn) {
 // The next loop begins where this one is over: at the end of the part, or with the last on the tape, by
 // absolute times. A tape without any time still lets others have some.
 Player::Progress Player::at_loop_end(Turn& turn) {
-  if (turn.mode != Mode::deliver || turn.blocked) return wait(std::nullopt);
+  if (turn.mode != Mode::deliver || turn.blocked || hung_up_) return wait(std::nullopt);
   const bool by_clock = config_.timing == Timing::recorded;
   Instant over = std::max(pace_.floor(), saturating_add(loops_.begun(), kShortestLoop));
   if (config_.end || by_clock) over = std::max(over, pace_.due(config_.end.value_or(schedule_.latest())));

@@ -116,6 +116,11 @@ class Player {
   void become_lenient(Instant now) { gate_.become_lenient(now); }
 
   [[nodiscard]] std::optional<Instant> wake() const { return wake_; }
+  // The driver's line was hung up: nothing comes on it before it is opened anew.
+  void set_hung_up(bool hung_up) {
+    hung_up_ = hung_up;
+    if (hung_up) late_signals_.clear();
+  }
   // The driver writes no more in this session since then; nothing: it may.
   void set_writing_ended(std::optional<Instant> since);
   // When the first half-close was recorded that the driver was to make in this run and did not.
@@ -264,6 +269,7 @@ class Player {
   std::uint64_t reads_excused_ = 0;
   bool untimed_ = false;  // a gap is between the last event and the next
   bool used_up_ = false;
+  bool hung_up_ = false;
   HandStep by_hand_;
   Loops loops_;
   std::size_t most_gaps_ = 0;  // reached before a jump back

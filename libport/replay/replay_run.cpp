@@ -151,6 +151,7 @@ void ReplayRun::begin_next_loop(Instant now) {
 void ReplayRun::begin_session() {
   exchanged_ = writing_ended_ = device_gone_ = sending_ended_ = false;
   player_.set_writing_ended(std::nullopt);
+  player_.set_hung_up(false);
   pieces_.begin({});
   if (lookup_) lookup_->begin_session();
 }
@@ -379,7 +380,7 @@ void ReplayRun::count_delivered(Instant now, Before before, ReplayActions& out, 
     out.end_sending = before.ended;
   }
   const std::size_t fresh = out.deliver.size() - before.bytes;
-  device_gone_ = device_gone_ || out.hang_up;
+  if (out.hang_up) hung_up();
   sending_ended_ = sending_ended_ || out.end_sending;
   if (out.end_sending && lookup_) lookup_->player().end_sending();
   ledger_->delivered(fresh);
@@ -388,6 +389,11 @@ void ReplayRun::count_delivered(Instant now, Before before, ReplayActions& out, 
   if (fresh > 0) question_.clear();
   if (fresh > 0 && before.bytes == 0 && !was_blocked_ && !clock_.stands() && due)
     ledger_->lateness(now - *due);
+}
+
+void ReplayRun::hung_up() {
+  device_gone_ = true;
+  if (!drives()) player_.set_hung_up(true);
 }
 
 // To a driver that writes no more the device ends too, once nothing comes without further writes.
@@ -399,6 +405,7 @@ void ReplayRun::end_device(Instant now, ReplayActions& out) {
   } else if (*played || !player_.wake()) {
     writing_ended_ = false;
     out.hang_up = true;
+    hung_up();
   }
 }
 

@@ -127,6 +127,7 @@ class ReplayRun {
   void pause(Instant now);
   void compare_behind(Instant now, const Matcher::Step& step);
   bool walk(Instant now, Player::Settled (Player::*way)(Instant));
+  void hung_up();
   void end_device(Instant now, ReplayActions& out);
   [[nodiscard]] bool drives() const { return config_.writer == Writer::device; }
   void keep_extra(Instant now, ByteView got);

@@ -102,6 +102,101 @@ TEST(HangUp, OfADeviceThatWasNeverThereJudgesNothing) {
   EXPECT_EQ(rig.close().verdict(), Verdict::pass);
 }
 
+// A device that hangs up, comes back, and speaks first.
+MemoryTape speaks_again() {
+  MemoryTape tape;
+  tape.open(0).read(1'000, "A").hang_up(2'000).close(2'500);
+  return tape.open(10'000).read(12'000, "B").write(13'000, "Q").read(14'000, "C").close(20'000);
+}
+
+TEST(HangUp, NothingComesBeforeTheDriverOpensItsLineAnew) {
+  ReplayConfig config = with(Timing::reactive);
+  config.strictness = 0;  // a driver that is silent is not waited for
+  Rig rig(speaks_again(), config);
+  rig.open().wait(2'000);
+  EXPECT_EQ(rig.read(), "A");
+  ASSERT_TRUE(rig.hung_up);
+  rig.wait(60'000'000);
+  EXPECT_EQ(rig.read(), "");
+  rig.close().open().wait(2'000);
+  EXPECT_EQ(rig.read(), "B");
+  rig.write("Q").wait(1'000);
+  EXPECT_EQ(rig.read(), "C");
+  EXPECT_EQ(rig.close().verdict(), Verdict::pass);
+  EXPECT_EQ(rig.report->reads_excused, 0);
+}
+
+TEST(HangUp, NothingComesToADriverThatHasMadeAMistakeBefore) {
+  Rig rig(MemoryTape()
+              .open(0)
+              .write(1'000, "Q")
+              .read(2'000, "A")
+              .hang_up(3'000)
+              .close(4'000)
+              .open(10'000)
+              .read(11'000, "B")
+              .close(12'000));
+  rig.open().write("X").wait(60'000'000);
+  ASSERT_TRUE(rig.hung_up);
+  EXPECT_EQ(rig.read(), "A");
+  rig.close().open().wait(1'000);
+  EXPECT_EQ(rig.read(), "B");
+}
+
+TEST(HangUp, ByTheRecordedClockTheNextSessionWaitsForTheDriversOpen) {
+  Rig rig(speaks_again(), with(Timing::recorded));
+  rig.open().wait(60'000'000);
+  EXPECT_EQ(rig.read(), "A");
+  ASSERT_TRUE(rig.hung_up);
+  rig.close().open().wait(1'999);
+  EXPECT_EQ(rig.read(), "");
+  rig.wait(1);
+  EXPECT_EQ(rig.read(), "B");
+  rig.wait(1'000).write("Q").wait(1'000);
+  EXPECT_EQ(rig.read(), "C");
+  EXPECT_EQ(rig.close().verdict(), Verdict::pass);
+}
+
+TEST(HangUp, WhatStandsBehindItInItsSessionReachesNobody) {
+  for (const Timing timing : {Timing::reactive, Timing::none, Timing::recorded}) {
+    Rig rig(MemoryTape()
+                .open(0)
+                .hang_up(1'000)
+                .read(2'000, "A")
+                .half_close(3'000, Side::device)
+                .hang_up(3'500)
+                .close(4'000)
+                .open(5'000)
+                .read(6'000, "B")
+                .close(7'000),
+            with(timing), true, std::numeric_limits<std::size_t>::max(), kSocket);
+    rig.open().wait(60'000'000);
+    EXPECT_TRUE(rig.hung_up);
+    EXPECT_EQ(rig.read(), "");
+    EXPECT_FALSE(rig.ended);
+    rig.close().open().wait(1'000);
+    EXPECT_EQ(rig.read(), "B");
+    EXPECT_EQ(rig.close().report->reads_excused, 1);
+  }
+}
+
+TEST(HangUp, TheNextLoopWaitsForTheDriversOpen) {
+  for (const Timing timing : {Timing::reactive, Timing::none, Timing::recorded}) {
+    ReplayConfig config = with(timing);
+    config.loops = 3;
+    Rig rig(MemoryTape().open(0).read(1'000, "A").hang_up(2'000).close(3'000), config);
+    for (int loop = 0; loop < 3; ++loop) {
+      rig.hung_up = false;
+      rig.open().wait(60'000'000);
+      EXPECT_EQ(rig.read(), "A");
+      EXPECT_TRUE(rig.hung_up);
+      rig.close();
+    }
+    EXPECT_EQ(rig.verdict(), Verdict::pass);
+    EXPECT_EQ(rig.runs, 1);
+  }
+}
+
 TEST(HangUp, OfADriverThatHasEndedItsWritingComesAfterTheLastAnswer) {
   Rig rig(MemoryTape().open(0).write(1'000, "Q").read(2'000, "A").read(9'000, "B").close(10'000));
   rig.open().write("Q").end_writing().wait(7'999);

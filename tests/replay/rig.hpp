@@ -37,6 +37,7 @@ class Rig {
   explicit Rig(MemoryTape tape, const ReplayConfig& config = {}, bool stamped_at_arrival = true,
                std::size_t piece = std::numeric_limits<std::size_t>::max(), const Engine::Parts& parts = {})
       : tape_(std::move(tape)),
+        drives_(drives(config)),
         schedule(tape_, MemorySource::Select::merged, piece),
         writes(tape_, drives(config) ? MemorySource::Select::merged : MemorySource::Select::writes_only,
                piece),
@@ -47,6 +48,7 @@ class Rig {
                drives(config) ? static_cast<RecordSource&>(swapped_writes) : writes, with_index(parts)) {}
 
   Rig& open() {
+    line_gone_ = false;
     engine.on_open(now());
     return settle();
   }
@@ -135,6 +137,9 @@ class Rig {
   void advance() {
     if (++advances_ > 5'000'000) FAIL() << "no progress";
     ReplayActions actions = engine.advance(now(), max_bytes);
+    const bool tells = !actions.deliver.empty() || !actions.signals.empty() || actions.end_sending;
+    EXPECT_FALSE(line_gone_ && tells) << "something is told on a line that was hung up, at " << now_us();
+    line_gone_ = line_gone_ || (actions.hang_up && !drives_);
     for (const ReplayActions::Signal& each : actions.signals) {
       signals.push_back(std::string(name_of(each.signal.name)) + (each.signal.on ? " on" : " off") +
                         " behind " + std::to_string(delivered.size() + each.behind) + " at " +
@@ -198,6 +203,8 @@ class Rig {
   MemoryTape tape_;
   Nanos clock_{0};
   std::uint64_t advances_ = 0;
+  bool drives_;
+  bool line_gone_ = false;  // hung up, and not opened since
 
  public:
   MemorySource schedule;

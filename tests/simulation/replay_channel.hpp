@@ -48,6 +48,7 @@ class ReplayChannel final : public Channel {
   bool waits();
   [[nodiscard]] bool may_have_ended() const;
   bool is_unseen();
+  [[nodiscard]] Nanos look_for_hang_up() const;
   [[nodiscard]] Instant write_time() const;
   [[nodiscard]] bool is_last_item() const { return item_ + 1 == plan_.script().items().size(); }
 
