@@ -264,6 +264,13 @@ std::string never_asked_lines(const LookupReport& lookup) {
   return never > told ? out + "  not asked " + std::to_string(never - told) + " more\n" : out;
 }
 
+// Rules may let more or less come than is recorded, and it counts as that.
+std::string came_by_rules(const RunReport& report) {
+  if (!report.ruled || report.verdict != Verdict::pass || report.mismatches > 0) return "";
+  if (report.from_driver_bytes == report.from_driver_matched) return "";
+  return " (by the rules; " + std::to_string(report.from_driver_bytes) + " came)";
+}
+
 // What passed.
 std::string counts(const RunReport& report) {
   if (report.lookup) return lookup_counts(report);
@@ -272,7 +279,8 @@ std::string counts(const RunReport& report) {
   const std::string one(roles_of(report.writer).one);
   return (report.tape.empty() ? "" : printable_line(report.tape) + ": ") + "from " + one + ' ' +
          std::to_string(report.from_driver_matched) + (from ? " of " + counted(*from, "byte") : " bytes") +
-         " as recorded, to " + one + ' ' + std::to_string(report.to_driver_bytes) +
+         " as recorded" + came_by_rules(report) + ", to " + one + ' ' +
+         std::to_string(report.to_driver_bytes) +
          (to ? " of " + std::to_string(*to) : " (the tape was not counted)") + ", " +
          seconds_text(std::chrono::floor<Micros>(report.duration).count()) + '\n';
 }

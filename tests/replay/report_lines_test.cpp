@@ -54,6 +54,20 @@ TEST(ReportLines, OneMismatchIsNotCounted) {
   EXPECT_THAT(to_text(report), HasSubstr("  mismatches in all: 2\n"));
 }
 
+TEST(ReportLines, WhatRulesLetPassIsToldBesideWhatCame) {
+  RunReport report = passing();
+  report.ruled = true;
+  EXPECT_THAT(to_text(report), HasSubstr("42 of 42 bytes as recorded, to"));
+  report.from_driver_bytes = 2;
+  EXPECT_THAT(to_text(report), HasSubstr("42 of 42 bytes as recorded (by the rules; 2 came), to"));
+  report.ruled = false;
+  EXPECT_THAT(to_text(report), Not(HasSubstr("came)")));
+  report = differing_by(one_byte());
+  report.ruled = true;
+  report.from_driver_bytes = 50;
+  EXPECT_THAT(to_text(report), Not(HasSubstr("came)")));
+}
+
 TEST(ReportLines, OurTimersAreToldOfTimingAlone) {
   RunReport report = differing_by(one_byte());
   EXPECT_THAT(to_text(report), Not(HasSubstr("our own timers")));
