@@ -40,13 +40,23 @@ Lookup::Lookup(const ReplayConfig& config, const Engine::TapeFacts& facts, const
       keeps_requests_(replies != nullptr) {}
 
 void Lookup::begin_run() {
+  begin_books();
+  from_.reset();
+  kinds_.clear();
+  played_ = 0;
+}
+
+void Lookup::begin_behind_end() {
+  begin_books();
+  for (OfKind& kind : kinds_) kind.asked = 0;
+}
+
+void Lookup::begin_books() {
   begin_session();
   player_.begin_run();
-  from_.reset();
   went_on_.clear();
   matcher_.begin();
-  kinds_.clear();
-  played_ = answered_ = unknown_ = matched_ = 0;
+  answered_ = unknown_ = matched_ = 0;
   cut_off_.reset();
 }
 

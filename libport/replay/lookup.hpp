@@ -32,6 +32,8 @@ class Lookup {
          Budget& budget, Pieces& pieces, const ReplayClock& clock, Replies* replies);
 
   void begin_run();
+  // The same, but no request is played anew: each gets the last of its answers.
+  void begin_behind_end();
   // The tape is at `position` of its writes, in the request that is next, and the driver has written `offset`
   // bytes; what it writes then is a mismatch that was told. write() follows with that, and before it the last
   // `known` bytes, some of which may belong to that request.
@@ -86,6 +88,7 @@ class Lookup {
     RequestMatcher::Nearest place{};
   };
 
+  void begin_books();
   void begin_on_index();
   std::optional<Mismatch> answer(const RequestMatcher::Step& step);
   void ask_for(std::uint32_t exchange, std::uint64_t again, const RequestMatcher::Step& step);

@@ -93,6 +93,7 @@ void ReplayRun::begin_behind_end(Instant now) {
   behind_end_ = tape_end_told_ = true;
   matcher_.rewind();
   matcher_.go_to(TapeTime::max());
+  if (lookup_) lookup_->begin_behind_end();
 }
 
 void ReplayRun::begin_books(Instant now) {

@@ -108,9 +108,11 @@ class Play {
         engine_.on_close(now_);
         settle();
         break;
-      case 2:
-        write(std::string(1 + input(6), static_cast<char>('a' + input(3))));
+      case 2: {
+        const std::size_t size = 1 + input(6);  // each in its turn, whatever order a compiler likes
+        write(std::string(size, static_cast<char>('a' + input(3))));
         break;
+      }
       case 3:
       case 4:
         write(writes_.substr(std::min(written_.size(), writes_.size()), 1 + input(9)));

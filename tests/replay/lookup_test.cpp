@@ -51,6 +51,31 @@ TEST(Lookup, AnyRequestIsAnsweredInRecordedOrderThenTheLastAgain) {
   EXPECT_THAT(to_text(*rig.report), HasSubstr("5 requests answered, 2 of the tape's 2 different ones"));
 }
 
+TEST(Lookup, BehindTheTapesEndEachRequestGetsItsLastAnswerInARunOfItsOwn) {
+  ReplayConfig config = lookup();
+  config.on_reopen = OnReopen::continue_;
+  Rig rig(two_polls(), config);
+  rig.open().write("Q1\r").wait(2000).write("F\r").wait(5000).write("Q1\r").wait(2000).close();
+  ASSERT_EQ(rig.verdict(), Verdict::pass);
+  EXPECT_EQ(rig.report->from_driver_matched, 8U);
+  rig.read();
+  for (int runs = 2; runs <= 3; ++runs) {
+    rig.open().write("Q1\r").wait(2000).close();
+    ASSERT_EQ(rig.runs, runs);
+    EXPECT_EQ(rig.read(), "(231\r");
+    EXPECT_EQ(rig.verdict(), Verdict::pass);
+    EXPECT_EQ(rig.report->from_driver_bytes, 3U);
+    EXPECT_EQ(rig.report->from_driver_matched, 3U);
+    EXPECT_EQ(rig.report->lookup->asked, 1U);
+    EXPECT_EQ(rig.report->lookup->answered, 1U);
+  }
+  rig.open().write("Q1\rZ").wait(100'000).close();
+  ASSERT_EQ(rig.runs, 4);
+  EXPECT_EQ(rig.verdict(), Verdict::data_mismatch);
+  EXPECT_EQ(rig.report->mismatch->offset, 3U);
+  EXPECT_EQ(rig.report->lookup->unknown, 1U);
+}
+
 TEST(Lookup, APollerThatPollsForEverLivesOnAShortTape) {
   Rig rig(two_polls(), lookup(OnMismatch::fail));
   rig.open();
