@@ -63,7 +63,6 @@ void Player::jump(TapeTime to, Instant now) {
   }
   matcher_.go_to(to);
   arrivals_.rewind();
-  sessions_.forget_passed_open();
   used_up_ = false;
   untimed_ = true;
   fault_.reset();

@@ -18,7 +18,7 @@ std::optional<Number> whole_text(std::string_view text, Base... base) {
   Number number{};
   const char* const end = text.data() + text.size();
   const auto [stop, error] = std::from_chars(text.data(), end, number, base...);
-  if (error != std::errc() || stop != end || text.empty()) return std::nullopt;
+  if (error != std::errc() || stop != end) return std::nullopt;
   return number;
 }
 

@@ -152,6 +152,9 @@ TEST(FaultKeys, ABreakByTheClockHasNoDirection) {
   EXPECT_EQ(again("replug:at=1,dir=w"), "replug:at=1:for=1");
   EXPECT_EQ(again("stall:at=1,dir=r"), "stall:at=1:dir=r:for=1");
   EXPECT_EQ(again("hangup:p=0.5,dir=w"), "hangup:p=0.5:dir=w");
+  EXPECT_EQ(fault("hangup:at=1,dir=r").dir, std::nullopt);
+  EXPECT_EQ(fault("replug:at=1,dir=r").dir, std::nullopt);
+  EXPECT_EQ(fault("hangup:byte=1,dir=r").dir, LineDir::r);
 }
 
 TEST(FaultKeys, SeveralLinesAreCountedFromOne) {

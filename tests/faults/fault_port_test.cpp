@@ -336,6 +336,17 @@ TEST_F(FaultPortTest, TwoBreaksByTheClockComeInTheirOrder) {
   EXPECT_EQ(kinds(told), "plan hangup plan hangup ");
 }
 
+TEST_F(FaultPortTest, AFaultByTheClockStrikesSoLongAfterTheLineCameUp) {
+  make("drop:at=0.005,dir=r");
+  device.send("ab");
+  (void)let_pass(loop, clock, milliseconds(5) - Nanos(1));
+  device.send("cd");
+  (void)let_pass(loop, clock, Nanos(1));
+  device.send("ef");
+  device.send("gh");
+  EXPECT_EQ(log.data, "abcdfgh");
+}
+
 TEST_F(FaultPortTest, ALineThatBreaksAsItComesUpIsLostAndNeverUp) {
   make("hangup:at=0");
   EXPECT_EQ(log.events, "lost ");

@@ -75,6 +75,8 @@ TEST(FaultStream, CorruptsBytesToOthers) { EXPECT_EQ(bytes_of("corrupt:byte=1,xo
 TEST(FaultStream, DoublesBytesAndFrames) {
   EXPECT_EQ(bytes_of("duplicate:byte=1", "abc"), "abbc");
   EXPECT_EQ(bytes_of("duplicate:byte=0,burst=2", "abc"), "ababc");
+  EXPECT_EQ(bytes_of("duplicate:byte=3;duplicate:byte=1", "abcde"), "abbcdde")
+      << "in whatever order they stand";
   EXPECT_EQ(made_of("duplicate:frame=1,per=frame", {"a", "b", "\nc\n"}).bytes, "ab\nab\nc\n");
 }
 
@@ -84,6 +86,8 @@ TEST(FaultStream, TruncatesFrames) {
   EXPECT_EQ(bytes_of("truncate:frame=1,keep=9", "ab\ncd\n"), "ab\ncd\n") << "it is as short as that";
   EXPECT_EQ(bytes_of("truncate:frame=2,size=3,keep=1", "abcdefghi"), "abcdghi");
   EXPECT_EQ(bytes_of("truncate:frame=1,end=0d0d0a,keep=0", "a\r\r\r\nbc"), "bc");
+  EXPECT_EQ(made_of("truncate:frame=2,keep=3", {"a\nb", "cdef", "g\nh"}).bytes, "a\nbcdh")
+      << "a frame that comes in pieces";
 }
 
 TEST(FaultStream, ADelayHoldsItsBytesAndAStallAllThatFollow) {

@@ -92,6 +92,8 @@ TEST(DiffLimits, AFrameThatTheTapeHasTwiceIsTheNearer) {
   const MemoryTape tape = asking({"A\n", "B\n", "C\n", "D\n", "E\n", "A\n"});
   EXPECT_THAT(to_text(against(tape, "A\nD\n", 6)), HasSubstr("\"A\\n\"  as request 6\n"));
   EXPECT_THAT(to_text(against(tape, "A\nC\n", 4)), HasSubstr("\"A\\n\"  as request 1\n"));
+  const MemoryTape both = asking({"A\n", "B\n", "C\n", "D\n", "A\n"});
+  EXPECT_THAT(to_text(against(both, "A\nC\n", 4)), HasSubstr("\"A\\n\"  as request 1\n")) << "as near";
 }
 
 TEST(DiffLimits, AFrameOfAtLeastHalfTheBytesResemblesIt) {

@@ -121,6 +121,18 @@ TEST(Signals, ByTheRecordedClockTheyHoldNothingUp) {
   EXPECT_EQ(rig.delivered, "hello");
 }
 
+TEST(Signals, ByTheRecordedClockTheTapesEndWaitsForTheLastOfThem) {
+  ReplayConfig config;
+  config.timing = Timing::recorded;
+  config.at_end = AtEnd::hangup;
+  Shown rig(MemoryTape().open(0).read(1'000, "a").event(5'000, by_driver(Name::dtr, false)), config);
+  rig.open().wait(4'999);
+  EXPECT_EQ(rig.delivered, "a");
+  EXPECT_FALSE(rig.hung_up);
+  rig.wait(1);
+  EXPECT_TRUE(rig.hung_up);
+}
+
 TEST(Signals, ThoseBeforeTheFirstWriteArePlayedToALookup) {
   ReplayConfig config;
   config.match = Match::lookup;

@@ -86,6 +86,16 @@ TEST(FillerTest, LooksLikeTheSecretAndIsAnother) {
             fill(FillerKind::like, "same secret"));
 }
 
+TEST(RedactStreamTest, TheEndOfAnExpressionIsTheStreamsHoweverTheStreamIsCut) {
+  const RedactBook book = book_of("[[redact]]\nname='r'\npattern='P=\\w$'\nlongest=3\n");
+  constexpr std::size_t kWork = std::size_t{32} * 1024;  // bytes after which a part is searched
+  for (std::size_t before = kWork - 6; before <= kWork; ++before) {
+    const std::string text = std::string(before, '.') + "P=a";
+    EXPECT_EQ(redact(book, text + "!", Of::reads, kWork).text, text + "!");
+    EXPECT_NE(redact(book, text, Of::reads, kWork).text, text);
+  }
+}
+
 TEST(RedactStreamTest, TheSameSecretGetsTheSameFillerInBothDirections) {
   const RedactBook book = book_of("[[redact]]\nname='serial'\npattern='SN[:=](\\w+)'\n");
   const Redacted read = redact(book, "SN:AB12;SN:CD34;SN:AB12");
