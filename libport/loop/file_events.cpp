@@ -18,6 +18,7 @@ namespace {
 constexpr int kUnwatched = -1;  // as the kernel tells that it refuses
 
 constexpr std::uint32_t kFileMask = IN_OPEN | IN_CLOSE;
+constexpr std::uint32_t kClosesMask = IN_CLOSE;
 // IN_ATTRIB: udev gives a new node its permissions after making it.
 constexpr std::uint32_t kFolderMask = IN_CREATE | IN_MOVED_TO | IN_DELETE | IN_MOVED_FROM | IN_ATTRIB;
 // The kernel watches no more: the folder is gone, or its file system.
@@ -78,6 +79,12 @@ std::unique_ptr<FileEvents::Watch> FileEvents::watch_file(const std::string& pat
   return std::make_unique<Watch>(std::move(entry));
 }
 
+std::unique_ptr<FileEvents::Watch> FileEvents::watch_closes(const std::string& path) {
+  auto entry = std::make_shared<Entry>(Entry{.owner = this, .path = path, .mask = kClosesMask});
+  add(entry);
+  return std::make_unique<Watch>(std::move(entry));
+}
+
 std::unique_ptr<FileEvents::Watch> FileEvents::watch_folder(const std::string& path,
                                                             const std::string& name) {
   auto entry = std::make_shared<Entry>(Entry{.owner = this, .path = path, .mask = kFolderMask, .name = name});
@@ -117,7 +124,7 @@ void FileEvents::watch(const std::shared_ptr<Entry>& entry) {
   if (entry->number != kUnwatched) {
     by_number_.emplace(entry->number, entry);
     if (entry->mask == kFileMask) watch_parent(*entry);
-  } else if (entry->mask == kFileMask) {
+  } else if (entry->mask != kFolderMask) {
     refused(entry->path, errno);
   }
 }

@@ -64,6 +64,9 @@ class FileEvents {
 
   // Tells `opened` and `closed` of one file.
   std::unique_ptr<Watch> watch_file(const std::string& path);
+  // Tells `closed` of one file, where the number of opens and closes does not matter: its folder, in which
+  // much more may be opened, is not watched.
+  std::unique_ptr<Watch> watch_closes(const std::string& path);
   // Tells `changed` when that name appears in a folder, leaves it or gets other permissions, and when the
   // folder itself goes. Silent where refused.
   std::unique_ptr<Watch> watch_folder(const std::string& path, const std::string& name);

@@ -24,8 +24,12 @@ using Program = std::vector<sock_filter>;
 
 constexpr std::uint32_t kNumberAt = offsetof(seccomp_data, nr);
 constexpr std::uint32_t kArchAt = offsetof(seccomp_data, arch);
-constexpr std::uint32_t kFileAt = offsetof(seccomp_data, args);                             // the low half
-constexpr std::uint32_t kRequestAt = offsetof(seccomp_data, args) + sizeof(std::uint64_t);  // its low half
+// The low half of an argument.
+constexpr std::uint32_t argument_at(std::size_t index) {
+  return static_cast<std::uint32_t>(offsetof(seccomp_data, args) + index * sizeof(std::uint64_t));
+}
+constexpr std::uint32_t kFileAt = argument_at(0);
+constexpr std::uint32_t kRequestAt = argument_at(1);
 
 #if defined(__x86_64__)
 constexpr std::uint32_t kNativeArch = AUDIT_ARCH_X86_64;
@@ -107,8 +111,20 @@ Program body_of(const CallTrap& trap) {
   return trap.requests.empty() ? Program{answer(SECCOMP_RET_USER_NOTIF)} : requests_program(trap.requests);
 }
 
+Program flags_program(const CallTrap::Flags& unless) {
+  Program program;
+  for (const std::uint32_t mask : unless.masks) {
+    program.insert(program.end(),
+                   {load(argument_at(unless.argument)), BPF_STMT(BPF_ALU | BPF_AND | BPF_K, mask),
+                    unless_equal(mask, 1), answer(SECCOMP_RET_ALLOW)});
+  }
+  return program;
+}
+
 Program call_program(const CallTrap& trap, int number) {
-  const Program body = body_of(trap);
+  Program body = flags_program(trap.unless);
+  const Program of_call = body_of(trap);
+  body.insert(body.end(), of_call.begin(), of_call.end());
   Program program{unless_equal(static_cast<std::uint32_t>(number), body.size())};
   program.insert(program.end(), body.begin(), body.end());
   return program;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -17,6 +18,14 @@ struct CallTrap {
   // Only where the first argument is a descriptor from this number on, or one of the three standard ones.
   std::optional<std::uint32_t> files_from = {};
   bool or_second = false;  // or the second one is
+  // Not where this argument has all bits of one of these masks. A signal can end a call only before it is
+  // received, so that the best trap is none.
+  struct Flags {
+    std::size_t argument = 0;
+    std::vector<std::uint32_t> masks = {};
+    friend bool operator==(const Flags&, const Flags&) = default;
+  };
+  Flags unless = {};
 
   friend bool operator==(const CallTrap&, const CallTrap&) = default;
 };

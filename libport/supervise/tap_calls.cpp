@@ -84,6 +84,17 @@ std::optional<int> free_place(const Call& call, std::uint32_t from, std::uint32_
   return std::nullopt;
 }
 
+// Flags with which no device is opened: as a place, as a folder, as a file that is to be made.
+std::vector<std::uint32_t> no_device_opens() { return {O_PATH, O_DIRECTORY, O_CREAT | O_EXCL}; }
+
+// The path of what is open here as `fd`.
+std::optional<std::string> name_of(int fd) {
+  std::array<char, 4096> name{};
+  const ssize_t size = ::readlink(fmt::format("/proc/self/fd/{}", fd).c_str(), name.data(), name.size());
+  if (size <= 0) return std::nullopt;
+  return std::string(name.data(), static_cast<std::size_t>(size));
+}
+
 // To open another kind of device, only to see whether it is a tty, may do something.
 bool is_other_kind(std::uint64_t device) {
   std::error_code error;
@@ -138,7 +149,7 @@ TapCalls::TapCalls(Loop& loop, TappedLine& line, Options options)
       line_(&line),
       files_(loop),
       transfers_(loop, line, files_, [this] { holders_timer_.set_after(kHoldersLook); }),
-      requests_(line),
+      requests_(line, files_),
       options_(std::move(options)),
       files_from_(files_from_here()),
       device_(options_.device),
@@ -153,7 +164,7 @@ std::vector<CallTrap> TapCalls::traps() const {
   std::vector<std::uint32_t> requests = TapRequests::requests();
   requests.push_back(FIONBIO);
   traps.push_back({.number = SYS_ioctl, .requests = std::move(requests)});
-  for (const long number : {SYS_readv, SYS_writev, SYS_preadv2, SYS_pwritev2, SYS_dup, SYS_fcntl, SYS_close})
+  for (const long number : {SYS_readv, SYS_writev, SYS_preadv2, SYS_pwritev2, SYS_dup, SYS_fcntl})
     traps.push_back({static_cast<int>(number), {}, files_from_});
   for (const long number : {
 #ifdef SYS_dup2
@@ -163,11 +174,15 @@ std::vector<CallTrap> TapCalls::traps() const {
     traps.push_back({.number = static_cast<int>(number), .files_from = files_from_, .or_second = true});
   for (const long number : {
 #ifdef SYS_open
-           SYS_open, SYS_creat,
+           SYS_creat,
 #endif
-           SYS_openat, SYS_openat2, SYS_close_range, SYS_sendfile, SYS_splice, SYS_tee, SYS_copy_file_range,
-           SYS_io_uring_setup, SYS_io_submit, SYS_pidfd_getfd, kRestrictSelf})
+           SYS_openat2, SYS_sendfile, SYS_splice, SYS_tee, SYS_copy_file_range, SYS_io_uring_setup,
+           SYS_io_submit, SYS_pidfd_getfd, kRestrictSelf})
     traps.push_back({.number = static_cast<int>(number)});
+#ifdef SYS_open
+  traps.push_back({.number = SYS_open, .unless = {1, no_device_opens()}});
+#endif
+  traps.push_back({.number = SYS_openat, .unless = {2, no_device_opens()}});
   return traps;
 }
 
@@ -208,13 +223,7 @@ CallPart::Decision TapCalls::decide(Supervisor& supervisor, const Call& call) {
     case SYS_dup2:
 #endif
     case SYS_fcntl:
-      files_.let_go();
       return decide_copy(call);
-    case SYS_close:
-    case SYS_close_range:
-      files_.let_go();
-      if (line_->open()) holders_timer_.set_after(kHoldersLook);
-      return outcome::Pass{};
     // Programs that use these do it another way where they are told so.
     case SYS_sendfile:
     case SYS_splice:
@@ -275,9 +284,10 @@ CallPart::Decision TapCalls::decide_open(Supervisor& supervisor, const Call& cal
     tell_once(
         "a program that lets nobody look into its memory opens files: if its device is among them, that is "
         "not on the tape; record it by `porttape exec --device`");
-  // A file that is there is an error for one that is to be made, a device too.
-  if (!wanted || (wanted->flags & O_PATH) != 0 || (wanted->flags & (O_CREAT | O_EXCL)) == (O_CREAT | O_EXCL))
-    return outcome::Pass{};
+  const auto has = [&](std::uint32_t mask) {
+    return (static_cast<std::uint32_t>(wanted->flags) & mask) == mask;
+  };
+  if (!wanted || std::ranges::any_of(no_device_opens(), has)) return outcome::Pass{};
   const QuickLook look = look_at_once(call.thread(), wanted->named, wanted->folder);
   if (!look.known) return look_elsewhere(supervisor, call, *std::move(wanted));
   if (!look.device) return outcome::Pass{};
@@ -368,7 +378,6 @@ CallPart::Decision TapCalls::open_tapped(const Keep& keep, const Call& call, con
     tell_once(
         "the command's device does not become its controlling terminal, as without --tap: a hang-up sends "
         "it no SIGHUP");
-  files_.let_go();
   if (!wanted.may_wait && ((wanted.flags & O_NONBLOCK) != 0 || is_pty(device.number))) {
     const int flags = wanted.flags & ~(O_CREAT | O_EXCL | O_TRUNC);
     UniqueFd file(::open(wanted.path.c_str(), flags | O_NOCTTY | O_CLOEXEC));
@@ -403,17 +412,28 @@ Outcome TapCalls::opened(const Call& call, const OpenArguments& wanted, const Tt
   if (line_->open()) look_for_holders();  // it may be this close and open again
   if (line_->open() && line_->lost()) line_->closed();
   if (!line_->open()) begin_line(file.get(), wanted.path);
+  watch_closes(file.get());
   watch_process(process_of(call.thread()));
   return outcome::Install{std::move(file), free_place(call, 0, files_from_), (wanted.flags & O_CLOEXEC) != 0};
 }
 
 void TapCalls::begin_line(int file, const std::string& path) {
-  std::array<char, 4096> name{};
-  const std::string link = fmt::format("/proc/self/fd/{}", file);
-  const ssize_t size = ::readlink(link.c_str(), name.data(), name.size());
-  line_->opened(size > 0 ? std::string(name.data(), static_cast<std::size_t>(size)) : path,
-                TapRequests::settings_of(file));
+  line_->opened(name_of(file).value_or(path), TapRequests::settings_of(file));
   requests_.tell_first_lines(file);
+}
+
+// Closes are not trapped: a signal that comes before a trapped call is received ends it with EINTR, which no
+// program expects of close(). Instead the kernel tells when the last descriptor of an open file is gone. The
+// watch stays for the next open, since ending one takes milliseconds.
+void TapCalls::watch_closes(int file) {
+  const std::optional<std::string> name = name_of(file);
+  std::unique_ptr<FileEvents::Watch>& watch = closes_[name.value_or("")];
+  if (!name || watch) return;
+  watch = loop_->file_events().watch_closes(*name);
+  watch->on_event([this, events = watch.get()] {
+    (void)events->take();
+    if (line_->open() && !holders_timer_.due()) holders_timer_.set_after(kHoldersLook);
+  });
 }
 
 void TapCalls::tell_unseen() {
@@ -475,22 +495,25 @@ CallPart::Decision TapCalls::decide_device(Supervisor& supervisor, const Call& c
   const bool is_request = call.number() == SYS_ioctl;
   const auto not_ours = [&] { return is_request ? Decision(NotMine{}) : Decision(outcome::Pass{}); };
   if (!device_) return not_ours();
-  const auto fd = static_cast<int>(call.argument(0));
   int error = 0;
-  const std::shared_ptr<TappedFile> file = files_.find(call, fd, *device_, error);
+  const std::shared_ptr<TappedFile> file = files_.find(call, *device_, error);
   if (!file) {
-    if (error == 0 || !is_tapped(call, fd)) return not_ours();
+    if (error == 0 || !is_tapped(call, static_cast<int>(call.argument(0)))) return not_ours();
     tell_once("its descriptors are not to be had (" + errno_text(error) +
               "): what the command says to its device is not on the tape");
     return outcome::Pass{};
   }
   if (!line_->open()) {  // it had it before, or was not to be found in /proc
     begin_line(file->fd(), {});
+    watch_closes(file->fd());
     watch_process(process_of(call.thread()));
   }
-  if (!is_request) return transfers_.decide(supervisor, call, file);
-  if (static_cast<std::uint32_t>(call.argument(1)) == FIONBIO) return set_non_blocking(call, *file);
-  return requests_.decide(supervisor, call, file);
+  Decision decision = !is_request ? transfers_.decide(supervisor, call, file)
+                      : static_cast<std::uint32_t>(call.argument(1)) == FIONBIO
+                          ? set_non_blocking(call, *file)
+                          : requests_.decide(supervisor, call, file);
+  if (!std::holds_alternative<Kept>(decision)) files_.let_go(call, *file);
+  return decision;
 }
 
 // Whether it has the device open, as far as that is to be known.
@@ -527,6 +550,8 @@ void TapCalls::look_for_holders() {
   std::erase_if(holders_, [](const auto& each) { return each->over; });
   std::erase_if(opens_, [](const auto& each) { return each->over(); });
   if (!line_->open() || transfers_.any_waits()) return;
+  // While this looks through all processes, a signal may end a call that nobody has received yet.
+  if (std::ranges::any_of(holders_, [this](const auto& each) { return holds(each->process); })) return;
   for (const pid_t process : options_.processes()) {
     if (holds(process)) return watch_process(process);
   }

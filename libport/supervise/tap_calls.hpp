@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <set>
@@ -14,6 +15,7 @@
 #include "libport/base/tty_device.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/fd_watch.hpp"
+#include "libport/loop/file_events.hpp"
 #include "libport/loop/loop.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/supervise/port_devices.hpp"
@@ -33,6 +35,11 @@ namespace porttape {
 // The device is the first tty that is opened and can be a port (PortDevices), or the one that is named. The
 // programs have it by descriptors from `files_from` on, which alone are trapped, and as stdin, stdout and
 // stderr.
+//
+// A signal whose handler has no SA_RESTART ends a trapped call with EINTR when it comes before the supervisor
+// has received the call, which takes some 4 µs; WAIT_KILLABLE_RECV helps only from then on, and no filter can
+// help before. So as little as possible is trapped that programs do not expect EINTR of: no close (inotify
+// tells of the last one), and no open whose flags say that it is of no device.
 class TapCalls final : public CallPart {
  public:
   struct Options {
@@ -84,6 +91,7 @@ class TapCalls final : public CallPart {
                        const TtyDevice& device);
   Outcome opened(const Call& call, const OpenArguments& wanted, const TtyDevice& device, UniqueFd file);
   void begin_line(int file, const std::string& path);
+  void watch_closes(int file);
   Decision decide_copy(const Call& call);
   Decision decide_flags(const Call& call);
   Decision set_non_blocking(const Call& call, const TappedFile& file);
@@ -110,6 +118,7 @@ class TapCalls final : public CallPart {
   std::vector<std::string> told_;
   std::vector<std::unique_ptr<Holder>> holders_;
   std::vector<std::unique_ptr<WaitingOpen>> opens_;
+  std::map<std::string, std::unique_ptr<FileEvents::Watch>> closes_;  // by the path of the device's node
   std::shared_ptr<int> alive_ = std::make_shared<int>();
 };
 

@@ -134,10 +134,7 @@ CallPart::Decision TapRequests::begin_break_when_sent(Supervisor& supervisor, co
   int left = 0;
   if (::ioctl(file->fd(), TIOCOUTQ, &left) != 0 || left == 0) return set_break(*file, true);
   const std::weak_ptr kept(supervisor.keep_until_signal(call));
-  when_sent(kept, file, [this, kept, file] {
-    const auto waiting = kept.lock();
-    if (waiting) waiting->finish(set_break(*file, true));
-  });
+  when_sent(kept, file, [this, kept, file] { finish(kept, *file, set_break(*file, true)); });
   return CallPart::Kept{};
 }
 
@@ -177,14 +174,12 @@ CallPart::Decision TapRequests::drain(Supervisor& supervisor, const Call& call,
   const std::function<void()> over = line_->drains();
   const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
   const std::weak_ptr weak(kept);
-  kept->on_gone([weak, over] {
+  const auto end = [this, weak, file, over](Outcome outcome) {
     over();
-    if (const auto waiting = weak.lock()) waiting->finish(outcome::Refuse{EINTR});
-  });
-  when_sent(weak, file, [weak, file, over] {
-    over();
-    if (const auto waiting = weak.lock()) waiting->finish(outcome::Pass{});
-  });
+    finish(weak, *file, std::move(outcome));
+  };
+  kept->on_gone([end] { end(outcome::Refuse{EINTR}); });
+  when_sent(weak, file, [end] { end(outcome::Pass{}); });
   return CallPart::Kept{};
 }
 
@@ -200,18 +195,21 @@ void TapRequests::begin_break(const std::weak_ptr<KeptCall>& kept, const std::sh
                               Nanos length) {
   const auto waiting = kept.lock();
   if (!waiting) return;
-  if (std::holds_alternative<outcome::Refuse>(set_break(*file, true))) {
-    return waiting->finish(outcome::Pass{});  // what that means differs from kernel to kernel
-  }
-  const auto end = [this, kept, file](int error) {
+  if (std::holds_alternative<outcome::Refuse>(set_break(*file, true)))
+    return finish(kept, *file, outcome::Pass{});  // what that means differs from kernel to kernel
+  const auto end = [this, kept, file](Outcome outcome) {
     set_break(*file, false);
-    const auto still = kept.lock();
-    if (!still) return;
-    if (error != 0) return still->finish(outcome::Refuse{error});
-    still->finish(outcome::Answer{0});
+    finish(kept, *file, std::move(outcome));
   };
-  waiting->on_gone([end] { end(EINTR); });
-  waiting->call_after(length, [end] { end(0); });
+  waiting->on_gone([end] { end(outcome::Refuse{EINTR}); });
+  waiting->call_after(length, [end] { end(outcome::Answer{0}); });
+}
+
+void TapRequests::finish(const std::weak_ptr<KeptCall>& kept, TappedFile& file, Outcome outcome) {
+  const auto waiting = kept.lock();
+  if (!waiting || waiting->over()) return;
+  files_->let_go(waiting->call(), file);
+  waiting->finish(std::move(outcome));
 }
 
 }  // namespace porttape

@@ -17,7 +17,7 @@ namespace porttape {
 // when a program looks at them. Loop thread only; outlives the supervisor's kept calls.
 class TapRequests {
  public:
-  explicit TapRequests(TappedLine& line) : line_(&line) {}
+  TapRequests(TappedLine& line, TappedFiles& files) : line_(&line), files_(&files) {}
 
   [[nodiscard]] static std::vector<std::uint32_t> requests();
 
@@ -42,9 +42,11 @@ class TapRequests {
                                 const std::shared_ptr<TappedFile>& file, Nanos length);
   void begin_break(const std::weak_ptr<KeptCall>& kept, const std::shared_ptr<TappedFile>& file,
                    Nanos length);
+  void finish(const std::weak_ptr<KeptCall>& kept, TappedFile& file, Outcome outcome);
   void tell_signals(int bits, bool all);
 
   TappedLine* line_;
+  TappedFiles* files_;
   int bits_ = 0;  // modem lines at the last look
 };
 

@@ -168,11 +168,10 @@ void TapTransfers::keep(Supervisor& supervisor, const std::shared_ptr<Transfer>&
   kept->on_gone([this, weak = std::weak_ptr(transfer)] {
     const auto waiting = weak.lock();
     if (!waiting) return;
-    std::shared_ptr<TappedFile> file = waiting->file;
+    const std::shared_ptr<TappedFile> file = waiting->file;
     break_off(*waiting);
     end(*waiting);
     if (file) (void)read_on(file);
-    files_->drop(std::move(file));
   });
 }
 
@@ -181,13 +180,16 @@ void TapTransfers::break_off(Transfer& transfer) {
   const auto waiting = transfer.kept.lock();
   if (!waiting || waiting->over()) return;
   if (transfer.writes) {
-    if (transfer.done > 0) waiting->finish(outcome::Answer{static_cast<std::int64_t>(transfer.done)});
-    return;
+    if (transfer.done == 0) return;
+    let_go(transfer);
+    return waiting->finish(outcome::Answer{static_cast<std::int64_t>(transfer.done)});
   }
   transfer.breaks_off = true;
   std::optional<Outcome> done = read_now(transfer);
   const auto* const some = done ? std::get_if<outcome::Answer>(&*done) : nullptr;
-  if (some != nullptr && some->value > 0) waiting->finish(std::move(*done));
+  if (some == nullptr || some->value <= 0) return;
+  let_go(transfer);
+  waiting->finish(std::move(*done));
 }
 
 // Nothing: it is to be tried again.
@@ -288,10 +290,9 @@ void TapTransfers::wait(const std::shared_ptr<KeptCall>& kept, const std::shared
   const auto again = [this, weak = std::weak_ptr(transfer)] {
     const auto waiting = weak.lock();
     if (!waiting) return;
-    std::shared_ptr<TappedFile> file = waiting->file;
+    const std::shared_ptr<TappedFile> file = waiting->file;
     go_on(waiting);
     if (file && !waiting->file) (void)read_on(file);
-    files_->drop(std::move(file));
   };
   // Bytes that are there and not enough would be told again and again.
   if (transfer->seen > 0) return kept->call_after(kShortOf, again);
@@ -341,9 +342,7 @@ void TapTransfers::on_ready() {
       const std::uint64_t number = event.data.u64;  // no reference: the structure is packed
       const auto found = watched_.find(number);
       if (found == watched_.end()) continue;
-      std::shared_ptr<TappedFile> file = found->second.lock();
-      if (file) on_ready_file(file);
-      files_->drop(std::move(file));
+      if (const std::shared_ptr<TappedFile> file = found->second.lock()) on_ready_file(file);
     }
   } while (count == static_cast<int>(events.size()));
 }
@@ -379,7 +378,7 @@ void TapTransfers::end(Transfer& transfer) {
   if (found == kept_.end()) return;
   const std::shared_ptr<Transfer> ended = *found;
   kept_.erase(found);
-  files_->drop(std::move(transfer.file));
+  let_go(transfer);
   const bool was_first = !writers_.empty() && writers_.front() == ended;
   std::erase_if(writers_, is_it);
   if (was_first && !writers_.empty()) go_on(std::shared_ptr(writers_.front()));
@@ -392,8 +391,13 @@ void TapTransfers::go_on(const std::shared_ptr<Transfer>& transfer) {
   if (transfer->writes && writers_.front() != transfer) return;  // its turn comes
   std::optional<Outcome> done = transfer->writes ? write_now(*transfer) : read_now(*transfer);
   if (!done) return wait(kept, transfer);
+  let_go(*transfer);
   kept->finish(std::move(*done));
   end(*transfer);
+}
+
+void TapTransfers::let_go(Transfer& transfer) {
+  if (const auto file = std::exchange(transfer.file, {})) files_->let_go(transfer.call, *file);
 }
 
 }  // namespace porttape

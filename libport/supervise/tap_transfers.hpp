@@ -38,6 +38,7 @@ class TapTransfers {
   bool watch(Transfer& transfer);
   bool arm(TappedFile& file, std::uint32_t events);
   void end(Transfer& transfer);
+  void let_go(Transfer& transfer);
   void break_off(Transfer& transfer);
   void keep(Supervisor& supervisor, const std::shared_ptr<Transfer>& transfer);
   void wait(const std::shared_ptr<KeptCall>& kept, const std::shared_ptr<Transfer>& transfer);

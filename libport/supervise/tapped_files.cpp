@@ -1,17 +1,11 @@
 #include "libport/supervise/tapped_files.hpp"
 
 #include <cerrno>
-#include <chrono>
 #include <fcntl.h>
+#include <optional>
 #include <utility>
 
 namespace porttape {
-namespace {
-
-constexpr Nanos kUnused = std::chrono::milliseconds(10);
-
-}  // namespace
-
 bool TappedFile::waits() const {
   const int flags = ::fcntl(fd_.get(), F_GETFL);
   return flags >= 0 && (flags & O_NONBLOCK) == 0;
@@ -27,43 +21,39 @@ WithoutWaiting::~WithoutWaiting() {
   if (changed_) ::fcntl(fd_, F_SETFL, flags_);
 }
 
-TappedFiles::TappedFiles(Loop& loop) : loop_(&loop), timer_(loop, [this] { look(); }) {}
-
-std::shared_ptr<TappedFile> TappedFiles::find(const Call& call, int fd, const TtyDevice& device, int& error) {
+std::shared_ptr<TappedFile> TappedFiles::find(const Call& call, const TtyDevice& device, int& error) {
   error = 0;
-  used_ = true;
-  if (kept_) {
-    if (call.has_as(fd, kept_->fd())) return kept_;
-    drop(std::move(kept_));
-    timer_.cancel();
+  const auto fd = static_cast<int>(call.argument(0));
+  std::shared_ptr<TappedFile> file = last_.lock();
+  if (!file || file->users_ == 0 || !call.has_as(fd, file->fd())) {
+    UniqueFd duplicate = call.duplicate(fd);
+    if (!duplicate) {
+      error = errno;
+      return nullptr;
+    }
+    const std::optional<TtyDevice> found = tty_device_of(duplicate.get());
+    if (!found || !found->is(device)) return nullptr;
+    file = {new TappedFile(std::move(duplicate)), [this](TappedFile* unused) {
+              const std::unique_ptr<TappedFile> last(unused);
+              last->watch_ = {};
+              if (last->fd_) close_elsewhere(std::move(last->fd_));
+            }};
+    last_ = file;
   }
-  UniqueFd file = call.duplicate(fd);
-  if (!file) {
-    error = errno;
-    return nullptr;
-  }
-  const std::optional<TtyDevice> found = tty_device_of(file.get());
-  if (!found || !found->is(device)) return nullptr;
-  let_go();
-  kept_ = std::make_shared<TappedFile>(std::move(file));
-  timer_.set_after(kUnused);
-  return kept_;
+  ++file->users_;
+  return file;
 }
 
-void TappedFiles::let_go() {
-  kept_.reset();
-  timer_.cancel();
+void TappedFiles::let_go(const Call& call, TappedFile& file) {
+  if (--file.users_ > 0) return;
+  file.watch_ = {};
+  if (call.has_as(static_cast<int>(call.argument(0)), file.fd())) return file.fd_.reset();
+  close_elsewhere(std::move(file.fd_));
 }
 
-void TappedFiles::drop(std::shared_ptr<TappedFile> file) {
-  if (!file || file.use_count() > 1) return;
+void TappedFiles::close_elsewhere(UniqueFd file) {
   (void)loop_->run_elsewhere(
-      closes_, [last = std::move(file)]() mutable { last.reset(); }, [] {});
-}
-
-void TappedFiles::look() {
-  if (std::exchange(used_, false)) return timer_.set_after(kUnused);
-  drop(std::move(kept_));
+      closes_, [last = std::make_shared<UniqueFd>(std::move(file))] { last->reset(); }, [] {});
 }
 
 }  // namespace porttape

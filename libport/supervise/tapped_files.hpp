@@ -9,7 +9,6 @@
 #include "libport/base/unique_fd.hpp"
 #include "libport/base/workers.hpp"
 #include "libport/loop/loop.hpp"
-#include "libport/loop/timer.hpp"
 #include "libport/supervise/call.hpp"
 
 namespace porttape {
@@ -31,8 +30,11 @@ class TappedFile {
   Watch& watch() { return watch_; }
 
  private:
+  friend class TappedFiles;
+
   UniqueFd fd_;
   Watch watch_;
+  unsigned users_ = 0;  // calls that are being done on it
 };
 
 // While it lives nothing on that open file waits, neither here nor in a program that has it, too: some
@@ -55,36 +57,29 @@ class WithoutWaiting {
   bool changed_;
 };
 
-// The files of a program's own device that are read and written for it. While calls come one after the other,
-// the duplicate that served the last one is kept (some ten milliseconds: a last close is to stay the
-// program's own). Each time the kernel is asked whether the program still has it as that number: an execve
-// may have closed it, or a thread that nobody has seen. Loop thread only.
+// The files of a program's own device that are read and written for it. A duplicate lives as long as the
+// calls that are done on it, and is closed before the last of them is answered: the program's next call may
+// be the device's last close, which has to be the program's own (it waits until everything is sent, and
+// lowers DTR). Loop thread only.
 class TappedFiles {
  public:
-  explicit TappedFiles(Loop& loop);
-  ~TappedFiles() { let_go(); }
-  TappedFiles(const TappedFiles&) = delete;
-  TappedFiles& operator=(const TappedFiles&) = delete;
+  explicit TappedFiles(Loop& loop) : loop_(&loop) {}
 
-  // What the call's thread has as `fd`, if that is `device`. Else nothing, and why: an error number, or 0
-  // where it is another file.
-  std::shared_ptr<TappedFile> find(const Call& call, int fd, const TtyDevice& device, int& error);
+  // Returns what the call has as its first argument, if that is `device`. Else returns nullptr and sets
+  // `error` to an error number, or to 0 where it is another file. The file does not outlive this.
+  std::shared_ptr<TappedFile> find(const Call& call, const TtyDevice& device, int& error);
 
-  // A file that is used no more. Of a program that has ended it may be the last one, whose close waits until
-  // the device has sent everything: done elsewhere.
-  void drop(std::shared_ptr<TappedFile> file);
-
-  // Before a program changes what its descriptors are: nothing is kept then.
-  void let_go();
+  // Called once for each file that find() gave, when its call is about to be answered or is over. A call that
+  // ends otherwise lets go by its last reference.
+  void let_go(const Call& call, TappedFile& file);
 
  private:
-  void look();
+  // For a file that its program may have closed: the close may wait until the device has sent everything.
+  void close_elsewhere(UniqueFd file);
 
   Loop* loop_;
-  Timer timer_;
   Workers::Strand closes_;
-  std::shared_ptr<TappedFile> kept_;
-  bool used_ = false;
+  std::weak_ptr<TappedFile> last_;  // that was found
 };
 
 }  // namespace porttape

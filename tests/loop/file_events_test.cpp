@@ -58,6 +58,24 @@ TEST_F(FileEventsTest, EachOpenAndEachCloseIsTold) {
   EXPECT_EQ(watch->take(), Events{});
 }
 
+TEST_F(FileEventsTest, ClosesAloneAreToldWithoutAWatchOfTheFolder) {
+  const auto watch = events().watch_closes(file);
+  EXPECT_TRUE(watch->is_watching());
+  EXPECT_FALSE(watch->exact());
+  open_and_close();
+  EXPECT_EQ(watch->take(), Events{Event::closed});
+  events().lose();
+  EXPECT_EQ(watch->take(), Events{Event::unknown});
+}
+
+TEST_F(FileEventsTest, WhereInotifyIsRefusedClosesAreLookedForByTheClock) {
+  events().refuse();
+  const auto watch = events().watch_closes(file);
+  EXPECT_FALSE(watch->is_watching());
+  pass(FileEvents::kPoll);
+  EXPECT_EQ(watch->take(), Events{Event::unknown});
+}
+
 TEST_F(FileEventsTest, TheLoopCallsForWhatIsNotTaken) {
   const auto watch = watch_file();
   open_and_close();

@@ -378,6 +378,30 @@ TEST_F(TapCallsTest, CopiesAreTheDeviceAndTheLastOnesCloseIsTold) {
   EXPECT_THAT(events.all, ElementsAre("open", "w a", "w b", "w c", "close"));
 }
 
+// The kernel ends a trapped call with EINTR when a signal comes before the call is received.
+TEST_F(TapCallsTest, ASignalEndsNoClose) {
+  EXPECT_THAT(tap({"open", "closes:4000"}), ElementsAre("open 0", "closes 0"));
+}
+
+TEST_F(TapCallsTest, TheLastCloseIsTheProgramsOwn) {
+  EXPECT_THAT(tap({"lastcloses:300"}), ElementsAre("last closes 0"));
+  EXPECT_EQ(events.all.front(), "open");
+}
+
+TEST_F(TapCallsTest, WithoutInotifyTheLastCloseIsToldToo) {
+  loop.file_events().refuse();
+  EXPECT_THAT(tap({"open", "raw:1:0", "write:a", "close"}), ElementsAre("open 0", "write 1", "close 0"));
+  EXPECT_THAT(events.all, ElementsAre("open", "w a", "close"));
+}
+
+TEST_F(TapCallsTest, AnOpenThatIsOfNoDeviceIsNotTrapped) {
+  const std::vector<CallTrap> traps = TapCalls(loop, line, {}).traps();
+  const auto openat = std::ranges::find(traps, static_cast<int>(SYS_openat), &CallTrap::number);
+  ASSERT_NE(openat, traps.end());
+  EXPECT_EQ(openat->unless.argument, 2U);
+  EXPECT_THAT(openat->unless.masks, ElementsAre(O_PATH, O_DIRECTORY, O_CREAT | O_EXCL));
+}
+
 TEST_F(TapCallsTest, WhatComesInItsPlaceIsNotTheDevice) {
   EXPECT_THAT(same({"open", "raw:1:0", "redirect"}), ElementsAre("open 0", "redirect 7 to pipe"));
   EXPECT_EQ(events.written, "to line");

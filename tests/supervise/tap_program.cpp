@@ -10,6 +10,7 @@
 #include <linux/aio_abi.h>
 #include <linux/fuse.h>
 #include <linux/openat2.h>
+#include <poll.h>
 #include <sched.h>
 #include <string>
 #include <sys/ioctl.h>
@@ -468,6 +469,60 @@ void do_open_as(const std::string& how) {
   say(how, line < 0 ? -1 : 0);
 }
 
+int open_in_spite_of_signals(const char* name) {
+  int fd = -1;
+  do {
+    fd = ::open(name, O_RDWR | O_NOCTTY);
+  } while (fd < 0 && errno == EINTR);
+  return fd;
+}
+
+// Closes the line and the lowest descriptor again and again, while signals come whose handler does not
+// restart calls. Says how many closes failed.
+void do_closes(int count) {
+  int failed = 0;
+  struct sigaction action {};
+  action.sa_handler = on_alarm;
+  ::sigaction(SIGALRM, &action, nullptr);
+  const itimerval timer = {{0, 200}, {0, 200}};
+  ::setitimer(ITIMER_REAL, &timer, nullptr);
+  ::close(0);
+  for (int at = 0; at < count; ++at) {
+    const int lowest = open_in_spite_of_signals("/dev/null");
+    if (::close(lowest) != 0) ++failed;
+    if (at % 8 != 0) continue;
+    line = open_in_spite_of_signals(path);
+    if (::close(line) != 0) ++failed;
+  }
+  const itimerval none{};
+  ::setitimer(ITIMER_REAL, &none, nullptr);
+  say("closes", failed);
+}
+
+// A line of its own hangs up with its last close. Says how often it had not, by who else had it.
+void do_last_closes(int count) {
+  const int master = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
+  if (master < 0 || ::grantpt(master) != 0 || ::unlockpt(master) != 0) std::abort();
+  const std::string name = ::ptsname(master);
+  int late = 0;
+  for (int at = 0; at < count; ++at) {
+    line = ::open(name.c_str(), O_RDWR | O_NOCTTY);
+    if (at % 3 == 0) (void)!::write(line, "x", 1);
+    if (at % 3 == 1) ::tcdrain(line);
+    if (at % 3 == 2) {
+      char byte = 0;
+      set_reads(1, 0, false);
+      std::thread gives([&] { (void)!::write(master, "y", 1); });
+      (void)!::read(line, &byte, 1);
+      gives.join();
+    }
+    ::close(line);
+    pollfd hung_up{master, POLLIN, 0};
+    if (::poll(&hung_up, 1, 0) < 0 || (hung_up.revents & POLLHUP) == 0) ++late;
+  }
+  say("last closes", late);
+}
+
 // By what a thread can do without read() and write().
 void do_aio() {
   aio_context_t context = 0;
@@ -518,6 +573,10 @@ bool do_line_step(const std::string& name, const std::string& value) {
     say("fionbio", made < 0 ? made : (::fcntl(line, F_GETFL) & O_NONBLOCK) != 0);
   } else if (name == "close") {
     say("close", ::close(line));
+  } else if (name == "closes") {
+    do_closes(std::atoi(value.c_str()));
+  } else if (name == "lastcloses") {
+    do_last_closes(std::atoi(value.c_str()));
   } else if (name == "copy") {
     do_copy(value);
   } else if (name == "fork") {
