@@ -54,19 +54,6 @@ void forget_handlers(const std::vector<int>& defaults) {
   }
 }
 
-// Closes all but the standard ones and these.
-template <std::size_t N>
-void close_others(std::array<int, N> kept) {
-  std::ranges::sort(kept);
-  unsigned first = STDERR_FILENO + 1;
-  for (const int fd : kept) {
-    const auto next = static_cast<unsigned>(fd);
-    if (next > first) (void)::syscall(SYS_close_range, first, next - 1, 0U);
-    first = std::max(first, next + 1);
-  }
-  (void)::syscall(SYS_close_range, first, ~0U, 0U);
-}
-
 [[noreturn]] void run_command(const UniqueFd& line, const SupervisedCommand::Options& options,
                               const sigset_t& mask, pid_t guard) {
   // Who kills the guard, too, leaves nothing behind whose calls nobody answers.

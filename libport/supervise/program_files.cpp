@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cerrno>
+#include <climits>
 #include <cstdint>
 #include <fcntl.h>
 #include <filesystem>
@@ -16,6 +17,7 @@
 #include <sys/sysmacros.h>
 #include <system_error>
 #include <unistd.h>
+#include <utility>
 
 #include "libport/base/unique_fd.hpp"
 #include "libport/supervise/pending_signals.hpp"
@@ -41,66 +43,102 @@ std::string without_repeats(const std::filesystem::path& path) {
   return made.native();
 }
 
-// The place in /proc of a folder that a program names files from.
-std::string folder_here(pid_t thread, int folder) {
-  return folder == AT_FDCWD ? fmt::format("/proc/{}/cwd", thread)
-                            : fmt::format("/proc/{}/fd/{}", thread, folder);
+ProgramFile from_folder(const std::string& folder, std::string path) {
+  const auto place =
+      std::make_shared<const UniqueFd>(::open(folder.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC));
+  return {.path = std::move(path), .folder = place};
 }
 
-// As the program names it, from `/` on or from its folder's place in /proc.
-std::string absolute_here(pid_t thread, const std::string& named, int folder) {
-  std::string path = without_repeats(named);
-  if (path.starts_with('/')) return path;
-  const std::string from = folder_here(thread, folder);
+// The whole name, to be compared: it may be longer than the kernel takes.
+std::string whole_name(const ProgramFile& file) {
+  if (!file.folder) return without_repeats(file.path);
   std::error_code error;
-  // Below it there may be the links by which a process names itself.
-  const std::string place = std::filesystem::read_symlink(from, error).native();
-  if (error || (place != "/proc" && place != "/dev" && place != "/")) return from + "/" + path;
-  return (place == "/" ? "" : place) + "/" + path;
+  const auto folder = std::filesystem::read_symlink(fmt::format("/proc/self/fd/{}", file.at()), error);
+  return error ? std::string() : without_repeats(folder / file.path);
 }
 
-// The names by which a process has its own files, as these are called here; nothing for another name.
-std::optional<std::string> own_names_here(pid_t thread, const std::string& path) {
+// The file by a name that a process has for its own files, from that process's folder in /proc.
+ProgramFile in_proc(const std::string& folder, std::string_view rest) {
+  if (rest.starts_with('/')) rest.remove_prefix(1);
+  ProgramFile file = from_folder("/proc/" + folder, std::string(rest.empty() ? "." : rest));
+  file.in_proc = true;
+  return file;
+}
+
+// Nullopt: `name` is no name by which a process has its own files.
+std::optional<ProgramFile> named_by_process(pid_t thread, const std::string& name) {
   constexpr std::array<std::string_view, 3> kStandard{"/dev/stdin", "/dev/stdout", "/dev/stderr"};
   for (std::size_t fd = 0; fd < kStandard.size(); ++fd) {
-    if (path == kStandard.at(fd)) return fmt::format("/proc/{}/fd/{}", thread, fd);
+    if (name == kStandard.at(fd)) return in_proc(fmt::format("{}/fd", thread), std::to_string(fd));
   }
-  if (const auto rest = below(path, "/dev/fd")) return fmt::format("/proc/{}/fd{}", thread, *rest);
-  if (const auto rest = below(path, "/proc/self"))
-    return fmt::format("/proc/{}{}", process_of(thread), *rest);
-  if (const auto rest = below(path, "/proc/thread-self"))
-    return fmt::format("/proc/{}/task/{}{}", process_of(thread), thread, *rest);
+  if (const auto rest = below(name, "/dev/fd")) return in_proc(fmt::format("{}/fd", thread), *rest);
+  if (const auto rest = below(name, "/proc/self")) return in_proc(std::to_string(process_of(thread)), *rest);
+  if (const auto rest = below(name, "/proc/thread-self"))
+    return in_proc(fmt::format("{}/task/{}", process_of(thread), thread), *rest);
   return std::nullopt;
+}
+
+// What the link leads to; nullopt: it is no link.
+std::optional<ProgramFile> target_of(const ProgramFile& link) {
+  std::string target(PATH_MAX, '\0');
+  const ssize_t size = ::readlinkat(link.at(), link.path.c_str(), target.data(), target.size());
+  if (size <= 0) return std::nullopt;
+  target.resize(static_cast<std::size_t>(size));
+  if (target.starts_with('/')) return ProgramFile{.path = std::move(target)};
+  const std::size_t slash = link.path.rfind('/');
+  if (slash == std::string::npos) return ProgramFile{.path = std::move(target), .folder = link.folder};
+  const std::string folder = link.path.substr(0, slash + 1);
+  return ProgramFile{.path = std::move(target),
+                     .folder = std::make_shared<const UniqueFd>(
+                         ::openat(link.at(), folder.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC))};
+}
+
+UniqueFd open_place(const ProgramFile& file, std::uint64_t resolve) {
+  const open_how how{.flags = O_PATH | O_CLOEXEC, .mode = 0, .resolve = resolve};
+  return UniqueFd(static_cast<int>(::syscall(SYS_openat2, file.at(), file.path.c_str(), &how, sizeof(how))));
 }
 
 }  // namespace
 
-std::string path_here(pid_t thread, const std::string& named, int folder) {
-  constexpr int kMostLinks = 40;  // as many as the kernel follows
-  const std::string here = absolute_here(thread, named, folder);
-  std::string path = here;
-  for (int followed = 0; followed < kMostLinks; ++followed) {
-    if (const auto own = own_names_here(thread, path)) return *own;
-    if (path.starts_with("/proc/")) break;
-    // A link may lead to such a name, which is the program's own then.
-    std::error_code error;
-    const std::filesystem::path target = std::filesystem::read_symlink(path, error);
-    if (error) break;
-    path = without_repeats(std::filesystem::path(path).parent_path() / target);
-  }
-  return here;
+ProgramFile program_file(pid_t thread, const std::string& path, int folder) {
+  if (path.starts_with('/')) return {.path = path};
+  return from_folder(folder == AT_FDCWD ? fmt::format("/proc/{}/cwd", thread)
+                                        : fmt::format("/proc/{}/fd/{}", thread, folder),
+                     path);
 }
 
-QuickLook look_at_once(pid_t thread, const std::string& path, int folder) {
-  const bool relative = !path.starts_with('/');
-  const std::string from = folder_here(thread, folder);
-  const UniqueFd begin(relative ? ::open(from.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC) : -1);
-  if (relative && !begin) return {};
+ProgramFile own_file(pid_t thread, const ProgramFile& named) {
+  constexpr int kMostLinks = 40;  // as many as the kernel follows
+  ProgramFile file = named;
+  for (int followed = 0; followed < kMostLinks; ++followed) {
+    const std::string name = whole_name(file);
+    if (std::optional<ProgramFile> own = named_by_process(thread, name)) return *std::move(own);
+    if (name.starts_with("/proc/")) {
+      if (followed > 0) break;
+      file.in_proc = true;
+      return file;
+    }
+    // A link may lead to such a name, which is the program's own then.
+    std::optional<ProgramFile> target = target_of(file);
+    if (!target) break;
+    file = *std::move(target);
+  }
+  return named;
+}
+
+bool leads_through_process(const ProgramFile& file) {
+  return !open_place(file, RESOLVE_NO_MAGICLINKS) && errno == ELOOP;
+}
+
+std::optional<TtyDevice> tty_device_at(const ProgramFile& file) {
+  struct stat status {};
+  return ::fstatat(file.at(), file.path.c_str(), &status, 0) == 0 ? tty_device_in(status) : std::nullopt;
+}
+
+QuickLook look_at_once(const ProgramFile& file) {
+  if (file.folder && !*file.folder) return {};
   // Links to what a process has open are the program's own, which is another process here.
-  const open_how how{
-      .flags = O_PATH | O_CLOEXEC, .mode = 0, .resolve = kResolveCached | RESOLVE_NO_MAGICLINKS};
-  const UniqueFd place(static_cast<int>(
-      ::syscall(SYS_openat2, relative ? begin.get() : AT_FDCWD, path.c_str(), &how, sizeof(how))));
+  const UniqueFd place = open_place(file, kResolveCached | RESOLVE_NO_MAGICLINKS);
   if (!place) return {.known = errno == ENOENT || errno == ENOTDIR || errno == EACCES};
   struct statx seen {};
   if (::statx(place.get(), "", AT_EMPTY_PATH | AT_STATX_DONT_SYNC, STATX_TYPE, &seen) != 0) return {};

@@ -25,7 +25,6 @@
 #include "libport/base/tty_device.hpp"
 #include "libport/supervise/caller_rights.hpp"
 #include "libport/supervise/pending_signals.hpp"
-#include "libport/supervise/program_files.hpp"
 
 namespace porttape {
 namespace {
@@ -101,13 +100,6 @@ bool is_other_kind(std::uint64_t device) {
   const auto kind = std::filesystem::read_symlink(
       fmt::format("/sys/dev/char/{}:{}/subsystem", major(device), minor(device)), error);
   return !error && kind.filename() != "tty";
-}
-
-// Whether it leads through what names a process's own files (/proc/self/fd): another one's here.
-bool leads_through_process(const std::string& path) {
-  const open_how how{.flags = O_PATH | O_CLOEXEC, .mode = 0, .resolve = RESOLVE_NO_MAGICLINKS};
-  const UniqueFd place(static_cast<int>(::syscall(SYS_openat2, AT_FDCWD, path.c_str(), &how, sizeof(how))));
-  return !place && errno == ELOOP;
 }
 
 bool lives(pid_t process) {
@@ -288,10 +280,10 @@ CallPart::Decision TapCalls::decide_open(Supervisor& supervisor, const Call& cal
     return (static_cast<std::uint32_t>(wanted->flags) & mask) == mask;
   };
   if (!wanted || std::ranges::any_of(no_device_opens(), has)) return outcome::Pass{};
-  const QuickLook look = look_at_once(call.thread(), wanted->named, wanted->folder);
+  wanted->file = program_file(call.thread(), wanted->named, wanted->folder);
+  const QuickLook look = look_at_once(wanted->file);
   if (!look.known) return look_elsewhere(supervisor, call, *std::move(wanted));
   if (!look.device) return outcome::Pass{};
-  wanted->path = path_here(call.thread(), wanted->named, wanted->folder);
   return decide_device_open([&] { return supervisor.keep(call); }, call, *wanted, *look.device);
 }
 
@@ -305,11 +297,11 @@ CallPart::Decision TapCalls::look_elsewhere(Supervisor& supervisor, const Call& 
   const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
   kept->restarts_always(true);
   const auto look = [found, thread = call.thread()] {
-    OpenArguments& file = found->wanted;
-    file.path = path_here(thread, file.named, file.folder);
-    file.through_process = !file.path.starts_with("/proc/") && leads_through_process(file.path);
-    file.may_wait = true;
-    found->device = tty_device_at(file.path);
+    OpenArguments& open = found->wanted;
+    open.file = own_file(thread, open.file);
+    open.through_process = !open.file.in_proc && leads_through_process(open.file);
+    open.may_wait = true;
+    found->device = tty_device_at(open.file);
   };
   const auto done = [this, found, waiting = std::weak_ptr(kept), alive = std::weak_ptr<int>(alive_)] {
     if (!alive.expired()) looked(waiting, found->wanted, found->device);
@@ -380,7 +372,7 @@ CallPart::Decision TapCalls::open_tapped(const Keep& keep, const Call& call, con
         "it no SIGHUP");
   if (!wanted.may_wait && ((wanted.flags & O_NONBLOCK) != 0 || is_pty(device.number))) {
     const int flags = wanted.flags & ~(O_CREAT | O_EXCL | O_TRUNC);
-    UniqueFd file(::open(wanted.path.c_str(), flags | O_NOCTTY | O_CLOEXEC));
+    UniqueFd file(::openat(wanted.file.at(), wanted.file.path.c_str(), flags | O_NOCTTY | O_CLOEXEC));
     if (!file) return outcome::Refuse{errno};
     return opened(call, wanted, device, std::move(file));
   }
@@ -392,7 +384,7 @@ CallPart::Decision TapCalls::open_tapped(const Keep& keep, const Call& call, con
     waiting->finish(file ? opened(waiting->call(), wanted, device, std::move(file))
                          : Outcome(outcome::Refuse{error == EINTR ? KeptCall::kRestart : error}));
   };
-  std::unique_ptr<WaitingOpen> open = WaitingOpen::start(*loop_, wanted.path, wanted.flags, done);
+  std::unique_ptr<WaitingOpen> open = WaitingOpen::start(*loop_, wanted.file, wanted.flags, done);
   if (!open) {
     kept->finish(outcome::Refuse{errno});
     return Kept{};
@@ -411,7 +403,7 @@ Outcome TapCalls::opened(const Call& call, const OpenArguments& wanted, const Tt
   device_ = device;
   if (line_->open()) look_for_holders();  // it may be this close and open again
   if (line_->open() && line_->lost()) line_->closed();
-  if (!line_->open()) begin_line(file.get(), wanted.path);
+  if (!line_->open()) begin_line(file.get(), wanted.named);
   watch_closes(file.get());
   watch_process(process_of(call.thread()));
   return outcome::Install{std::move(file), free_place(call, 0, files_from_), (wanted.flags & O_CLOEXEC) != 0};

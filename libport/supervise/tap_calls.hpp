@@ -19,6 +19,7 @@
 #include "libport/loop/loop.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/supervise/port_devices.hpp"
+#include "libport/supervise/program_files.hpp"
 #include "libport/supervise/supervisor.hpp"
 #include "libport/supervise/tap_requests.hpp"
 #include "libport/supervise/tap_transfers.hpp"
@@ -64,9 +65,9 @@ class TapCalls final : public CallPart {
     int folder = 0;     // from there, where it is relative
     int flags = 0;
     bool own_way = false;  // resolved with rules of its own (openat2)
-    // Once it was looked at: how it is called here, whether it leads through what a process has open, and
-    // whether to go there may wait for a file system.
-    std::string path = {};
+    // Once it was looked at: the file as it is opened here, whether it leads through what a process has open,
+    // and whether to go there may wait for a file system.
+    ProgramFile file = {};
     bool through_process = false;
     bool may_wait = false;
   };

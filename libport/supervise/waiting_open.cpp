@@ -7,7 +7,6 @@
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
-#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 #include <utility>
@@ -17,22 +16,20 @@
 namespace porttape {
 namespace {
 
-// Keeps nothing of ours but its line; all signals are blocked.
-[[noreturn]] void open_for(pid_t parent, int line, const char* path, int flags) {
+// Keeps nothing of ours but its line and the file's folder; all signals are blocked.
+[[noreturn]] void open_for(pid_t parent, int line, const ProgramFile& wanted, int flags) {
   (void)::prctl(PR_SET_PDEATHSIG, SIGKILL, 0, 0, 0);
   if (::getppid() != parent) ::_exit(1);
-#ifdef SYS_close_range
-  if (line > 3) (void)::syscall(SYS_close_range, 3U, static_cast<unsigned>(line) - 1, 0U);
-  (void)::syscall(SYS_close_range, static_cast<unsigned>(line) + 1, ~0U, 0U);
-#endif
-  const int file = ::open(path, (flags & ~(O_CREAT | O_EXCL | O_TRUNC)) | O_NOCTTY | O_CLOEXEC);
+  close_others(std::array{line, wanted.folder ? wanted.at() : line});
+  const int file = ::openat(wanted.at(), wanted.path.c_str(),
+                            (flags & ~(O_CREAT | O_EXCL | O_TRUNC)) | O_NOCTTY | O_CLOEXEC);
   const bool sent = send_message(line, {GuardMessage::Kind::started, {}, file < 0 ? errno : 0, {}}, file);
   ::_exit(sent ? 0 : 1);
 }
 
 }  // namespace
 
-std::unique_ptr<WaitingOpen> WaitingOpen::start(Loop& loop, const std::string& path, int flags, Done done) {
+std::unique_ptr<WaitingOpen> WaitingOpen::start(Loop& loop, const ProgramFile& file, int flags, Done done) {
   std::array<int, 2> pair{};
   if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair.data()) != 0) return nullptr;
   UniqueFd ours(pair[0]);
@@ -43,7 +40,7 @@ std::unique_ptr<WaitingOpen> WaitingOpen::start(Loop& loop, const std::string& p
   const pid_t parent = ::getpid();
   ::pthread_sigmask(SIG_SETMASK, &everything, &mask);
   const pid_t process = ::fork();
-  if (process == 0) open_for(parent, others.get(), path.c_str(), flags);
+  if (process == 0) open_for(parent, others.get(), file, flags);
   const int error = errno;
   ::pthread_sigmask(SIG_SETMASK, &mask, nullptr);
   errno = error;

@@ -2,12 +2,12 @@
 
 #include <functional>
 #include <memory>
-#include <string>
 #include <sys/types.h>
 
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/fd_watch.hpp"
 #include "libport/loop/loop.hpp"
+#include "libport/supervise/program_files.hpp"
 
 namespace porttape {
 
@@ -20,7 +20,7 @@ class WaitingOpen {
   using Done = std::function<void(UniqueFd file, int error)>;
 
   // Without O_CREAT and its like, O_NOCTTY and O_CLOEXEC. Nothing, and errno: no process is to be had.
-  static std::unique_ptr<WaitingOpen> start(Loop& loop, const std::string& path, int flags, Done done);
+  static std::unique_ptr<WaitingOpen> start(Loop& loop, const ProgramFile& file, int flags, Done done);
   ~WaitingOpen();
   WaitingOpen(const WaitingOpen&) = delete;
   WaitingOpen& operator=(const WaitingOpen&) = delete;

@@ -435,6 +435,33 @@ TEST_F(TapCallsTest, ItIsOpenedByItsNameHoweverThatIsWritten) {
   EXPECT_THAT(told, IsEmpty());
 }
 
+TEST_F(TapCallsTest, ANameMayBeAsLongAsTheKernelTakes) {
+  for (const char* const how : {"long", "longown"}) {
+    EXPECT_THAT(same({std::string("openas:") + how, "write:a"}),
+                ElementsAre(std::string(how) + " 0", "write 1"));
+  }
+  EXPECT_THAT(told, IsEmpty());
+}
+
+TEST_F(TapCallsTest, ALinkThatIsNamedFromItsFolderLeadsToTheProgramsOwnFile) {
+  EXPECT_THAT(same({"openas:nearlink", "write:a"}), ElementsAre("nearlink 0", "write 1"));
+  EXPECT_THAT(same({"openas:chain", "write:b"}), ElementsAre("chain 0", "write 1"));
+  EXPECT_THAT(told, IsEmpty());
+}
+
+TEST(WaitingOpenTest, ItOpensFromTheFoldersDescriptor) {
+  Loop loop;
+  const test::TempDir dir;
+  ASSERT_EQ(::mkfifo((dir / "fifo").c_str(), 0600), 0);
+  std::optional<int> result;
+  const auto folder = std::make_shared<const UniqueFd>(::open(dir.path().c_str(), O_PATH | O_CLOEXEC));
+  const auto open = WaitingOpen::start(loop, {.path = "fifo", .folder = folder}, O_RDWR,
+                                       [&](const UniqueFd&, int error) { result = error; });
+  ASSERT_NE(open, nullptr);
+  while (!result) loop.run_one();
+  EXPECT_EQ(*result, 0);
+}
+
 // Who answers calls would wait for a program that waits for an answer.
 TEST_F(TapCallsTest, AFileSystemThatAProgramOfItsServesIsNotWaitedFor) {
   const Steps bare = same({"openserved", "open", "write:hello", "close"});
@@ -571,7 +598,7 @@ TEST(WaitingOpenTest, ItWaitsAsTheKernelDoes) {
     got = std::move(file);
     result = error;
   };
-  const auto open = WaitingOpen::start(loop, dir / "fifo", O_RDONLY, done);
+  const auto open = WaitingOpen::start(loop, {.path = dir / "fifo"}, O_RDONLY, done);
   ASSERT_NE(open, nullptr);
   const UniqueFd other(::open((dir / "fifo").c_str(), O_RDWR | O_CLOEXEC));
   while (!result) loop.run_one();
@@ -582,8 +609,8 @@ TEST(WaitingOpenTest, ItWaitsAsTheKernelDoes) {
 TEST(WaitingOpenTest, WhatTheKernelRefusesIsTold) {
   Loop loop;
   std::optional<int> result;
-  const auto open =
-      WaitingOpen::start(loop, "/no/such/tty", O_RDWR, [&](const UniqueFd&, int error) { result = error; });
+  const auto open = WaitingOpen::start(loop, {.path = "/no/such/tty"}, O_RDWR,
+                                       [&](const UniqueFd&, int error) { result = error; });
   ASSERT_NE(open, nullptr);
   while (!result) loop.run_one();
   EXPECT_EQ(*result, ENOENT);
@@ -593,7 +620,7 @@ TEST(WaitingOpenTest, DestroyedItIsBrokenOff) {
   Loop loop;
   const test::TempDir dir;
   ASSERT_EQ(::mkfifo((dir / "fifo").c_str(), 0600), 0);
-  auto open = WaitingOpen::start(loop, dir / "fifo", O_RDONLY, [](UniqueFd, int) { FAIL(); });
+  auto open = WaitingOpen::start(loop, {.path = dir / "fifo"}, O_RDONLY, [](UniqueFd, int) { FAIL(); });
   ASSERT_NE(open, nullptr);
   open.reset();
   EXPECT_EQ(::open((dir / "fifo").c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC), -1);  // nobody waits to read

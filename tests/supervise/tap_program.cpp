@@ -1,6 +1,7 @@
 // tap_program TTY RESULT STEP…: does the steps to a tty of its own, one after another, and writes a line of
 // what came of each. What is written there is answered by the test.
 #include <cerrno>
+#include <climits>
 #include <csignal>
 #include <cstdint>
 #include <cstdio>
@@ -438,6 +439,41 @@ void do_give_up(const std::string& how) {
   std::fflush(out);
 }
 
+// From its folder on, by a name of PATH_MAX - 1 characters.
+int open_by_long_name(const std::string& begin) {
+  const std::string whole = path;
+  const std::size_t slash = whole.rfind('/');
+  const std::string folder = whole.substr(0, slash);
+  if (::chdir(folder.c_str()) != 0) std::abort();
+  const std::string round = "../" + folder.substr(folder.rfind('/') + 1) + "/";
+  const std::string end = whole.substr(slash + 1);
+  std::string name = begin;
+  while (name.size() + round.size() + end.size() < PATH_MAX) name += round;
+  name.append(PATH_MAX - 1 - name.size() - end.size(), '/');
+  return ::open((name + end).c_str(), O_RDWR | O_NOCTTY);
+}
+
+// "chain": by a link from the folder to a link that is in another one.
+int open_by_link(const std::string& how, const std::string& target) {
+  const std::string link = results + ".link";
+  ::unlink(link.c_str());
+  if (::symlink(target.c_str(), link.c_str()) != 0) std::abort();
+  const std::size_t slash = link.rfind('/');
+  std::string name = link;
+  if (how != "link") {
+    if (::chdir(link.substr(0, slash).c_str()) != 0) std::abort();
+    name = link.substr(slash + 1);
+  }
+  if (how == "chain") {
+    const std::string folder = name + ".folder";
+    ::mkdir(folder.c_str(), 0700);
+    ::unlink((folder + "/next").c_str());
+    if (::symlink(("../" + name).c_str(), (folder + "/next").c_str()) != 0) std::abort();
+    name = folder + "/next";
+  }
+  return ::open(name.c_str(), O_RDWR | O_NOCTTY);
+}
+
 // In ways that name the line otherwise, or that the kernel refuses.
 void do_open_as(const std::string& how) {
   open_how wanted{};
@@ -447,17 +483,16 @@ void do_open_as(const std::string& how) {
     line = ::open(path, O_RDWR | O_NOCTTY | O_CREAT | O_EXCL, 0600);
   } else if (how == "slashes") {
     line = ::open(("//" + std::string(path).insert(1, "./")).c_str(), O_RDWR | O_NOCTTY);
-  } else if (how == "number" || how == "link") {
+  } else if (how == "long" || how == "longown") {
+    line = open_by_long_name(how == "long" ? "" : "/proc/self/cwd/");
+  } else if (how == "number" || how.ends_with("link") || how == "chain") {
     const int before = ::open(path, O_RDWR | O_NOCTTY);
     const std::string own = "self/fd/" + std::to_string(before);
     if (how == "number") {
       if (::chdir("/proc") != 0) std::abort();
       line = ::open(own.c_str(), O_RDWR | O_NOCTTY);
     } else {
-      const std::string link = results + ".link";
-      ::unlink(link.c_str());
-      if (::symlink(("/proc/" + own).c_str(), link.c_str()) != 0) std::abort();
-      line = ::open(link.c_str(), O_RDWR | O_NOCTTY);
+      line = open_by_link(how, "/proc/" + own);
     }
     ::close(before);
   } else {
