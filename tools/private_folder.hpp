@@ -3,7 +3,6 @@
 #include <cerrno>
 #include <filesystem>
 #include <fmt/format.h>
-#include <stdlib.h>
 #include <string>
 
 #include "libport/base/printable.hpp"
@@ -21,11 +20,11 @@ class PrivateFolder {
 
   // Its path. Errc::io. Once.
   Result<std::string> make() {
-    std::string path = (std::filesystem::temp_directory_path() / "porttape-XXXXXX").string();
-    if (::mkdtemp(path.data()) == nullptr)
-      return make_error(Errc::io, fmt::format("folder {}: {}", in_quotes(path), errno_text(errno)));
-    folder_ = Leftover(path);
-    return path;
+    const std::string pattern = (std::filesystem::temp_directory_path() / "porttape-XXXXXX").string();
+    folder_ = Leftover::make_folder(pattern);
+    if (folder_.path().empty())
+      return make_error(Errc::io, fmt::format("folder {}: {}", in_quotes(pattern), errno_text(errno)));
+    return folder_.path();
   }
 
  private:

@@ -32,11 +32,11 @@ class FolderSink final : public PackSink {
     if (::lstat(folder.c_str(), &seen) == 0) return cannot("it is there already; give another -o DIR");
     if (errno != ENOENT) return cannot(errno_text(errno));
     const fs::path parent = folder.has_parent_path() ? folder.parent_path() : fs::path(".");
-    std::string name = (parent / ("." + folder.filename().string() + ".XXXXXX")).string();
-    if (::mkdtemp(name.data()) == nullptr)
-      return cannot(in_quotes(parent.string()) + ": " + errno_text(errno));
-    FolderSink sink(folder, name, kept);
-    sink.fd_.reset(::open(name.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW));
+    Leftover hidden =
+        Leftover::make_folder((parent / ("." + folder.filename().string() + ".XXXXXX")).string());
+    if (hidden.path().empty()) return cannot(in_quotes(parent.string()) + ": " + errno_text(errno));
+    FolderSink sink(folder, std::move(hidden), kept);
+    sink.fd_.reset(::open(sink.path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW));
     if (!sink.fd_) return cannot(errno_text(errno));
     return sink;
   }
@@ -76,7 +76,7 @@ class FolderSink final : public PackSink {
   }
 
  private:
-  FolderSink(fs::path final, std::string hidden, mode_t kept)
+  FolderSink(fs::path final, Leftover hidden, mode_t kept)
       : final_(std::move(final)), hidden_(std::move(hidden)), kept_(kept) {}
 
   [[nodiscard]] Error failed(const std::string& name, int error) const {

@@ -6,12 +6,15 @@
 #include <cerrno>
 #include <climits>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 #include <utility>
+
+#include "libport/tape/signals_held.hpp"
 
 namespace porttape {
 namespace {
@@ -105,6 +108,12 @@ std::size_t take_slot(const std::string& path) {
 }  // namespace
 
 Leftover::Leftover(std::string path) : path_(std::move(path)), slot_(take_slot(path_)) {}
+
+Leftover Leftover::make_folder(std::string pattern) {
+  const SignalsHeld held;
+  if (::mkdtemp(pattern.data()) == nullptr) return {};
+  return Leftover(std::move(pattern));
+}
 
 Leftover::Leftover(Leftover&& other) noexcept
     : path_(std::exchange(other.path_, {})), slot_(std::exchange(other.slot_, kMost)) {}

@@ -7,13 +7,17 @@ namespace porttape {
 
 // A hidden file or folder of our own that is to be gone when this object is, also where SIGINT, SIGTERM or
 // SIGHUP ends the program meanwhile: a folder with the files in it. Only signals that nobody handles yet, and
-// of the first kMost at one time. SIGKILL leaves it.
+// of the first kMost at one time. SIGKILL leaves it. Who makes a file and then its object does both while
+// SignalsHeld.
 class Leftover {
  public:
   static constexpr std::size_t kMost = 16;
 
   Leftover() = default;
   explicit Leftover(std::string path);
+  // Makes a folder of its own by a pattern that ends in XXXXXX (mkdtemp(3)); no signal comes between. The
+  // path is empty, and errno says why, where that cannot be done.
+  static Leftover make_folder(std::string pattern);
   Leftover(Leftover&& other) noexcept;
   Leftover& operator=(Leftover&& other) noexcept;
   ~Leftover() { remove(); }

@@ -12,6 +12,7 @@
 
 #include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/tape/signals_held.hpp"
 #include "libport/tape/tape_lock.hpp"
 
 namespace porttape {
@@ -100,6 +101,7 @@ bool NewFile::create_hidden() {
   for (int n = 0; n < attempts; ++n) {
     const std::string hidden = hidden_name(path_);
     const int how = O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC;
+    const SignalsHeld held;
     fd_.reset(::openat(folder_.get(), name_in_folder(hidden).c_str(), how, kMode));
     if (fd_) beside_ = Leftover(hidden);
     if (fd_ || errno != EEXIST) return static_cast<bool>(fd_);
@@ -186,6 +188,7 @@ int NewFile::publish() {
   const int folder = folder_.get();
   if (beside_.path().empty()) {
     const std::string first = overwrite_ ? hidden_name(path_) : path_;
+    const SignalsHeld held;
     if (const int error = name_file(fd_, folder, name_in_folder(first)); error != 0) return error;
     if (!overwrite_) return 0;
     beside_ = Leftover(first);

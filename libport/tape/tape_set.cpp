@@ -6,7 +6,6 @@
 #include <fcntl.h>
 #include <filesystem>
 #include <optional>
-#include <signal.h>
 #include <string>
 #include <system_error>
 #include <unistd.h>
@@ -15,6 +14,7 @@
 #include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/base/unique_fd.hpp"
+#include "libport/tape/signals_held.hpp"
 #include "libport/tape/source_mode.hpp"
 #include "libport/tape/tape_files.hpp"
 #include "libport/tape/tape_lock.hpp"
@@ -24,32 +24,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Who is ended in between would leave some of the tapes.
-class SignalsHeld {
- public:
-  SignalsHeld() {
-    sigset_t ends{};
-    ::sigemptyset(&ends);
-    for (const int number : {SIGINT, SIGTERM, SIGHUP}) ::sigaddset(&ends, number);
-    (void)::pthread_sigmask(SIG_BLOCK, &ends, &before_);
-  }
-  SignalsHeld(const SignalsHeld&) = delete;
-  SignalsHeld& operator=(const SignalsHeld&) = delete;
-  ~SignalsHeld() { (void)::pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
-
- private:
-  sigset_t before_{};
-};
-
 }  // namespace
 
 Result<TapeSet> TapeSet::begin(const TapePaths& first, OnExisting on_existing) {
   const fs::path parent = first.read.has_parent_path() ? first.read.parent_path() : fs::path(".");
-  std::string name = (parent / ("." + first.file_name() + ".XXXXXX")).string();
-  if (::mkdtemp(name.data()) == nullptr)
+  Leftover folder = Leftover::make_folder((parent / ("." + first.file_name() + ".XXXXXX")).string());
+  if (folder.path().empty())
     return make_error(Errc::usage, "cannot make tapes in the folder " + in_quotes(parent.string()) + ": " +
                                        errno_text(errno));
-  return TapeSet(Leftover(std::move(name)), on_existing);
+  return TapeSet(std::move(folder), on_existing);
 }
 
 TapePaths TapeSet::hidden(const TapePaths& tape) const {
