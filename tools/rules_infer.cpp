@@ -28,8 +28,10 @@ constexpr VerbHelp kRulesInferHelp{
     "proves the rules: what each tape's driver wrote must pass against each tape, and every\n"
     "change of one byte that they do not let vary must fail (of long tapes a sample, which is\n"
     "told). It gives up where so many rules for so many frames would take minutes. What it found\n"
-    "and why goes to stderr. Exit status: 0 proven, 3 not proven (the\n"
-    "file is written all the same), 2 wrong use, 1 a tape is damaged or nothing can be written.\n",
+    "and why goes to stderr. Tapes in which the driver wrote the same need no rules: no file is\n"
+    "written then, nor where no rule was found. Exit status: 0 proven, or no rules are needed,\n"
+    "3 not proven (a file with rules is written all the same), 2 wrong use, 1 a tape is damaged\n"
+    "or nothing can be written.\n",
     "  porttape rules infer monday.log tuesday.log -o laser.rules\n"
     "  porttape test --tape monday.log --rules laser.rules -- ./driver {port}\n"};
 
@@ -101,6 +103,17 @@ std::string heading(std::span<const SessionTape> sessions, const Inference& foun
   return text;
 }
 
+Result<void> write_rules(const std::string& output, const std::string& text, mode_t kept, std::ostream& out) {
+  if (output != "-") return write_report(output, text, "rules file", kept);
+  out << text;
+  return {};
+}
+
+// The last line for a person.
+std::string ended(std::string_view how, std::string_view what) {
+  return fmt::format("{:<12}{}\n", how, printable_line(what));
+}
+
 }  // namespace
 
 int run_rules_infer(Arguments args, std::ostream& out, std::ostream& err) {
@@ -120,17 +133,22 @@ int run_rules_infer(Arguments args, std::ostream& out, std::ostream& err) {
     if (!session) return fail(session.error(), err);
     sessions.push_back(std::move(*session));
   }
+  const std::string_view nothing = output == "-" ? "nothing is written" : "no file is written";
+  if (need_no_rules(sessions)) {
+    err << ended("no rules", fmt::format("the driver wrote the same in all tapes: {}", nothing));
+    return exit_status::kPass;
+  }
   ProofLimits limits;
   if (const auto changes = line.text("changes")) limits.changes = *parsed_number(*changes);
   const Inference found = infer_rules(sessions, limits);
   tell(found, sessions, err);
-  const std::string text = heading(sessions, found) + to_toml(found.rules);
-  if (output == "-") {
-    out << text;
-  } else if (const auto written = write_report(output, text, "rules file", kept); !written) {
-    return fail(written.error(), err);
+  if (found.rules.rules.empty()) {  // a file that no program accepts
+    err << ended("not proven", fmt::format("no rule was found for what differs: {}", nothing));
+    return exit_status::kDataMismatch;
   }
-  err << (found.proven() ? "proven" : "not proven") << "      " << printable_line(output) << '\n';
+  const std::string text = heading(sessions, found) + to_toml(found.rules);
+  if (const auto written = write_rules(output, text, kept, out); !written) return fail(written.error(), err);
+  err << ended(found.proven() ? "proven" : "not proven", output);
   return found.proven() ? exit_status::kPass : exit_status::kDataMismatch;
 }
 

@@ -117,6 +117,11 @@ std::uint64_t looks_for(std::span<const SessionTape> sessions) {
 
 }  // namespace
 
+bool need_no_rules(std::span<const SessionTape> sessions) {
+  return std::ranges::all_of(
+      sessions, [&](const SessionTape& session) { return session.writes == sessions.front().writes; });
+}
+
 Inference infer_rules(std::span<const SessionTape> sessions, const ProofLimits& limits) {
   Looks looks(limits.looks.value_or(looks_for(sessions)));
   Findings findings = find_differences(sessions);

@@ -23,6 +23,9 @@ struct Inference {
   [[nodiscard]] bool proven() const { return alike && proof.holds(); }
 };
 
+// Whether the driver wrote the same bytes in all tapes: each passes against each without rules.
+bool need_no_rules(std::span<const SessionTape> sessions);
+
 // From the writes of at least two tapes. What the tapes do not hold to is loosened until each tape passes
 // against each one, or no more is left to loosen; then the proof says so.
 Inference infer_rules(std::span<const SessionTape> sessions, const ProofLimits& limits = {});

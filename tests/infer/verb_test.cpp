@@ -1,3 +1,5 @@
+#include <filesystem>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -5,6 +7,8 @@
 
 namespace porttape {
 namespace {
+
+namespace fs = std::filesystem;
 
 using test::Block;
 using test::make_tape;
@@ -72,6 +76,38 @@ TEST(RulesInfer, TapesOfDifferentDriversAreNotProvenAnd3) {
   EXPECT_EQ(ran.status, 3);
   EXPECT_THAT(ran.out, HasSubstr("NOT PROVEN"));
   EXPECT_THAT(ran.err, Not(HasSubstr("\nproven")));
+}
+
+TEST(RulesInfer, TapesThatDoNotDifferNeedNoRulesAndNoFile) {
+  const TempDir dir;
+  const std::string a = record(dir, "a", 100);
+  const std::string b = record(dir, "b", 100);
+  const auto ran = run({"rules", "infer", a, b, "-o", dir / "x.rules"});
+  EXPECT_EQ(ran.status, 0) << ran.err;
+  EXPECT_EQ(ran.out, "");
+  EXPECT_EQ(ran.err, "no rules    the driver wrote the same in all tapes: no file is written\n");
+  EXPECT_FALSE(fs::exists(dir / "x.rules"));
+  const auto piped = run({"rules", "infer", a, b, "-o", "-"});
+  EXPECT_EQ(piped.status, 0) << piped.err;
+  EXPECT_EQ(piped.out, "");
+  EXPECT_EQ(piped.err, "no rules    the driver wrote the same in all tapes: nothing is written\n");
+}
+
+TEST(RulesInfer, AnOlderFileStaysWhereNoRulesAreNeeded) {
+  const TempDir dir;
+  test::write_file(dir / "x.rules", as_bytes("mine"));
+  const auto ran = run(
+      {"rules", "infer", record(dir, "a", 100), record(dir, "b", 100), "-o", dir / "x.rules", "--overwrite"});
+  EXPECT_EQ(ran.status, 0) << ran.err;
+  EXPECT_EQ(contents(dir / "x.rules"), "mine");
+}
+
+TEST(RulesInfer, WhatIsWrittenIsARulesFileHoweverBadTheProof) {
+  const TempDir dir;
+  const std::string a = make_tape(dir, "a", {}, {{1, "alpha"}});
+  const std::string b = make_tape(dir, "b", {}, {{1, "beta 7 and more"}});
+  EXPECT_EQ(run({"rules", "infer", a, b, "-o", dir / "x.rules"}).status, 3);
+  EXPECT_NE(run({"rules", "check", a, dir / "x.rules"}).status, 2) << contents(dir / "x.rules");
 }
 
 TEST(RulesInfer, WrongUseIs2) {

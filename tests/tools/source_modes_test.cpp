@@ -34,6 +34,8 @@ class SourceModes : public testing::Test {
                 "\n"
                 R"({"t_us":1300000,"event":"close"})"
                 "\n");
+    fs::create_directory(dir / "other");
+    make_tape(dir, "other/v", {{2000, "42\n"}}, {{1000, "ask 7\n"}, {1'100'000, "more\n"}});
     fs::create_directory(dir / "out");  // the suite's folder has tapes of its own alone
     std::ofstream(dir / "secret.rules") << "[[redact]]\nname = 'answer'\ntext = '42'\n";
     std::ofstream(dir / "suite.toml") << "command = '''" + kDriver + "'''\n";
@@ -54,7 +56,7 @@ class SourceModes : public testing::Test {
         {{"plot", t, "-o", "@.svg"}, {"@.svg"}},
         {{"view", t, "-o", "@.html"}, {"@.html"}},
         {{"diff", t, u, "--html", "@.html"}, {"@.html"}},
-        {{"rules", "infer", t, u, "-o", "@.rules"}, {"@.rules"}},
+        {{"rules", "infer", t, dir / "other/v", "-o", "@.rules"}, {"@.rules"}},
         {{"pack", t, "-o", "@.tar.zst"}, {"@.tar.zst"}},
         {{"test", "--tape", t, "--report", "@.json", "--junit", "@.xml", "--", "sh", "-c", kDriver},
          {"@.json", "@.xml"},
