@@ -169,7 +169,7 @@ std::string port_help(const PortTypes& types) {
   std::string out =
       "A PORT is one end of a line: TYPE:MAIN[,option=value…] or\n"
       "type=TYPE,option=value…; a bare /dev/… is serial:. Options without a value are\n"
-      "off unless named. Examples:\n\n"
+      "off unless named. No default is taken for an empty MAIN. Examples:\n\n"
       "  /dev/ttyUSB0,baud=115200       pty:/tmp/laser       tcp:10.0.0.5:2112\n"
       "  tcp-listen:127.0.0.1:2112      unix:/run/x          udp-listen:10110\n";
   for (const PortType& type : types.all()) {

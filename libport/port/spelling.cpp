@@ -94,6 +94,34 @@ constexpr std::string_view kDevices = "/dev/";
 
 bool gives_type(std::string_view token) { return token.starts_with("type="); }
 
+// `serial:PATH`, `tcp:HOST:PORT`, for messages.
+std::string form_text(const PortType& type, std::string_view spelled, const ShortForm& form) {
+  const OptionSpec* const main = type.find(form.main);
+  return fmt::format("{}:{}{}", spelled, main == nullptr ? std::string(form.main) : value_name(*main),
+                     form.port.empty() ? "" : ":PORT");
+}
+
+// The option whose part of the short spelling is empty, and which is not given behind it either; none: empty.
+std::string_view missing_part(const ShortForm& form, std::string_view main, const OptionValues& values) {
+  const auto given = [&](std::string_view option) { return values.contains(std::string(option)); };
+  if (form.port.empty()) return main.empty() && !given(form.main) ? form.main : std::string_view{};
+  if (main.empty()) return given(form.main) || given(form.port) ? std::string_view{} : form.main;
+  if (main.starts_with(':') && !given(form.main)) return form.main;
+  return main.ends_with(':') && !given(form.port) ? form.port : std::string_view{};
+}
+
+// An empty part of a short spelling, such as an unset variable of a shell leaves, must not mean a place that
+// nobody named: an option that has a default is missing then. Errc::usage.
+Result<void> check_parts(const PortType& type, std::string_view spec, std::string_view spelled,
+                         const ShortForm& form, std::string_view main, const OptionValues& values) {
+  const std::string_view part = missing_part(form, main, values);
+  const OptionSpec* const option = part.empty() ? nullptr : type.find(part);
+  if (option == nullptr || option->default_value.empty()) return {};
+  return usage_error(fmt::format("port {}: option '{}' is missing; write {}, or {}={} for the default",
+                                 in_quotes(spec), part, form_text(type, spelled, form), part,
+                                 option->default_value));
+}
+
 Result<OptionValues> short_spelled(const PortTypes& types, std::string_view spec) {
   OptionValues values;
   std::string_view rest = spec;
@@ -108,16 +136,17 @@ Result<OptionValues> short_spelled(const PortTypes& types, std::string_view spec
   values.emplace("type", type == nullptr ? spelled : type->name);
   if (type == nullptr) return values;
   if (listen) values.emplace("listen", "1");
-  const std::size_t main_end = rest.find(',');
-  if (const std::string_view main = rest.substr(0, main_end); !main.empty()) {
-    Result<void> set = set_main(values, main, listen ? type->listening : type->form, listen);
-    if (!set) return set.error();
+  const ShortForm& form = listen ? type->listening : type->form;
+  const std::string_view main = rest.substr(0, rest.find(','));
+  if (!main.empty()) {
+    if (Result<void> set = set_main(values, main, form, listen); !set) return set.error();
   }
-  if (main_end == std::string_view::npos) return values;
-  for (const std::string_view token : split_tokens(rest.substr(main_end), ",")) {
+  for (const std::string_view token : split_tokens(rest.substr(main.size()), ",")) {
     auto [key, value] = split_option(token);
     values[std::move(key)] = std::move(value);
   }
+  if (Result<void> whole = check_parts(*type, spec, spelled, form, main, values); !whole)
+    return whole.error();
   return values;
 }
 

@@ -24,8 +24,8 @@ bool names_type(const PortTypes& types, std::string_view spec);
 
 // `type=TYPE,option=value…` or `TYPE:MAIN[,option=value…]` as options with the type among them; unchecked, an
 // unknown type is left for check_options(). Main parts: `tcp:HOST`, `tcp:HOST:PORT`, `tcp:[::1]:PORT`,
-// `tcp-listen:PORT`, `unix:/path`, `/dev/…`. Errc::usage for nothing at all and for a main part that cannot
-// be taken apart.
+// `tcp-listen:PORT`, `unix:/path`, `/dev/…`. Errc::usage for nothing at all, for a main part that cannot be
+// taken apart, and for an empty part of the short spelling in whose place a default would be taken.
 Result<OptionValues> read_spelling(const PortTypes& types, std::string_view spec);
 
 // See PortOptions::name() and spelled().

@@ -135,6 +135,28 @@ TEST(PortOptions, BadPlacesOfSocketsAreNamed) {
   EXPECT_NE(error_of("unix:/" + std::string(120, 'x')).find("at most 107"), std::string::npos);
 }
 
+// What an empty variable of a shell leaves of `serial:$DEV`. The types whose main part has no default keep
+// it: a pty that is empty makes a name of its own, a Unix socket's path was missing anyway.
+TEST(PortOptions, AnEmptyPartIsNoPlaceThatNobodyNamed) {
+  for (const std::string& type : port_types().spellings()) {
+    const bool is_pty = type.starts_with("pty");
+    for (const char* const rest : {"", ":", ":,alwaysopen", ",alwaysopen"}) {
+      const std::string file = type.ends_with("log") ? ",file=x" : "";
+      EXPECT_EQ(parse_port(type + rest + file).has_value(), is_pty) << type << rest << file;
+    }
+  }
+  EXPECT_EQ(
+      error_of("serial:"),
+      "port 'serial:': option 'device' is missing; write serial:PATH, or device=/dev/ttyS0 for the default");
+  EXPECT_EQ(error_of("udp-listen:"),
+            "port 'udp-listen:': option 'recv_ip' is missing; write "
+            "udp-listen:HOST:PORT, or recv_ip=* for the default");
+  EXPECT_EQ(
+      error_of("logreader:"),
+      "port 'logreader:': option 'file' is missing; write logreader:NAME, or file=port.log for the default");
+  EXPECT_EQ(error_of("unix:"), "port 'unix:': option 'path' is missing; accepted: the path of a socket");
+}
+
 TEST(PortOptions, HelpNamesEveryType) {
   for (const char* type : {"tcp:ip:port", "tcp-listen:ip:port", "udplog", "unix-listen:path", "serial:device",
                            "pty:link", "logreader:file", "seriallog"}) {

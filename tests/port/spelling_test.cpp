@@ -22,13 +22,14 @@ using testing::ElementsAre;
 PortTypes types() {
   PortType net{"net", {"ip", "port"}, "a socket"};
   net.listening = {"ip", "port"};
-  net.options = {{.name = "ip", .default_value = "127.0.0.1"},
+  net.options = {{.name = "ip", .default_value = "127.0.0.1", .value_name = "HOST"},
                  {"port", Kind::integer, "20000", "", 0, 65535},
                  {"listen", Kind::flag},
                  {.name = "mode", .default_value = "0600"},
                  {"seed", Kind::choice, "", "", 0, 0, {"none", "random[:SEED]"}}};
   PortType serial{"serial", {"device"}, "a tty"};
-  serial.options = {{.name = "device", .default_value = "/dev/ttyS0"}};
+  serial.options = {{.name = "device", .default_value = "/dev/ttyS0", .value_name = "PATH"},
+                    {"baud", Kind::integer, "9600"}};
   return PortTypes({net, serial});
 }
 
@@ -55,11 +56,8 @@ TEST_F(Spelling, AHostAndAPortAreOnTheMainPart) {
   using Values = OptionValues;
   EXPECT_EQ(values("net:host"), (Values{{"type", "net"}, {"ip", "host"}}));
   EXPECT_EQ(values("net:host:7"), (Values{{"type", "net"}, {"ip", "host"}, {"port", "7"}}));
-  EXPECT_EQ(values("net::7"), (Values{{"type", "net"}, {"port", "7"}}));
-  EXPECT_EQ(values("net:host:"), (Values{{"type", "net"}, {"ip", "host"}}));
   EXPECT_EQ(values("net:[::1]"), (Values{{"type", "net"}, {"ip", "::1"}}));
   EXPECT_EQ(values("net:[::1]:7"), (Values{{"type", "net"}, {"ip", "::1"}, {"port", "7"}}));
-  EXPECT_EQ(values("net"), (Values{{"type", "net"}}));
   EXPECT_EQ(values("net,port=7"), (Values{{"type", "net"}, {"port", "7"}}));
   EXPECT_EQ(values("net:host,port=7"), (Values{{"type", "net"}, {"ip", "host"}, {"port", "7"}}));
 }
@@ -68,8 +66,42 @@ TEST_F(Spelling, APortAloneIsForListening) {
   using Values = OptionValues;
   EXPECT_EQ(values("net-listen:7"), (Values{{"type", "net"}, {"listen", "1"}, {"port", "7"}}));
   EXPECT_EQ(values("net-listen:h:7"), (Values{{"type", "net"}, {"listen", "1"}, {"ip", "h"}, {"port", "7"}}));
-  EXPECT_EQ(values("net-listen"), (Values{{"type", "net"}, {"listen", "1"}}));
   EXPECT_EQ(values("net:7"), (Values{{"type", "net"}, {"ip", "7"}})) << "a host's name";
+}
+
+TEST_F(Spelling, AnEmptyPartTakesNoDefault) {
+  const std::string device =
+      "option 'device' is missing; write serial:PATH, or device=/dev/ttyS0 for the default";
+  for (const char* const spec : {"serial:", "serial", "serial:,baud=4800", "serial,baud=4800"})
+    EXPECT_EQ(refused(spec), std::string("port '") + spec + "': " + device);
+  const std::string ip = "option 'ip' is missing; write net:HOST:PORT, or ip=127.0.0.1 for the default";
+  for (const char* const spec : {"net:", "net", "net::", "net::7", "net:,mode=0600"})
+    EXPECT_EQ(refused(spec), std::string("port '") + spec + "': " + ip);
+  EXPECT_EQ(refused("net:host:"),
+            "port 'net:host:': option 'port' is missing; write net:HOST:PORT, or port=20000 for the default");
+  EXPECT_EQ(
+      refused("net:[::1]:"),
+      "port 'net:[::1]:': option 'port' is missing; write net:HOST:PORT, or port=20000 for the default");
+  for (const char* const spec :
+       {"net-listen:", "net-listen", "net-listen::", "net-listen::7", "net-listen:10:"})
+    EXPECT_THAT(refused(spec), testing::HasSubstr("is missing; write net-listen:HOST:PORT, or ")) << spec;
+}
+
+TEST_F(Spelling, AnOptionMayStandInAnEmptyPartsPlace) {
+  using Values = OptionValues;
+  EXPECT_EQ(values("serial:,device=x"), (Values{{"type", "serial"}, {"device", "x"}}));
+  EXPECT_EQ(values("serial,device="), (Values{{"type", "serial"}, {"device", ""}}));
+  EXPECT_EQ(values("net::7,ip=h"), (Values{{"type", "net"}, {"ip", "h"}, {"port", "7"}}));
+  EXPECT_EQ(values("net:h:,port=7"), (Values{{"type", "net"}, {"ip", "h"}, {"port", "7"}}));
+  EXPECT_EQ(values("type=serial"), (Values{{"type", "serial"}})) << "the long spelling has defaults";
+}
+
+TEST_F(Spelling, APartWithoutADefaultMayBeEmpty) {
+  PortType link{"link", {"path"}, "a link"};
+  link.options = {{.name = "path"}};
+  const PortTypes types({link});
+  for (const char* const spec : {"link:", "link"})
+    EXPECT_TRUE(parse_options(types, spec).has_value()) << spec;
 }
 
 TEST_F(Spelling, ABarePathIsASerialDevices) {
@@ -142,7 +174,7 @@ TEST(SplitTokens, LeavesOutWhatIsEmpty) {
 TEST_F(Spelling, APortIsOfDigitsFromNoughtToNine) {
   EXPECT_EQ(values("net-listen:1090")["port"], "1090");
   EXPECT_EQ(values("net-listen:10/0")["wrong"], refused("net-listen:10/0"));
-  EXPECT_EQ(values("net-listen:10:")["ip"], "10");
+  EXPECT_EQ(values("net-listen:10:1")["ip"], "10");
   EXPECT_EQ(values("net-listen:1a")["ip"], "1a");
 }
 

@@ -117,6 +117,8 @@ DAEMON_ROWS = [
     ("bridge --driver pty:p --device /dev/ttyUSB0,baud=fast", ["'baud': 'fast'", "a whole number"]),
     ("bridge --driver pty:p --device /dev/ttyUSB0,parity=evne", ["'parity': 'evne'", near("even")]),
     ("bridge --driver pty:p --device tcp:localhost:70000", ["'port': '70000'", "0 to 65535"]),
+    ("bridge --driver pty:p --device tcp:", ["port 'tcp:': option 'ip' is missing", "write tcp:HOST:PORT"]),
+    ("bridge --driver pty:p --device tcp:h:", ["option 'port' is missing", "write tcp:HOST:PORT"]),
     ("bridge --driver pty:p --device tcp:::1:2000", [r"\[IPv6\]:PORT"]),
     ("bridge --driver pty:p --device unix", ["'path' is missing", "path of a socket"]),
     ("bridge --driver pty:p,mode=rw --device unix:s", ["'mode': 'rw'", "octal permissions like 0660"]),
