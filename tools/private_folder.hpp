@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cerrno>
+#include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
 #include <string>
@@ -20,10 +21,10 @@ class PrivateFolder {
 
   // Its path. Errc::io. Once.
   Result<std::string> make() {
-    const std::string pattern = (std::filesystem::temp_directory_path() / "porttape-XXXXXX").string();
-    folder_ = Leftover::make_folder(pattern);
+    const std::string prefix = (std::filesystem::temp_directory_path() / "porttape-").string();
+    folder_ = Leftover::make_folder(AT_FDCWD, {}, prefix);
     if (folder_.path().empty())
-      return make_error(Errc::io, fmt::format("folder {}: {}", in_quotes(pattern), errno_text(errno)));
+      return make_error(Errc::io, fmt::format("folder {}…: {}", in_quotes(prefix), errno_text(errno)));
     return folder_.path();
   }
 

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fmt/format.h>
 #include <list>
+#include <random>
 #include <sys/stat.h>
 #include <system_error>
 #include <unistd.h>
@@ -41,18 +42,18 @@ Result<UniqueFd> open_trusted_folder(const std::string& path) {
     if (part.empty()) continue;  // behind a last slash
     UniqueFd next(::openat(folder ? folder.get() : AT_FDCWD, part.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
     struct stat status {};
-    if (!next || ::fstat(next.get(), &status) != 0) return cannot_open(errno, absolute.string());
+    if (!next || ::fstat(next.get(), &status) != 0) return cannot_open(errno, path);
     if (S_ISDIR(status.st_mode)) {
       folder = std::move(next);
       continue;
     }
-    if (!S_ISLNK(status.st_mode)) return cannot_open(ENOTDIR, absolute.string());
+    if (!S_ISLNK(status.st_mode)) return cannot_open(ENOTDIR, path);
     if (!is_own_or_root(status.st_uid))
       return trouble(
           fmt::format("{} on the way there is a link that another user made; name the folder itself",
                       in_quotes(part.string())));
     const fs::path text = link_text(next.get(), {});
-    if (text.empty() || ++links > kMostLinks) return cannot_open(ELOOP, absolute.string());
+    if (text.empty() || ++links > kMostLinks) return cannot_open(ELOOP, path);
     left.insert(left.begin(), text.begin(), text.end());  // "/" is the first part of an absolute one
   }
   return folder;
@@ -63,6 +64,17 @@ Result<TrustedName> find_trusted_name(const std::string& path) {
   Result<UniqueFd> folder = open_trusted_folder(given.has_parent_path() ? given.parent_path().string() : ".");
   if (!folder) return folder.error();
   return TrustedName{std::move(*folder), given.filename().string()};
+}
+
+std::string make_private_folder(int folder, const std::string& prefix) {
+  constexpr int attempts = 100;
+  std::random_device random;
+  for (int n = 0; n < attempts; ++n) {
+    std::string name = fmt::format("{}{:06x}", prefix, random() & 0xFFFFFFU);
+    if (::mkdirat(folder, name.c_str(), S_IRWXU) == 0) return name;
+    if (errno != EEXIST) break;
+  }
+  return {};
 }
 
 }  // namespace porttape

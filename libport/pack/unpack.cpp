@@ -10,6 +10,7 @@
 
 #include "libport/base/json_text.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/base/trusted_folder.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/tape/judgement.hpp"
 #include "libport/tape/leftover.hpp"
@@ -25,18 +26,21 @@ class FolderSink final : public PackSink {
  public:
   // The folder and what is in it keep those permissions from the group and from others.
   static Result<FolderSink> create(const fs::path& folder, mode_t kept) {
-    struct stat seen {};
     const auto cannot = [&](const std::string& why) {
       return make_error(Errc::usage, "cannot make the folder " + in_quotes(folder.string()) + ": " + why);
     };
-    if (::lstat(folder.c_str(), &seen) == 0) return cannot("it is there already; give another -o DIR");
+    Result<TrustedName> place = find_trusted_name(folder.string());
+    if (!place) return cannot(place.error().message);
+    const int parent = place->folder.get();
+    struct stat seen {};
+    if (::fstatat(parent, place->name.c_str(), &seen, AT_SYMLINK_NOFOLLOW) == 0)
+      return cannot("it is there already; give another -o DIR");
     if (errno != ENOENT) return cannot(errno_text(errno));
-    const fs::path parent = folder.has_parent_path() ? folder.parent_path() : fs::path(".");
-    Leftover hidden =
-        Leftover::make_folder((parent / ("." + folder.filename().string() + ".XXXXXX")).string());
-    if (hidden.path().empty()) return cannot(in_quotes(parent.string()) + ": " + errno_text(errno));
-    FolderSink sink(folder, std::move(hidden), kept);
-    sink.fd_.reset(::open(sink.path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW));
+    Leftover hidden = Leftover::make_folder(parent, folder.parent_path().string(), "." + place->name + ".");
+    if (hidden.path().empty()) return cannot("in its folder nothing can be made: " + errno_text(errno));
+    const std::string name = fs::path(hidden.path()).filename().string();
+    FolderSink sink(std::move(place->folder), folder, std::move(hidden), kept);
+    sink.fd_.reset(::openat(parent, name.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW));
     if (!sink.fd_) return cannot(errno_text(errno));
     return sink;
   }
@@ -67,8 +71,10 @@ class FolderSink final : public PackSink {
   [[nodiscard]] fs::path path() const { return hidden_.path(); }
   Result<void> publish() {
     const mode_t mode = (kept_ & S_IRGRP) == 0 ? 0750 : 0700;
+    const std::string from = path().filename().string();
+    const std::string to = final_.filename().string();
     if (::fchmod(fd_.get(), mode) != 0 || ::fsync(fd_.get()) != 0 ||
-        ::renameat2(AT_FDCWD, hidden_.path().c_str(), AT_FDCWD, final_.c_str(), RENAME_NOREPLACE) != 0)
+        ::renameat2(parent_.get(), from.c_str(), parent_.get(), to.c_str(), RENAME_NOREPLACE) != 0)
       return make_error(Errc::io,
                         "cannot make the folder " + in_quotes(final_.string()) + ": " + errno_text(errno));
     hidden_.keep();
@@ -76,14 +82,15 @@ class FolderSink final : public PackSink {
   }
 
  private:
-  FolderSink(fs::path final, Leftover hidden, mode_t kept)
-      : final_(std::move(final)), hidden_(std::move(hidden)), kept_(kept) {}
+  FolderSink(UniqueFd parent, fs::path final, Leftover hidden, mode_t kept)
+      : parent_(std::move(parent)), final_(std::move(final)), hidden_(std::move(hidden)), kept_(kept) {}
 
   [[nodiscard]] Error failed(const std::string& name, int error) const {
     return make_error(Errc::io,
                       "cannot write " + in_quotes((final_ / name).string()) + ": " + errno_text(error));
   }
 
+  UniqueFd parent_;  // that it is made in
   fs::path final_;
   Leftover hidden_;  // what it is called until then
   mode_t kept_;

@@ -6,14 +6,15 @@
 #include <cerrno>
 #include <climits>
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
 #include <fcntl.h>
+#include <filesystem>
 #include <signal.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 #include <utility>
 
+#include "libport/base/trusted_folder.hpp"
 #include "libport/tape/signals_held.hpp"
 
 namespace porttape {
@@ -109,10 +110,11 @@ std::size_t take_slot(const std::string& path) {
 
 Leftover::Leftover(std::string path) : path_(std::move(path)), slot_(take_slot(path_)) {}
 
-Leftover Leftover::make_folder(std::string pattern) {
+Leftover Leftover::make_folder(int folder, const std::string& its_path, const std::string& prefix) {
   const SignalsHeld held;
-  if (::mkdtemp(pattern.data()) == nullptr) return {};
-  return Leftover(std::move(pattern));
+  const std::string name = make_private_folder(folder, prefix);
+  if (name.empty()) return {};
+  return Leftover((std::filesystem::path(its_path) / name).string());
 }
 
 Leftover::Leftover(Leftover&& other) noexcept

@@ -15,9 +15,9 @@ class Leftover {
 
   Leftover() = default;
   explicit Leftover(std::string path);
-  // Makes a folder of its own by a pattern that ends in XXXXXX (mkdtemp(3)); no signal comes between. The
-  // path is empty, and errno says why, where that cannot be done.
-  static Leftover make_folder(std::string pattern);
+  // Makes a folder in `folder`, which is `its_path`, as make_private_folder() does; no signal comes between.
+  // The path is empty, and errno says why, where that cannot be done.
+  static Leftover make_folder(int folder, const std::string& its_path, const std::string& prefix);
   Leftover(Leftover&& other) noexcept;
   Leftover& operator=(Leftover&& other) noexcept;
   ~Leftover() { remove(); }

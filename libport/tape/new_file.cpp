@@ -12,6 +12,7 @@
 
 #include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/base/trusted_folder.hpp"
 #include "libport/tape/signals_held.hpp"
 #include "libport/tape/tape_lock.hpp"
 
@@ -37,10 +38,6 @@ std::string name_in_folder(const std::string& path) {
 }
 
 Error cannot_make(const std::string& path, int error) {
-  if (error == ENOENT)
-    return make_error(Errc::usage,
-                      fmt::format("{}: its folder does not exist; type mkdir -p {}", in_quotes(path),
-                                  shell_word(fs::path(path).parent_path().string())));
   return make_error(Errc::usage,
                     fmt::format("{} cannot be made: {}; name another", in_quotes(path), errno_text(error)));
 }
@@ -68,10 +65,9 @@ Error is_read_locked(const std::string& path) {
 Result<NewFile> NewFile::create(const std::string& path, bool overwrite) {
   if (path == "-") return NewFile(Kind::stdout_stream, path);
   if (path.empty()) return make_error(Errc::usage, "the file's name is empty");
-  const fs::path parent = fs::path(path).parent_path();
-  UniqueFd folder(::open(parent.empty() ? "." : parent.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC));
-  if (!folder) return cannot_make(path, errno);
-  return create_in(std::move(folder), path, overwrite);
+  Result<TrustedName> place = find_trusted_name(path);
+  if (!place) return make_error(Errc::usage, in_quotes(path) + ": " + place.error().message);
+  return create_in(std::move(place->folder), path, overwrite);
 }
 
 Result<NewFile> NewFile::create_in(UniqueFd folder, const std::string& path, bool overwrite) {

@@ -22,7 +22,7 @@ namespace porttape {
 class NewFile {
  public:
   // Errc::usage: something has that name already (and is not to be replaced, is no regular file, or a tape
-  // that is being written), or no file can be made there.
+  // that is being written), another user's link leads there, or no file can be made there.
   static Result<NewFile> create(const std::string& path, bool overwrite);
   // The same for the last part of the path, in this folder (O_PATH is enough), whatever the path's other
   // parts mean by now.

@@ -12,6 +12,7 @@
 
 #include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/base/trusted_folder.hpp"
 #include "libport/tape/source_mode.hpp"
 #include "libport/tape/tape_lock.hpp"
 
@@ -32,11 +33,6 @@ struct Place {
 
 Error refuse(const std::string& what) { return make_error(Errc::usage, "cannot make the tape: " + what); }
 
-// A folder that is missing is not made unasked.
-std::string folder_text(const fs::path& folder, int error) {
-  return errno_text(error) + (error == ENOENT ? "; type mkdir -p " + shell_word(folder.string()) : "");
-}
-
 Error is_live(const fs::path& path) {
   return refuse(
       in_quotes(path.string()) +
@@ -55,9 +51,9 @@ Result<Place> look_at_folder(const fs::path& path) {
   place.path = path;
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
   if (!path.has_filename()) return refuse(in_quotes(path.string()) + " names no file");
-  place.folder.reset(::open(folder.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC));
-  if (!place.folder)
-    return refuse("the folder " + in_quotes(folder.string()) + ": " + folder_text(folder, errno));
+  Result<TrustedName> found = find_trusted_name(path.string());
+  if (!found) return refuse(in_quotes(path.string()) + ": " + found.error().message);
+  place.folder = std::move(found->folder);
   if (::faccessat(place.folder.get(), ".", W_OK | X_OK, AT_EACCESS) != 0) {
     return refuse("the folder " + in_quotes(folder.string()) + " is not writable: " + errno_text(errno));
   }

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "libport/base/own_name.hpp"
 #include "libport/base/result.hpp"
+#include "libport/base/unique_fd.hpp"
 #include "libport/tape/leftover.hpp"
 #include "libport/tape/tape_name.hpp"
 #include "libport/tape/tape_writer.hpp"
@@ -17,7 +19,7 @@ namespace porttape {
 // away with this object, and by the signals of Leftover; SIGKILL leaves it, `.NAME.XXXXXX`.
 class TapeSet {
  public:
-  // In the folder of `first`. Errc::usage.
+  // In the folder of `first`, to which no other user's link may lead. Errc::usage.
   static Result<TapeSet> begin(const TapePaths& first, OnExisting on_existing);
 
   // Where a tape is to be made. Errc::usage: its name is taken, or it is being written.
@@ -29,18 +31,20 @@ class TapeSet {
 
  private:
   struct Moved {
-    std::filesystem::path from;
-    std::filesystem::path to;
+    std::string from;  // both relative to `parent_`
+    std::string to;
     FileIdentity file;
     bool exchanged = false;
   };
-  TapeSet(Leftover folder, OnExisting on_existing) : folder_(std::move(folder)), on_existing_(on_existing) {}
+  TapeSet(UniqueFd parent, Leftover folder, OnExisting on_existing)
+      : parent_(std::move(parent)), folder_(std::move(folder)), on_existing_(on_existing) {}
   [[nodiscard]] TapePaths hidden(const TapePaths& tape) const;
   [[nodiscard]] Result<void> check_free(const TapePaths& tape) const;
-  Result<void> move(const std::filesystem::path& from, const std::filesystem::path& to);
+  Result<void> move(const std::filesystem::path& tape_file);
   void undo();
 
-  Leftover folder_;
+  UniqueFd parent_;
+  Leftover folder_;  // in there
   OnExisting on_existing_;
   std::vector<TapePaths> tapes_;
   std::vector<Moved> moved_;

@@ -255,7 +255,7 @@ TEST_F(RefusedCalls, ASetThatCannotBeMovedIsToldWithTheFile) {
   const TapePaths other = literal_tape(dir / "u.log");
   write_all(other, "old");
   for (const TapePaths& tape : {paths, other}) {
-    EXPECT_TRUE(holds_without({no_rename_flags(EIO), {SYS_rename, EIO}}, [&] {
+    EXPECT_TRUE(holds_without({no_rename_flags(EIO), {SYS_renameat, EIO}}, [&] {
       auto set = TapeSet::begin(tape, OnExisting::overwrite);
       ASSERT_TRUE(set);
       write_all(*set->place(tape), "new");

@@ -167,12 +167,12 @@ std::string refused(const TapePaths& paths, OnExisting on_existing = OnExisting:
 }
 
 TEST_F(NewTapeFilesTest, AFolderThatIsMissingIsNamedWithWhatMakesIt) {
-  EXPECT_EQ(refused(literal_tape(dir / "no two/t")), "cannot make the tape: the folder '" + (dir / "no two") +
-                                                         "': No such file or directory; type mkdir -p '" +
+  EXPECT_EQ(refused(literal_tape(dir / "no two/t")), "cannot make the tape: '" + (dir / "no two/tr") +
+                                                         "': its folder does not exist; type mkdir -p '" +
                                                          (dir / "no two") + "'");
   test::write_file(dir / "file", {});
   EXPECT_EQ(refused(literal_tape(dir / "file/t")),
-            "cannot make the tape: the folder '" + (dir / "file") + "': Not a directory");
+            "cannot make the tape: '" + (dir / "file/tr") + "': its folder: Not a directory");
 }
 
 TEST_F(NewTapeFilesTest, AFolderThatIsNotWritableIsNamed) {

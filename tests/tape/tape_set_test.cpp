@@ -65,8 +65,8 @@ TEST_F(TapeSetTest, GoesAwayUnlessItIsPublished) {
 
 TEST_F(TapeSetTest, WhereNoFolderCanBeMadeItIsNamed) {
   EXPECT_EQ(TapeSet::begin(literal_tape(dir / "no/t"), OnExisting::refuse).error(),
-            make_error(Errc::usage,
-                       "cannot make tapes in the folder '" + (dir / "no") + "': No such file or directory"));
+            make_error(Errc::usage, "cannot make tapes in the folder '" + (dir / "no") +
+                                        "': its folder does not exist; type mkdir -p " + (dir / "no")));
 }
 
 TEST_F(TapeSetTest, ANameThatIsTakenHasNoPlace) {

@@ -238,7 +238,7 @@ TEST(NewFileTells, WhatNamesItCannotHave) {
             make_error(Errc::usage, "'" + (dir / "a b/x") + "': its folder does not exist; type mkdir -p '" +
                                         (dir / "a b") + "'"));
   EXPECT_EQ(NewFile::create(dir / "x/y", false).error(),
-            make_error(Errc::usage, "'" + (dir / "x/y") + "' cannot be made: Not a directory; name another"));
+            make_error(Errc::usage, "'" + (dir / "x/y") + "': its folder: Not a directory"));
 }
 
 TEST(NewFileTells, WhatIsInMemory) {

@@ -3,6 +3,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <signal.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -13,15 +14,15 @@
 
 namespace {
 
-int sent_at_mkdtemp = 0;  // a signal; 0: none
+int sent_at_mkdirat = 0;  // a signal; 0: none
 
 }  // namespace
 
 // The C library's, after which a signal comes at once.
-extern "C" char* mkdtemp(char* pattern) noexcept {
-  static const auto real = porttape::next_call<char* (*)(char*)>("mkdtemp");
-  char* const made = real(pattern);
-  if (made != nullptr && sent_at_mkdtemp != 0) (void)::raise(sent_at_mkdtemp);
+extern "C" int mkdirat(int folder, const char* name, mode_t mode) noexcept {
+  static const auto real = porttape::next_call<int (*)(int, const char*, mode_t)>("mkdirat");
+  const int made = real(folder, name, mode);
+  if (made == 0 && sent_at_mkdirat != 0) (void)::raise(sent_at_mkdirat);
   return made;
 }
 
@@ -35,7 +36,7 @@ TEST(PrivateFolderTest, ASignalThatComesWhileItIsMadeLeavesNone) {
     if (child == 0) {
       for (const int each : {SIGINT, SIGTERM, SIGHUP}) ::signal(each, SIG_DFL);
       ::setenv("TMPDIR", dir.path().c_str(), 1);
-      sent_at_mkdtemp = number;
+      sent_at_mkdirat = number;
       PrivateFolder folder;
       (void)folder.make();
       ::_exit(0);

@@ -1,4 +1,5 @@
-// What is made of stricter files is as strict: each verb that makes files of tapes, by the sources' modes.
+// Each verb that makes files of tapes. What is made of stricter files is as strict, and nothing is made where
+// another user's link leads.
 #include <array>
 #include <filesystem>
 #include <fstream>
@@ -73,20 +74,36 @@ class SourceModes : public testing::Test {
     for (const std::string name : {"t.log", "u.log"})
       ASSERT_EQ(::chmod((dir / (name + of)).c_str(), mode), 0) << name << of;
   }
+  // The words with the new file's name in them.
+  [[nodiscard]] std::vector<std::string> placed(std::vector<std::string> words,
+                                                const std::string& name) const {
+    for (std::string& word : words) {
+      if (word.starts_with('@')) word.replace(0, 1, dir / name);
+    }
+    return words;
+  }
   // Runs it for a new name. Returns the files' names.
   std::vector<std::string> make(const MadeBy& made, const std::string& name, bool overwrite = false) const {
-    const auto placed = [&](std::string text) {
-      if (text.starts_with('@')) text.replace(0, 1, dir / ("out/" + name));
-      return text;
-    };
-    std::vector<std::string> args;
-    for (const std::string& word : made.command) args.push_back(placed(word));
+    std::vector<std::string> args = placed(made.command, "out/" + name);
     if (overwrite && made.replaces) args.emplace_back("--overwrite");
     const Ran ran = run(args);
     EXPECT_TRUE(ran.status == 0 || ran.status == 3) << args[0] << ": " << ran.out << ran.err;
-    std::vector<std::string> files;
-    for (const std::string& file : made.files) files.push_back(placed(file));
-    return files;
+    return placed(made.files, "out/" + name);
+  }
+  // Those of the table, and what else makes a file or a folder that the user names.
+  [[nodiscard]] std::vector<std::vector<std::string>> all_commands() const {
+    const std::string t = dir / "t";
+    std::vector<std::vector<std::string>> commands{
+        {"unpack", dir / "p.tgz", "-o", "@"},
+        {"convert", dir / "t.txt", "-o", "@"},
+        {"record", "--device", "unix:" + (dir / "none"), "--tape", "@", "--", "true"},
+        {"shrink", "--tape", t, "--faults", "drop:p=1", "-o", "@", "--", "sh", "-c", kDriver},
+        {"drive", t, "--device", "unix:" + (dir / "none"), "--report", "@"},
+        {"drive", t, "--device", "unix:" + (dir / "none"), "--junit", "@"},
+        {"test", "--tape", t, "--junit", "@", "--", "sh", "-c", kDriver},
+    };
+    for (const MadeBy& made : table()) commands.push_back(made.command);
+    return commands;
   }
 
   TempDir dir;
@@ -143,6 +160,39 @@ TEST_F(SourceModes, APackIsUnpackedForThosePeopleThatItIsFor) {
     fs::remove_all(dir / "unpacked");
     fs::remove(dir / "p.tgz");
   }
+}
+
+TEST_F(SourceModes, NothingIsMadeWhereAnotherUsersLinkLeads) {
+  ASSERT_EQ(run({"pack", dir / "t", "-o", dir / "p.tgz"}).status, 0);
+  ASSERT_EQ(run({"convert", dir / "t", "-o", dir / "t.txt"}).status, 0);
+  fs::create_directories(dir / "theirs/deep");
+  fs::create_symlink("theirs", dir / "link");
+  const std::string link = dir / "link";
+  if (::lchown(link.c_str(), 12345, 12345) != 0) GTEST_SKIP() << "needs root, to give a link away";
+  for (const std::string to : {"link/x", "link/deep/x", "link/../link/deep/x"}) {
+    for (const std::vector<std::string>& command : all_commands()) {
+      const Ran ran = run(placed(command, to));
+      EXPECT_EQ(ran.status, 2) << command[0] << ' ' << to << ": " << ran.out << ran.err;
+      EXPECT_NE(ran.err.find("'link' on the way there is a link that another user made"), std::string::npos)
+          << command[0] << ' ' << to << ": " << ran.err;
+      for (const auto& entry : fs::recursive_directory_iterator(dir / "theirs"))
+        EXPECT_EQ(entry.path().filename(), "deep") << command[0];
+    }
+  }
+}
+
+TEST_F(SourceModes, TheUsersOwnLinkLeadsThere) {
+  ASSERT_EQ(run({"pack", dir / "t", "-o", dir / "p.tgz"}).status, 0);
+  fs::create_symlink("out", dir / "link");
+  int number = 0;
+  for (const MadeBy& made : table()) {
+    const std::string name = "made" + std::to_string(number++);
+    const Ran ran = run(placed(made.command, "link/" + name));
+    EXPECT_TRUE(ran.status == 0 || ran.status == 3) << made.command[0] << ": " << ran.out << ran.err;
+    for (const std::string& file : placed(made.files, "out/" + name)) EXPECT_TRUE(fs::exists(file)) << file;
+  }
+  ASSERT_EQ(run({"unpack", dir / "p.tgz", "-o", dir / "link/unpacked"}).status, 0);
+  EXPECT_TRUE(fs::exists(dir / "out/unpacked/manifest.json"));
 }
 
 }  // namespace
