@@ -11,6 +11,7 @@
 #include "libport/tape/source_mode.hpp"
 #include "libport/taped/redact_tape.hpp"
 #include "libport/taped/report_file.hpp"
+#include "libport/taped/report_place.hpp"
 #include "libport/taped/rules_file.hpp"
 #include "tools/command_line.hpp"
 #include "tools/new_tape_option.hpp"
@@ -208,6 +209,10 @@ struct RedactRequest {
   bool overwrite = false;
 };
 
+bool report_is_on_stdout(const RedactRequest& request) {
+  return request.report && is_same_report_place(*request.report, "-");
+}
+
 Result<RedactRequest> read_request(const CommandLine& line) {
   RedactRequest request;
   request.dry_run = line.has("dry-run");
@@ -232,7 +237,7 @@ Result<RedactRequest> read_request(const CommandLine& line) {
                       fmt::format("rules file {} has no [[redact]]: nothing is secret", in_quotes(*file)));
   request.rules = std::move(*rules);
   request.report = line.text("report");
-  if (request.report == "-" && line.has("json"))
+  if (report_is_on_stdout(request) && line.has("json"))
     return make_error(Errc::usage, "both the report and --json would go to stdout; one of them is enough");
   return request;
 }
@@ -268,7 +273,7 @@ int run_redact(Arguments args, std::ostream& out, std::ostream& err) {
     return fail_verb("redact", possible.error(), out, err);
   const bool json = line.has("json");
   // Data alone on stdout.
-  std::ostream& told = request->report == "-" ? err : out;
+  std::ostream& told = report_is_on_stdout(*request) ? err : out;
   RedactionReport report(request->rules);
   Progress progress(err, "redact", size_of_tape(request->from));
   const auto on_redaction = [&](const TapeRedaction& redaction) {

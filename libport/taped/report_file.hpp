@@ -28,8 +28,7 @@ Result<void> check_report_free(const std::string& path, bool overwrite, const st
 // Whether a report there would leave the tape alone, whatever name leads to its files. Errc::usage.
 Result<void> check_report_apart(const std::string& path, const TapePaths& tape);
 
-// Whether the two reports of a run go to two places: the second would replace the first, or stand behind it
-// in one stream. Errc::usage.
+// Whether the two reports of a run go to two places (is_same_report_place()). Errc::usage.
 Result<void> check_reports_apart(const std::string& report, const std::string& junit);
 
 // What the report is made of may be `kept` from the group and from others (kept_from_others()), and then is

@@ -5,7 +5,9 @@
 #include <filesystem>
 #include <fmt/format.h>
 #include <linux/magic.h>
+#include <optional>
 #include <sys/stat.h>
+#include <sys/sysmacros.h>
 #include <sys/vfs.h>
 #include <unistd.h>
 #include <utility>
@@ -29,7 +31,49 @@ bool is_of_descriptors(int folder) {
 
 Error trouble(std::string text) { return make_error(Errc::io, std::move(text)); }
 
+struct ReportTarget {
+  bool replaced = false;                 // by a new file of that name
+  std::string name;                      // replaced: in the folder
+  struct stat folder {};                 // replaced
+  std::optional<struct stat> file = {};  // what is there now, or what is written to
+};
+
+std::optional<ReportTarget> target_of(const std::string& path) {
+  ReportTarget target;
+  struct stat file {};
+  if (path == "-") {
+    if (::fstat(STDOUT_FILENO, &file) != 0) return std::nullopt;
+    target.file = file;
+    return target;
+  }
+  const Result<ReportPlace> place = find_report_place(path);
+  if (!place || ::fstat(place->folder.get(), &target.folder) != 0) return std::nullopt;
+  target.replaced = place->kind == ReportPlace::Kind::replaced;
+  target.name = place->name;
+  const int follow = place->kind == ReportPlace::Kind::descriptor ? 0 : AT_SYMLINK_NOFOLLOW;
+  if (::fstatat(place->folder.get(), place->name.c_str(), &file, follow) == 0) target.file = file;
+  return target;
+}
+
+bool is_same_file(const struct stat& one, const struct stat& other) {
+  return one.st_dev == other.st_dev && one.st_ino == other.st_ino;
+}
+
+bool drops_all(const struct stat& file) {
+  return S_ISCHR(file.st_mode) && file.st_rdev == makedev(1, 3);  // /dev/null
+}
+
 }  // namespace
+
+bool is_same_report_place(const std::string& one, const std::string& other) {
+  const std::optional<ReportTarget> first = target_of(one);
+  const std::optional<ReportTarget> second = target_of(other);
+  if (!first || !second) return false;
+  // Two hard links of one file are two places: each gets a file of its own.
+  if (first->replaced && second->replaced)
+    return first->name == second->name && is_same_file(first->folder, second->folder);
+  return first->file && second->file && is_same_file(*first->file, *second->file) && !drops_all(*first->file);
+}
 
 Result<ReportPlace> find_report_place(const std::string& path) {
   std::error_code nowhere;

@@ -1,4 +1,6 @@
+#include <array>
 #include <cerrno>
+#include <cstdio>
 #include <fcntl.h>
 #include <filesystem>
 #include <string>
@@ -6,6 +8,7 @@
 #include <sys/syscall.h>
 #include <thread>
 #include <unistd.h>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -165,6 +168,57 @@ TEST_F(ReportErrors, TheTwoReportsOfARunGoToTwoPlaces) {
     EXPECT_EQ(usage_of(check_reports_apart(dir / "r", path)),
               "option 'junit': " + quoted(path) + " has the report already; name another file");
   }
+}
+
+// Two names of one stream: what each gets would stand in it, one report behind the other.
+TEST_F(ReportErrors, TwoNamesOfOneStreamAreOnePlace) {
+  std::array<int, 2> ends{};
+  ASSERT_EQ(::pipe2(ends.data(), O_CLOEXEC), 0);
+  const UniqueFd in(ends[0]);
+  const UniqueFd out(ends[1]);
+  const UniqueFd copy(::fcntl(out.get(), F_DUPFD_CLOEXEC, 3));
+  const std::string number = std::to_string(out.get());
+  const std::string fifo = dir / "fifo";
+  ASSERT_EQ(::mkfifo(fifo.c_str(), 0600), 0);
+  fs::create_symlink("fifo", dir / "link");
+  const auto refused = [](const std::string& report, const std::string& junit) {
+    return usage_of(check_reports_apart(report, junit)) ==
+           "option 'junit': " + quoted(junit) + " has the report already; name another file";
+  };
+  EXPECT_TRUE(refused("/dev/fd/" + number, "/proc/self/fd/" + number));
+  EXPECT_TRUE(refused("/dev/fd/" + number, "/dev/fd/" + std::to_string(copy.get())));
+  EXPECT_TRUE(refused(fifo, dir / "link"));
+  EXPECT_TRUE(check_reports_apart("/dev/fd/" + number, "/dev/fd/" + std::to_string(in.get()) + "x"));
+  EXPECT_TRUE(check_reports_apart("/dev/fd/" + number, fifo));
+  EXPECT_TRUE(check_reports_apart("/dev/fd/" + number, dir / "r"));
+}
+
+TEST_F(ReportErrors, StdoutIsOnePlaceByAllItsNames) {
+  const UniqueFd before(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3));
+  const UniqueFd file(::open((dir / "out").c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
+  const std::vector<std::string> names{"-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1", dir / "out"};
+  std::vector<std::string> apart;
+  std::fflush(stdout);
+  ASSERT_GE(::dup2(file.get(), STDOUT_FILENO), 0);
+  for (const std::string& report : names) {
+    for (const std::string& junit : names) {
+      if (check_reports_apart(report, junit)) apart.push_back(report + " " + junit);
+    }
+  }
+  const bool with_another = check_reports_apart("-", dir / "other").has_value();
+  std::fflush(stdout);
+  ASSERT_GE(::dup2(before.get(), STDOUT_FILENO), 0);
+  EXPECT_EQ(apart, std::vector<std::string>());
+  EXPECT_TRUE(with_another);
+}
+
+TEST_F(ReportErrors, TwoHardLinksAreTwoPlaces) {
+  test::write_file(dir / "r", {});
+  fs::create_hard_link(dir / "r", dir / "hard");
+  EXPECT_TRUE(check_reports_apart(dir / "r", dir / "hard"));
+  ASSERT_TRUE(write_report(dir / "r", "one"));
+  ASSERT_TRUE(write_report(dir / "hard", "two"));
+  EXPECT_EQ(test::read_file(dir / "r").size(), 3U);
 }
 
 }  // namespace

@@ -241,7 +241,8 @@ TEST(ReplayOptions, AReportsFileIsClaimedUnlessItIsNone) {
   };
   EXPECT_EQ(claims(""), "");
   EXPECT_EQ(claims(",report=a,junit=b"), "report a;report b;");
-  EXPECT_EQ(claims(",report=-,junit=/dev/stderr"), "");
+  EXPECT_EQ(claims(",report=-,junit=/dev/null"), "");
+  EXPECT_EQ(claims(",report=/dev/stderr"), "");
 }
 
 TEST(ReplayOptions, WhereATapeIsPlayedDecidesSomeDefaults) {
