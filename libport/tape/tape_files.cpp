@@ -219,21 +219,22 @@ void NewTapeFiles::discard() {
 
 Result<NewTapeFiles> NewTapeFiles::make(const TapePaths& paths, const TapeWriterOptions& options,
                                         Appear appear) {
-  if (options.on_existing != OnExisting::next) return make_at(paths, options.on_existing, appear);
+  const mode_t kept = options.kept_from_others;
+  if (options.on_existing != OnExisting::next) return make_at(paths, options.on_existing, appear, kept);
   for (unsigned number = options.first_number;; ++number) {
     const TapePaths candidate = numbered_tape(paths, number);
     if (is_taken(candidate)) continue;
-    auto files = make_at(candidate, OnExisting::refuse, appear);
+    auto files = make_at(candidate, OnExisting::refuse, appear, kept);
     if (files || !is_taken(candidate)) return files;  // else somebody was faster
   }
 }
 
-Result<NewTapeFiles> NewTapeFiles::make_at(const TapePaths& paths, OnExisting on_existing, Appear appear) {
+Result<NewTapeFiles> NewTapeFiles::make_at(const TapePaths& paths, OnExisting on_existing, Appear appear,
+                                           mode_t kept) {
   std::array<std::unique_ptr<TapeSink>, 3> sinks;  // outlive `files`: what is removed is still locked
   NewTapeFiles files;
   files.paths = paths;
   const std::array<const fs::path*, 3> all{&paths.read, &paths.write, &paths.events};
-  mode_t kept = 0;  // by the files that are to be replaced
   for (std::size_t i = 0; i < all.size(); ++i) {
     auto place = take_place(*all.at(i), on_existing);
     if (!place) return place.error();

@@ -15,7 +15,7 @@ Result<void> check_tape_files(const TapePaths& paths, OnExisting on_existing);
 // The three files of a new tape, empty and locked, which go away with this object unless publish() has kept
 // them. Files that are to be replaced are locked too, and untouched until then: the new ones have other names
 // in the same folder. A file's name is thus only ever taken away from it by the one who holds its lock.
-// The new ones keep from the group and from others what any of those files does.
+// The new ones keep from the group and from others what any of those files does, and what the options say.
 //
 // Files that appear when they are published have no name before (where the file system has none such: a
 // hidden one), so that whoever is killed leaves nothing; and no lock, since nobody finds them. Their sinks
@@ -45,7 +45,8 @@ class NewTapeFiles {
   struct Entry;
   using Entries = std::array<Entry, 3>;
   NewTapeFiles();
-  static Result<NewTapeFiles> make_at(const TapePaths& paths, OnExisting on_existing, Appear appear);
+  static Result<NewTapeFiles> make_at(const TapePaths& paths, OnExisting on_existing, Appear appear,
+                                      mode_t kept);
 
   std::unique_ptr<Entries> entries_;
 };

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <sys/types.h>
 
 #include "libport/tape/record.hpp"
 #include "libport/tape/tape_batch.hpp"
@@ -24,8 +25,9 @@ enum class OnExisting : std::uint8_t {
 
 struct TapeWriterOptions {
   OnExisting on_existing = OnExisting::refuse;
-  unsigned first_number = 1;  // next: the first name to be tried
-  bool sync = true;           // fdatasync at the end
+  unsigned first_number = 1;    // next: the first name to be tried
+  bool sync = true;             // fdatasync at the end
+  mode_t kept_from_others = 0;  // permissions that the new files lack, see source_mode.hpp
 };
 
 // Where the bytes of a new tape go; all three are there.

@@ -6,6 +6,7 @@
 #include "libport/base/printable.hpp"
 #include "libport/loop/loop.hpp"
 #include "libport/tape/event_file.hpp"
+#include "libport/tape/source_mode.hpp"
 
 namespace porttape {
 namespace {
@@ -20,6 +21,14 @@ std::optional<TapeZero> zero_of(const TapePaths& tape) {
 bool is_one_recording(const TapePaths& first, const TapePaths& tape) {
   const std::optional<TapeZero> zero = zero_of(first);
   return zero && zero == zero_of(tape);
+}
+
+// What any tape of a recording keeps from others.
+mode_t kept_by_group(const TapePaths& first) {
+  mode_t kept = 0;
+  for (const unsigned connection : recorded_connections(first))
+    kept |= kept_from_others(connection_tape(first, connection));
+  return kept;
 }
 
 }  // namespace
@@ -79,9 +88,10 @@ std::vector<TapeGroup::OldFile> TapeGroup::older_group(const TapePaths& first, u
 
 Result<TapeWriter> TapeGroup::make(unsigned part, unsigned connection, const TapeHeader& header) {
   const std::lock_guard lock(mutex_);
-  if (const auto known = names_.find(part); known != names_.end()) {
-    const TapePaths tape = connection_tape(known->second, connection);
-    return TapeWriter::create(tape, header, {.on_existing = OnExisting::refuse});
+  if (const auto known = made_.find(part); known != made_.end()) {
+    const TapePaths tape = connection_tape(known->second.name, connection);
+    return TapeWriter::create(tape, header,
+                              {.on_existing = OnExisting::refuse, .kept_from_others = known->second.kept});
   }
   const bool by_number = part > 1 || on_existing_ == OnExisting::next;
   const TapePaths name = by_number ? free_name(part) : first_;
@@ -91,10 +101,11 @@ Result<TapeWriter> TapeGroup::make(unsigned part, unsigned connection, const Tap
   const OnExisting existing = by_number ? OnExisting::refuse : on_existing_;
   const bool replaces = existing == OnExisting::overwrite;
   const std::vector<OldFile> older = replaces ? older_group(name, connection) : std::vector<OldFile>();
-  Result<TapeWriter> writer =
-      TapeWriter::create(connection_tape(name, connection), header, {.on_existing = existing});
+  const mode_t kept = replaces ? kept_by_group(name) : 0;
+  Result<TapeWriter> writer = TapeWriter::create(connection_tape(name, connection), header,
+                                                 {.on_existing = existing, .kept_from_others = kept});
   if (!writer) return writer;
-  names_.emplace(part, name);
+  made_.emplace(part, Made{name, kept});
   // A file that cannot be removed is reported when its name is needed.
   for (const OldFile& old : older) (void)remove_if_same(AT_FDCWD, old.path, old.file);
   return writer;

@@ -6,6 +6,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <sys/types.h>
 #include <vector>
 
 #include "libport/base/own_name.hpp"
@@ -23,7 +24,8 @@ namespace porttape {
 //
 // A group never mixes with the files of an older one: with OnExisting::refuse none of the names may be taken,
 // with `next` a part takes the first number of which none is, with `overwrite` the older group's tapes are
-// removed, all of them, once the first new one has been made. A tape whose zero differs from the first one's,
+// removed, all of them, once the first new one has been made; each new one keeps from the group of users and
+// from others what any of those did. A tape whose zero differs from the first one's,
 // or that has none, does not belong to that group: if it has one of the names, check() and make() fail and
 // leave all files as they are.
 //
@@ -71,7 +73,11 @@ class TapeGroup {
   const Clock* const clock_;
   std::optional<Part> part_;  // the latest
   std::mutex mutex_;
-  std::map<unsigned, TapePaths> names_;  // of the parts that a tape was made of
+  struct Made {
+    TapePaths name;
+    mode_t kept = 0;  // from others, by the older group that it replaces
+  };
+  std::map<unsigned, Made> made_;  // the parts that a tape was made of
 };
 
 }  // namespace porttape

@@ -6,6 +6,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <sys/stat.h>
 #include <utility>
 
 #include <gtest/gtest.h>
@@ -35,6 +36,10 @@ class TapeGroupTest : public testing::Test {
     return {.device = "memory", .driver = "test", .zero = group->begin(machine_clock().now()).header_zero};
   }
   void file(const std::string& name) { test::write_file(dir / name, {}); }
+  [[nodiscard]] unsigned mode_of(const std::string& name) const {
+    struct stat status {};
+    return ::stat((dir / name).c_str(), &status) == 0 ? status.st_mode & 0777U : 0U;
+  }
   // The r files, without the letter.
   [[nodiscard]] std::set<std::string> tapes() const {
     std::set<std::string> names;
@@ -116,6 +121,25 @@ TEST_F(TapeGroupTest, OverwriteLeavesNothingOfTheOlderGroup) {
   EXPECT_EQ(tapes(), (Names{"laser.c2.log", "laser.2.log"}));
   ASSERT_TRUE(tape(1, 1).has_value());
   EXPECT_EQ(tapes(), (Names{"laser.log", "laser.c2.log", "laser.2.log"}));
+}
+
+TEST_F(TapeGroupTest, WhatReplacesAStricterGroupIsAsStrict) {
+  for (const std::string strict : {"laser.logr", "laser.c2.loge"}) {
+    make(OnExisting::overwrite);
+    for (const unsigned connection : {1U, 2U}) ASSERT_TRUE(tape(1, connection).has_value());
+    EXPECT_EQ(mode_of("laser.c2.logw"), 0640U) << "before " << strict;
+    ASSERT_EQ(::chmod((dir / strict).c_str(), 0600), 0);
+    make(OnExisting::overwrite);
+    for (const unsigned connection : {3U, 1U, 2U}) ASSERT_TRUE(tape(1, connection).has_value());
+    for (const std::string name : {"laser", "laser.c2", "laser.c3"}) {
+      for (const char* const letter : {"r", "w", "e"})
+        EXPECT_EQ(mode_of(name + ".log" + letter), 0600U) << name << letter << ' ' << strict;
+    }
+    ASSERT_TRUE(tape(2, 1).has_value());
+    EXPECT_EQ(mode_of("laser.2.logr"), 0640U) << "it replaces nothing";
+    for (const auto& entry : std::filesystem::directory_iterator(dir.path()))
+      std::filesystem::remove(entry.path());
+  }
 }
 
 TEST_F(TapeGroupTest, OverwriteTouchesNothingWhereATapeIsNotOfTheGroup) {
