@@ -102,7 +102,7 @@ class TapedDevices final : public DeviceGroup, private Nobody {
     for (unsigned connection = 1; connection <= tapes_.size(); ++connection) {
       if (Result<void> good = check_tape(connection, zero); !good) return good;
     }
-    context_.log->info("{} has the tapes of {} connections", tapes_.front().name(), tapes_.size());
+    context_.log->info("{} has {}", tapes_.front().name(), what_it_has());
     note_missing();
     return {};
   }
@@ -110,10 +110,10 @@ class TapedDevices final : public DeviceGroup, private Nobody {
   Result<std::unique_ptr<Port>> port_for(unsigned connection) override {
     if (connection > tapes_.size()) {
       note_extra(connection);
-      return make_error(Errc::usage,
-                        fmt::format("{} has the tapes of {} connections, and this is number {}; start again "
-                                    "to play them again",
-                                    tapes_.front().name(), tapes_.size(), connection));
+      return make_error(
+          Errc::usage,
+          fmt::format("{} has {}, and this is number {}; start again to play {} again", tapes_.front().name(),
+                      what_it_has(), connection, tapes_.size() == 1 ? "it" : "them"));
     }
     PortSpec spec = device_;
     ReplayPort::Options own = options();
@@ -140,14 +140,18 @@ class TapedDevices final : public DeviceGroup, private Nobody {
   }
 
  private:
+  [[nodiscard]] std::string what_it_has() const {
+    return tapes_.size() == 1 ? "the tape of 1 connection"
+                              : fmt::format("the tapes of {} connections", tapes_.size());
+  }
   [[nodiscard]] const ReplayPort::Options& options() const { return *device_.get<ReplayPort::Options>(); }
 
   // The next run's report has it, or the last one's once more.
   void note_extra(unsigned connection) {
     reports_->doubts.push_back(
-        {Doubt::Kind::refused, fmt::format("connection {} came and was turned away, since {} were recorded: "
+        {Doubt::Kind::refused, fmt::format("connection {} came and was turned away, since {} {} recorded: "
                                            "what it had to say is on no tape",
-                                           connection, tapes_.size())});
+                                           connection, tapes_.size(), tapes_.size() == 1 ? "was" : "were")});
   }
 
   // Where a connection has no tape, those behind it meet the tapes of later ones. It had gone before this

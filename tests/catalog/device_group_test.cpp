@@ -125,6 +125,15 @@ TEST_F(DeviceGroupTest, AConnectionMeetsTheTapeOfItsNumber) {
   EXPECT_EQ(group->ends_after(), std::nullopt);
 }
 
+TEST_F(DeviceGroupTest, OneTapeIsSpokenOfAsOne) {
+  tape("laser", "one");
+  const auto group = make(ChannelMode::replay, {{"tape", dir / "laser"}});
+  ASSERT_TRUE(group->prepare().has_value());
+  EXPECT_EQ(group->port_for(2).error().message,
+            (dir / "laser.log") +
+                " has the tape of 1 connection, and this is number 2; start again to play it again");
+}
+
 TEST_F(DeviceGroupTest, ItsTapesHaveOneReport) {
   tape("laser", "one");
   const auto group = make(ChannelMode::replay, {{"tape", dir / "laser"}, {"report", dir / "report"}});
