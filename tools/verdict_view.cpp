@@ -19,11 +19,13 @@ Result<void> write_apart(const TestVerdict& verdict, const std::string& path, co
   return write_report(path, text, "report", verdict.kept);
 }
 
-// Writes both, whatever comes of the first. The first error.
+// Writes both, whatever comes of the first. The first error. Where a test could not begin since both would
+// have gone to one place, the report alone goes there.
 Result<void> write_files(const TestVerdict& verdict, const ReportFiles& files) {
+  const Result<void> apart = check_reports_apart(files.report, files.junit);
   Result<void> written;
   if (!files.report.empty()) written = write_apart(verdict, files.report, verdict.json());
-  if (files.junit.empty()) return written;
+  if (files.junit.empty() || !apart) return written;
   const TestCase test = verdict.as_case(verdict.report.tape, "porttape");
   const Result<void> junit =
       write_apart(verdict, files.junit, to_junit(files.verb, {&test, 1}, verdict.seconds));

@@ -53,6 +53,14 @@ TEST_F(TestVerbEnds, NothingButALookIsIncompleteAtAnyStrictness) {
   }
 }
 
+TEST_F(TestVerbEnds, WhereBothReportsWouldGoToOnePlaceTheRefusalIsTheReportAlone) {
+  const Ran ran = test(good, {"--junit", dir / "./report.json"});
+  EXPECT_EQ(ran.status, 2) << ran.out << ran.err;
+  EXPECT_THAT(ran.err, HasSubstr("report.json' has the report already; name another file"));
+  EXPECT_THAT(text(report), testing::StartsWith("{"));
+  EXPECT_THAT(text(report), testing::Not(HasSubstr("<testsuites")));
+}
+
 TEST_F(TestVerbEnds, TheReportsExitIsTheProcesss) {
   EXPECT_EQ(test(good + "; exit 7").status, 1);
   EXPECT_THAT(text(report), HasSubstr(R"("verdict":"pass","exit":1,)"));
