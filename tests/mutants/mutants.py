@@ -36,7 +36,9 @@ DESCRIPTION = f"""Changes one place of the sources at a time, and finds out whet
 
 All drawn mutants are compiled into one build, in build/mutants; the environment variable PORTTAPE_MUTANT=N selects mutant N,
 and without it the program is as it was. For each mutant the unit tests of its room run that reach the place, those of the
-rooms above it if they also take less than {trial.QUICK:g} s, and then the simulation. The first that fails ends it."""
+rooms above it if they also take less than {trial.QUICK:g} s, and then the simulation; for the rooms of whole programs
+({', '.join(sorted(trial.SCRIPTED))}) also the scripts of tests/e2e that take less than {trial.SCRIPT_LIMIT:g} s. The first that fails
+ends it."""
 EPILOG = """kinds: """ + "; ".join(f"{name} ({text})" for name, text in places.KINDS.items()) + f""".
 
 The draw depends on the seed, the rooms, the count and the sources. It takes as many from each room, and in a room as
@@ -299,6 +301,8 @@ class Plan:
 def build(plan, jobs):
     """Builds what the tests need. Returns the plan without the mutants that do not compile, and these."""
     targets = [name for _, name in project.test_programs(project.rooms_below())] + ["simulate"]
+    if any(room in trial.SCRIPTED for _, room, _ in plan.mutants):
+        targets = ["all"]
     dropped = []
     while True:
         project.update(plan.sources())
@@ -321,7 +325,7 @@ def build(plan, jobs):
 def measured(workers, rooms, size, seeds, pool):
     """The tests of these rooms that pass, with what they reach, and the simulation."""
     measures = trial.Measures(size)
-    tests = trial.unit_tests(rooms)
+    tests = trial.listed_tests(rooms, scripts=bool(trial.SCRIPTED & rooms))
     program = str(project.BUILD / "tests" / "simulation" / "simulate")
     simulation = (program, seeds, 0, frozenset())
     began = pool.submit(workers.use, measures.simulation, program, seeds) if seeds else None
@@ -466,11 +470,13 @@ def try_all(given, plan, mutants):
         with concurrent.futures.ThreadPoolExecutor(given.jobs) as pool:
             size = max((number for number, _, _ in plan.mutants), default=0) + 1
             tests, simulation = measured(workers, needed, size, given.seeds, pool)
-            say(f"{len(tests)} unit tests, of which {sum(test.seconds >= trial.QUICK for test in tests)} are not quick; "
+            scripts = sum(test.is_script for test in tests)
+            say(f"{len(tests) - scripts} unit tests, of which "
+                f"{sum(test.seconds >= trial.QUICK for test in tests if not test.is_script)} are not quick; {scripts} scripts; "
                 f"the simulation takes {simulation[2]:.0f} s; {len(mutants)} mutants")
             futures = {}
             for number, room, place in mutants:
-                above = [test for test in tests if test.room == room or room in below[test.room]]
+                above = [test for test in tests if test.is_script or test.room == room or room in below[test.room]]
                 futures[pool.submit(workers.use, trial.judge, number, room, above, simulation)] = (number, room, place)
             try:
                 for done, future in enumerate(concurrent.futures.as_completed(futures), 1):

@@ -132,6 +132,36 @@ class Judging(unittest.TestCase):
         self.assertEqual([[test.name for test in some] for _, some in trial.batches("port", tests)],
                          [["P.fast"], ["P.quick"], ["S.fast"], ["P.last"]])
 
+    def test_scripts_are_tried_last_of_all_and_the_one_that_reaches_the_least_first(self):
+        wide = trial.Test("e2e", "/s/wide.sh", "e2e.wide", "/", {}, 1, frozenset({1, 2, 3}), ("a", "b"))
+        narrow = trial.Test("e2e", "/s/narrow.sh", "e2e.narrow", "/", {}, 2, frozenset({1}))
+        unit = trial.Test("tools", "/t", "T.t", "/", {}, 0.1, frozenset({1}))
+        ran = []
+
+        class Answers:
+            def __init__(self, statuses):
+                self.statuses = statuses
+
+            def run(self, command, *_, **__):
+                ran.append(os.path.basename(command[0]))
+                return {"status": self.statuses.get(ran[-1], 0), "late": False, "seconds": 1, "output": ""}
+
+        def judged(room, number, statuses):
+            ran.clear()
+            return trial.judge(Answers(statuses), number, room, [wide, unit, narrow], ("simulate", 1, 1, frozenset()))
+
+        verdict = judged("tools", 1, {})
+        self.assertEqual((ran, verdict.found, verdict.by), (["t", "narrow.sh", "wide.sh"], False,
+                                                            "reached by 1 tests and 2 scripts"))
+        verdict = judged("tools", 2, {"wide.sh": 1})
+        self.assertEqual((ran, verdict.found, verdict.by), (["wide.sh", "wide.sh"], True, "e2e.wide"))
+        verdict = judged("tools", 2, {"wide.sh": trial.SKIPPED})
+        self.assertFalse(verdict.found)
+        verdict = judged("port", 1, {"narrow.sh": 1})
+        self.assertEqual((ran, verdict.found, verdict.by), (["t"], False, "reached by 1 tests"))
+        self.assertEqual(wide.command, ["/s/wide.sh", "a", "b"])
+        self.assertEqual(unit.command, ["/t", "--gtest_filter=T.t"])
+
 
 class WhereTestsRun(unittest.TestCase):
     def run_script(self, private, script):

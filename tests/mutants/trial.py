@@ -15,10 +15,12 @@ import copy_of_sources
 # Seconds that a unit test takes without a mutant. Those of a program that are fast run first. Those that are not quick run
 # last, and only for mutants of their own room; slow ones do not run.
 FAST, QUICK, SLOW = 0.1, 2, 20
+# The rooms of whole programs, whose tests are the scripts of tests/e2e, too; a script that takes longer is left out.
+SCRIPTED, SCRIPT_LIMIT = {"formats", "supervise", "tools", "daemon"}, 12
 PATIENCE, FACTOR = 30, 10  # a run may take PATIENCE seconds and FACTOR times what it took without a mutant
 SPIN = 10  # seconds of the processor that a process may use besides
 SIMULATION_LIMIT = 900
-BOUND_OF_TIME = 75
+BOUND_OF_TIME, SKIPPED = 75, 77
 UNSHARE = ["unshare", "--mount", "--pid", "--fork", "--kill-child=KILL", "--mount-proc", "--net"]
 WORKER = os.path.join(os.path.dirname(os.path.realpath(__file__)), "worker.py")
 
@@ -32,6 +34,15 @@ class Test:
     environment: dict
     seconds: float = 0
     reaches: frozenset = frozenset()
+    arguments: tuple = ()  # of a script
+
+    @property
+    def is_script(self):
+        return self.room == "e2e"
+
+    @property
+    def command(self):
+        return [self.program, *(self.arguments if self.is_script else [f"--gtest_filter={self.name}"])]
 
 
 @dataclasses.dataclass
@@ -111,22 +122,30 @@ class Workers:
             worker.stop(at_once)
 
 
-def unit_tests(rooms):
-    """The tests of GoogleTest of these rooms that may run beside others, of ctest's list."""
+def listed_tests(rooms, scripts=False):
+    """The tests of ctest's list that may run beside others: those of GoogleTest of these rooms, and the scripts."""
     listed = subprocess.run(["ctest", "--test-dir", copy_of_sources.BUILD, "--show-only=json-v1"], check=True,
                             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True).stdout
     found = []
     for test in json.loads(listed)["tests"]:
         command = test.get("command", [])
         properties = {each["name"]: each["value"] for each in test.get("properties", [])}
-        if len(command) < 2 or not command[1].startswith("--gtest_filter="):
+        if len(command) < 1 or {"RUN_SERIAL", "RESOURCE_LOCK"} & properties.keys():
             continue
-        room = os.path.basename(os.path.dirname(command[0]))
-        if room in rooms and not {"RUN_SERIAL", "RESOURCE_LOCK"} & properties.keys():
+        of_google = len(command) == 2 and command[1].startswith("--gtest_filter=")
+        room = os.path.basename(os.path.dirname(command[0])) if of_google else "e2e"
+        wanted = room in rooms if of_google else scripts and properties.get("LABELS") == ["e2e"]
+        if wanted:
             environment = dict(each.split("=", 1) for each in properties.get("ENVIRONMENT", []))
-            found.append(Test(room, command[0], command[1].removeprefix("--gtest_filter="),
-                              properties.get("WORKING_DIRECTORY", str(copy_of_sources.BUILD)), environment))
+            name = command[1].removeprefix("--gtest_filter=") if of_google else test["name"]
+            found.append(Test(room, command[0], name, properties.get("WORKING_DIRECTORY", str(copy_of_sources.BUILD)),
+                              environment, arguments=tuple(command[1:])))
     return found
+
+
+def programs_of_scripts():
+    """What a script tests: it is measured again where one of them has changed."""
+    return [str(copy_of_sources.BUILD / name) for name in ("daemon/porttaped", "tools/porttape")]
 
 
 def digest(path):
@@ -152,11 +171,16 @@ class Measures:
         return f"{self.programs[program]} {self.size} {name}"
 
     def measure(self, worker, test):
-        """[seconds, numbers], or None for a test that does not pass."""
-        key = self.key(test.program, test.name)
+        """[seconds, numbers], or None for a test that does not pass, or a script that takes too long."""
+        name = test.name
+        if test.is_script:
+            name += " " + " ".join(self.key(program, "") for program in programs_of_scripts())
+        key = self.key(test.program, name)
         if key not in self.known:
-            told = worker.run([test.program, f"--gtest_filter={test.name}"], test.cwd, 60, reach=self.size,
-                              environment=test.environment)
+            told = worker.run(test.command, test.cwd, 60, reach=self.size, environment=test.environment)
+            if test.is_script and (told["status"] == SKIPPED or told["seconds"] > SCRIPT_LIMIT):
+                self.known[key] = None
+                return None
             passed = told["status"] == 0 and "[  SKIPPED ]" not in told["output"]
             self.known[key] = [told["seconds"], told["reached"]] if passed else None
             if told["status"] != 0:
@@ -240,10 +264,28 @@ def judge_batch(worker, number, program, tests, verdict):
     return False
 
 
+def judge_script(worker, number, test, verdict):
+    """Whether a script notices the mutant, twice."""
+    for _ in range(2):
+        told = worker.run(test.command, test.cwd, PATIENCE + FACTOR * test.seconds, mutant=number,
+                          cpu=SPIN + FACTOR * test.seconds, environment=test.environment)
+        verdict.runs += 1
+        verdict.seconds += told["seconds"]
+        if told["status"] in (0, SKIPPED) and not told["late"]:
+            return False
+        verdict.by, verdict.how = test.name, how_it_ended(told)
+        if verdict.how != "fails":
+            return True
+    if told["status"] == BOUND_OF_TIME:
+        verdict.how = "only a bound of time"
+    return True
+
+
 def judge(worker, number, room, tests, simulation):
-    """Tries the tests that reach the mutant, then the simulation: (program, seeds, seconds, numbers reached)."""
+    """Tries the tests that reach the mutant, the simulation (program, seeds, seconds, numbers reached), then the scripts."""
     verdict = Verdict(False, "")
-    reaching = [test for test in tests if number in test.reaches]
+    scripts = [test for test in tests if test.is_script and number in test.reaches] if room in SCRIPTED else []
+    reaching = [test for test in tests if not test.is_script and number in test.reaches]
     program, seeds, seconds, reached = simulation
     for each, some in batches(room, reaching):
         if judge_batch(worker, number, each, some, verdict):
@@ -260,8 +302,13 @@ def judge(worker, number, room, tests, simulation):
             verdict.found, verdict.by = True, f"simulation, seed {seed[0]}" if seed else "simulation"
             verdict.how = how_it_ended(told)
             return verdict
-    elif not reaching:
-        verdict.by = "not reached"
-        return verdict
-    verdict.by = f"reached by {len(reaching)} tests" + (" and the simulation" if number in reached else "")
+    # Those that reach the least know the most of it.
+    for script in sorted(scripts, key=lambda test: (len(test.reaches), test.seconds)):
+        if judge_script(worker, number, script, verdict):
+            verdict.found = True
+            return verdict
+    by = [f"{len(reaching)} tests"] if reaching else []
+    by += ["the simulation"] if number in reached else []
+    by += [f"{len(scripts)} scripts"] if scripts else []
+    verdict.by, verdict.how = f"reached by {' and '.join(by)}" if by else "not reached", ""
     return verdict
