@@ -132,7 +132,7 @@ def listed_tests(rooms, scripts=False):
         properties = {each["name"]: each["value"] for each in test.get("properties", [])}
         if len(command) < 1 or {"RUN_SERIAL", "RESOURCE_LOCK"} & properties.keys():
             continue
-        of_google = len(command) == 2 and command[1].startswith("--gtest_filter=")
+        of_google = len(command) >= 2 and command[1].startswith("--gtest_filter=")
         room = os.path.basename(os.path.dirname(command[0])) if of_google else "e2e"
         wanted = room in rooms if of_google else scripts and properties.get("LABELS") == ["e2e"]
         if wanted:
