@@ -1,19 +1,96 @@
 #include "daemon/background.hpp"
 
+#include <cerrno>
 #include <csignal>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <functional>
+#include <optional>
+#include <string>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
 #include <unistd.h>
+#include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "libport/base/printable.hpp"
+#include "tests/support/refused_calls.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
 namespace {
+
+// What the caller's process gets from start(), where the child does `work`.
+int status_of(const std::function<void(Background&)>& work) {
+  std::fflush(nullptr);
+  const pid_t caller = ::fork();
+  if (caller == 0) {
+    Background background;
+    const Result<std::optional<int>> started = background.start();
+    if (!started) ::_exit(99);
+    if (*started) ::_exit(**started);
+    work(background);
+    ::_exit(98);
+  }
+  int status = 0;
+  EXPECT_EQ(::waitpid(caller, &status, 0), caller);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+TEST(BackgroundTest, TheCallerGetsZeroOnceTheChildIsReadyAndElseItsStatus) {
+  const test::TempDir dir;
+  const std::string after = dir / "after";
+  const std::string session = dir / "session";
+  ASSERT_EQ(::mkfifo(after.c_str(), 0600), 0);
+  EXPECT_EQ(status_of([&](Background& background) {
+              std::ofstream(session) << (::getsid(0) == ::getpid() ? "own" : "the caller's");
+              background.ready();
+              background.ready();  // nothing to do
+              // It goes on, without the caller's terminal.
+              struct stat out {};
+              struct stat null {};
+              const bool gave_up = ::fstat(STDOUT_FILENO, &out) == 0 && ::stat("/dev/null", &null) == 0 &&
+                                   out.st_rdev == null.st_rdev;
+              std::ofstream(after) << (gave_up ? "gave up" : "kept");
+              ::_exit(7);
+            }),
+            0);
+  std::string told;
+  std::getline(std::ifstream(after), told);
+  EXPECT_EQ(told, "gave up");
+  std::getline(std::ifstream(session), told);
+  EXPECT_EQ(told, "own");
+  EXPECT_EQ(status_of([](Background&) { ::_exit(6); }), 6);
+  EXPECT_EQ(status_of([](Background&) { (void)::raise(SIGKILL); }), exit_status::kRuntime);
+}
+
+TEST(BackgroundTest, ReadyIsNothingWhereItWasNotStarted) {
+  struct stat before {};
+  struct stat after {};
+  ASSERT_EQ(::fstat(STDERR_FILENO, &before), 0);
+  Background background;
+  background.ready();
+  ASSERT_EQ(::fstat(STDERR_FILENO, &after), 0);
+  EXPECT_EQ(before.st_ino, after.st_ino);
+}
+
+TEST(BackgroundTest, WithoutDescriptorsOrProcessesItIsAnError) {
+  for (const auto& [call, error] :
+       {std::pair(SYS_pipe2, EMFILE), std::pair(SYS_clone, EAGAIN), std::pair(SYS_clone, ENOMEM)}) {
+    EXPECT_TRUE(test::holds_without({{call, error}, {SYS_clone3, error}}, [error = error] {
+      Background background;
+      const Result<std::optional<int>> started = background.start();
+      ASSERT_FALSE(started);
+      EXPECT_EQ(started.error().code, Errc::io);
+      EXPECT_EQ(started.error().message, "going into the background: " + errno_text(error));
+    }));
+  }
+}
 
 TEST(PidFile, HasOurNumberUntilItGoes) {
   const test::TempDir dir;

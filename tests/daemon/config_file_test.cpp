@@ -126,6 +126,18 @@ TEST(ConfigFile, OfWhatIsNoConfigurationTwentyLinesAreTold) {
                         "more of the kind"));
 }
 
+TEST(ConfigFile, WhatIsNoTextIsToldAloneWhateverIsWrongBefore) {
+  EXPECT_EQ(errors_of(std::string("word\n[channel a]\ndevice = \0x\n", 28)),
+            "test.conf:3: is not text; accepted: an INI file, see porttaped run --help");
+}
+
+TEST(ConfigFile, ASectionsNameStandsBetweenBothBrackets) {
+  const std::string text = errors_of("[channel a\ndevice = /dev/x\n");
+  EXPECT_THAT(text, HasSubstr("test.conf:1: '[channel a' is neither KEY = VALUE nor [channel NAME]"));
+  EXPECT_THAT(errors_of("[channel a]\ndevice = /dev/x\ndriver = pty\nword]\n"),
+              HasSubstr("test.conf:4: 'word]' is neither KEY = VALUE nor [channel NAME]"));
+}
+
 TEST(ConfigFile, AFileThatCannotBeReadIsNamed) {
   const test::TempDir dir;
   for (const std::string& path : {dir / "none", dir.path().string()}) {

@@ -138,5 +138,21 @@ TEST(Invocation, AConfigurationIsCheckedWithoutStarting) {
   EXPECT_TRUE(line->channels.empty());
 }
 
+TEST(Invocation, AConfigurationsChannelsRunAndAreKept) {
+  const test::TempDir dir;
+  const std::string file = dir / "robot.conf";
+  test::write_file(file, as_bytes("[channel a]\ndevice = /dev/x\ndriver = pty\n"));
+  const Result<Invocation> line = parse({"run", file, "--log-level", "error", "--log-file", "l"});
+  ASSERT_TRUE(line.has_value());
+  EXPECT_EQ(line->print, std::nullopt);
+  EXPECT_EQ(line->verb, "run");
+  EXPECT_TRUE(line->keeps_channels);
+  ASSERT_TRUE(line->channels.contains("a"));
+  EXPECT_EQ(line->channels.at("a").values.at("device"), "/dev/x");
+  EXPECT_EQ(line->log_level, spdlog::level::err);
+  EXPECT_EQ(line->log_file, "l");
+  EXPECT_FALSE(line->background);
+}
+
 }  // namespace
 }  // namespace porttape

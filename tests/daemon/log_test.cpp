@@ -177,6 +177,41 @@ TEST(Log, MessagesHaveThePriorityOfTheLine) {
   EXPECT_EQ(as_message(Protocol::syslog, "<3>bad"), "<27>porttaped[" + std::to_string(::getpid()) + "]: bad");
   EXPECT_EQ(as_message(Protocol::journal, "plain"),
             "PRIORITY=6\nSYSLOG_IDENTIFIER=porttaped\nMESSAGE=plain\n");
+  EXPECT_EQ(as_message(Protocol::journal, "<4>"), "PRIORITY=4\nSYSLOG_IDENTIFIER=porttaped\nMESSAGE=\n");
+  for (const std::string line : {"<4", "<", "", "x4>", "<4)"}) {
+    EXPECT_EQ(as_message(Protocol::journal, line),
+              "PRIORITY=6\nSYSLOG_IDENTIFIER=porttaped\nMESSAGE=" + line + "\n");
+  }
+}
+
+TEST(Log, ASocketTakesOneLineAMessageAndTellsWhetherAllWereTaken) {
+  const test::TempDir dir;
+  const std::string path = dir / "journal";
+  auto journal = std::make_unique<Collector>(path);
+  const auto target = SocketTarget::connect(path, Protocol::journal);
+  ASSERT_NE(target, nullptr);
+  EXPECT_TRUE(target->write("<3>one\n<3>two"));
+  EXPECT_EQ(journal->receive(), "PRIORITY=3\nSYSLOG_IDENTIFIER=porttaped\nMESSAGE=one\n");
+  EXPECT_EQ(journal->receive(), "PRIORITY=3\nSYSLOG_IDENTIFIER=porttaped\nMESSAGE=two\n");
+  const std::string too_long(std::size_t{4} << 20, 'x');
+  EXPECT_FALSE(target->write(too_long + "\nthree\n")) << "what comes behind a lost line";
+  EXPECT_EQ(journal->receive(), "PRIORITY=6\nSYSLOG_IDENTIFIER=porttaped\nMESSAGE=three\n");
+  EXPECT_FALSE(target->write("four\n" + too_long + "\n"));
+  EXPECT_EQ(journal->receive(), "PRIORITY=6\nSYSLOG_IDENTIFIER=porttaped\nMESSAGE=four\n");
+  journal.reset();
+  std::filesystem::remove(path);
+  EXPECT_FALSE(target->write("five\n"));
+  const Collector again(path);
+  EXPECT_TRUE(target->write("six\n")) << "the one who listens was started again";
+  EXPECT_EQ(again.receive(), "PRIORITY=6\nSYSLOG_IDENTIFIER=porttaped\nMESSAGE=six\n");
+}
+
+TEST(Log, AFileThatTakesNoMoreIsToldSo) {
+  const test::TempDir dir;
+  const std::string full = "/dev/full";
+  const Result<std::unique_ptr<LogTarget>> target = FileTarget::open(full);
+  ASSERT_TRUE(target.has_value()) << target.error().message;
+  EXPECT_FALSE((*target)->write("one\n"));
 }
 
 }  // namespace
