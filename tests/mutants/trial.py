@@ -16,7 +16,7 @@ import copy_of_sources
 # last, and only for mutants of their own room; slow ones do not run.
 FAST, QUICK, SLOW = 0.1, 2, 20
 # The rooms of whole programs, whose tests are the scripts of tests/e2e, too; a script that takes longer is left out.
-SCRIPTED, SCRIPT_LIMIT = {"formats", "supervise", "tools", "daemon"}, 12
+SCRIPTED, SCRIPT_LIMIT = {"formats", "supervise", "tools", "daemon"}, 40
 PATIENCE, FACTOR = 30, 10  # a run may take PATIENCE seconds and FACTOR times what it took without a mutant
 SPIN = 10  # seconds of the processor that a process may use besides
 SIMULATION_LIMIT = 900
@@ -177,15 +177,14 @@ class Measures:
             name += " " + " ".join(self.key(program, "") for program in programs_of_scripts())
         key = self.key(test.program, name)
         if key not in self.known:
-            told = worker.run(test.command, test.cwd, 60, reach=self.size, environment=test.environment)
-            if test.is_script and (told["status"] == SKIPPED or told["seconds"] > SCRIPT_LIMIT):
-                self.known[key] = None
-                return None
+            told = worker.run(test.command, test.cwd, 60 if not test.is_script else 2 * SCRIPT_LIMIT, reach=self.size,
+                              environment=test.environment)
             passed = told["status"] == 0 and "[  SKIPPED ]" not in told["output"]
             self.known[key] = [told["seconds"], told["reached"]] if passed else None
-            if told["status"] != 0:
+            if told["status"] not in (0, SKIPPED):
                 print(f"without a mutant {test.name} fails here, and is left out: {told['output'][-600:]}", file=sys.stderr)
-        return self.known[key]
+        known = self.known[key]
+        return None if known is not None and test.is_script and known[0] > SCRIPT_LIMIT else known
 
     def simulation(self, worker, program, seeds):
         key = self.key(program, f"seeds {seeds}")
