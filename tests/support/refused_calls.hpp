@@ -8,8 +8,11 @@
 #include <linux/seccomp.h>
 #include <optional>
 #include <string>
+#include <sys/ioctl.h>
 #include <sys/prctl.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
+#include <thread>
 #include <unistd.h>
 #include <vector>
 
@@ -30,11 +33,27 @@ struct RefusedCall {
   std::optional<Argument> argument = {};
 };
 
+// One of the requests of ioctl().
+inline RefusedCall refused_ioctl(unsigned long request, int error) {
+  return {SYS_ioctl, error, RefusedCall::Argument{1, 0xffffffff, static_cast<std::uint32_t>(request)}};
+}
+
+// A call whose first argument is this descriptor.
+inline RefusedCall refused_on(int fd, long number, int error) {
+  return {number, error, RefusedCall::Argument{0, 0xffffffff, static_cast<std::uint32_t>(fd)}};
+}
+
+// An open() with all of these flags.
+inline RefusedCall refused_open(int flags, int error) {
+  const auto mask = static_cast<std::uint32_t>(flags);
+  return {SYS_openat, error, RefusedCall::Argument{2, mask, mask}};
+}
+
 inline sock_filter filter_step(unsigned code, std::uint32_t value, unsigned char skip_if_not = 0) {
   return {static_cast<unsigned short>(code), 0, skip_if_not, value};
 }
 
-// Of this process from now on.
+// Of this thread from now on, and of those that it starts.
 inline bool refuse(const std::vector<RefusedCall>& calls) {
   std::vector<sock_filter> filter;
   for (const RefusedCall& call : calls) {
@@ -74,6 +93,19 @@ inline testing::AssertionResult holds_without(const std::vector<RefusedCall>& ca
   return testing::AssertionFailure() << (WIFEXITED(status) && WEXITSTATUS(status) == 2
                                              ? "the system calls cannot be refused"
                                              : "in the child: status " + std::to_string(status));
+}
+
+// Runs `work` in a thread of this process in which these calls are refused; the caller's are not, so that a
+// test can go on where the system has recovered.
+inline testing::AssertionResult while_refused(const std::vector<RefusedCall>& calls,
+                                              const std::function<void()>& work) {
+  bool refused = false;
+  std::thread([&] {
+    refused = refuse(calls);
+    if (refused) work();
+  }).join();
+  return refused ? testing::AssertionSuccess()
+                 : testing::AssertionFailure() << "the system calls cannot be refused";
 }
 
 }  // namespace porttape::test

@@ -1,18 +1,23 @@
 #include "libport/tty/modem_watch.hpp"
 
+#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <fcntl.h>
 #include <future>
 #include <memory>
+#include <poll.h>
 #include <string>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
+#include <sys/syscall.h>
 #include <unistd.h>
+#include <vector>
 
 #include <gtest/gtest.h>
 
 #include "tests/support/port_log.hpp"
+#include "tests/support/refused_calls.hpp"
 #include "tests/tty/played_line.hpp"
 
 namespace porttape {
@@ -196,6 +201,41 @@ TEST_F(ModemWatchTest, LeavesASignalAloneThatSomebodyElseHas) {
   ASSERT_EQ(::sigaction(SIGURG, &others, &before), 0);
   EXPECT_EQ(ModemWatch::start(loop, line, tty.get(), 0, [](const LineSignal&) {}), nullptr);
   ASSERT_EQ(::sigaction(SIGURG, &before, nullptr), 0);
+}
+
+TEST_F(ModemWatchTest, WhatCannotBeHadMeansNoWatchAndLeavesNothing) {
+  const test::RefusedCall::Argument duplicates{1, 0xffffffff, F_DUPFD_CLOEXEC};
+  const std::vector<test::RefusedCall> cases[] = {
+      {{SYS_rt_sigaction, EINVAL}},
+      {{SYS_fcntl, EMFILE, duplicates}},
+#ifdef SYS_clone3
+      {{SYS_clone3, EAGAIN}, {SYS_clone, EAGAIN}},
+#endif
+  };
+  for (const auto& calls : cases) {
+    sigset_t mask;
+    EXPECT_TRUE(test::while_refused(calls, [&] {
+      EXPECT_EQ(ModemWatch::start(loop, line, tty.get(), 0, [](const LineSignal&) {}), nullptr);
+      ::pthread_sigmask(SIG_SETMASK, nullptr, &mask);
+    }));
+    EXPECT_EQ(::sigismember(&mask, SIGTERM), 0) << "the caller's signals are as they were";
+  }
+  tty.reset();
+  pollfd hung_up{other.get(), 0, 0};
+  EXPECT_EQ(::poll(&hung_up, 1, 0), 1) << "nobody else has it open";
+}
+
+TEST_F(ModemWatchTest, WithoutATimerTheDeviceIsLookedAtAndNotWaitedFor) {
+  EXPECT_TRUE(test::while_refused({{SYS_timer_create, EAGAIN}}, [&] { start(); }));
+  line->change(TIOCM_CTS, {}, false);
+  until("cts+ ");
+  watch->look_soon();
+  line->change(0, {}, false);
+  until("cts+ cts- ");
+  EXPECT_EQ(line->waits, 0) << "nothing could end such a wait";
+  const std::shared_future<void> left = watch->left();
+  watch.reset();
+  EXPECT_TRUE(ends(left));
 }
 
 TEST(ModemLines, EachHasItsBitAndTheOthersNone) {

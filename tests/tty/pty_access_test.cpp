@@ -34,9 +34,6 @@ class PtyAccessTest : public testing::Test {
       EXPECT_THAT(pty.error().message, testing::MatchesRegex(pattern));
     }));
   }
-  static test::RefusedCall refused_ioctl(unsigned long request) {
-    return {SYS_ioctl, EIO, test::RefusedCall::Argument{1, 0xffffffff, static_cast<std::uint32_t>(request)}};
-  }
 
   Loop loop;
   FileEvents events{loop};
@@ -89,8 +86,9 @@ TEST_F(PtyAccessTest, AnUnknownUserOrGroupIsNamedWithItsOption) {
 
 TEST_F(PtyAccessTest, WhereNoneCanBeMadeTheStepIsNamed) {
   expect_error({{SYS_openat, EMFILE}}, "pty: no pty to be had: Too many open files");
-  expect_error({refused_ioctl(TIOCSPTLCK)}, "pty: unlocking it: Input/output error");
-  expect_error({refused_ioctl(TIOCPKT)}, "pty: packet mode: Input/output error");
+  expect_error({test::refused_ioctl(TIOCSPTLCK, EIO)}, "pty: unlocking it: Input/output error");
+  expect_error({test::refused_ioctl(TIOCGPTN, EIO)}, "pty: unlocking it: Input/output error");
+  expect_error({test::refused_ioctl(TIOCPKT, EIO)}, "pty: packet mode: Input/output error");
 #ifdef SYS_chown
   expect_error({{SYS_chown, EPERM}}, "pty: giving /dev/pts/[0-9]+ its owner: Operation not permitted");
 #endif

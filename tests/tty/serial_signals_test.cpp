@@ -18,6 +18,7 @@
 
 #include "libport/tty/tty.hpp"
 #include "tests/support/descriptor_limit.hpp"
+#include "tests/support/manual_clock.hpp"
 #include "tests/support/temp_dir.hpp"
 #include "tests/tty/played_line.hpp"
 #include "tests/tty/serial_rig.hpp"
@@ -106,6 +107,47 @@ TEST_F(SerialSignalsTest, ABreakBeginsOnceTheBytesAreSent) {
   port->signal({Name::brk, false});
   port->write(as_bytes("b"));
   until_journal("a(sent)[break+][break-]b");
+}
+
+TEST_F(SerialSignalsTest, OneThatCouldNotBeMadeIsToldOnceWithTheReasonAndOneThatWasMadeIsNot) {
+  struct Case {
+    int error;
+    std::string rts;
+    std::string brk;
+  };
+  const std::string ignored = "; what the driver does to them is ignored";
+  const Case cases[] = {
+      {0, "", ""},
+      {ENOTTY, "the device has no modem lines" + ignored, "the device has no breaks" + ignored},
+      {EINVAL, "the device has no modem lines" + ignored, "the device has no breaks" + ignored},
+      {EOPNOTSUPP, "the device has no modem lines" + ignored, "the device has no breaks" + ignored},
+      {ETIMEDOUT, "", "a break is left out, since the device does not take the bytes before it"},
+      {EPERM, "setting rts: Operation not permitted; check the device",
+       "setting break: Operation not permitted; check the device"},
+      {EIO, "setting rts: Input/output error; check the device",
+       "setting break: Input/output error; check the device"}};
+  for (const auto& [error, rts, brk] : cases) {
+    for (const auto& [name, text] : {std::pair(Name::rts, rts), std::pair(Name::brk, brk)}) {
+      if (error == ETIMEDOUT && name == Name::rts) continue;  // a break's alone
+      const std::size_t begin = book.text().size();
+      line->error = error;
+      start();
+      for (const bool on : {true, false, true, false}) port->signal({name, on});
+      int done = 0;
+      drain(done);
+      until_done(done);
+      const std::string told = book.text().substr(begin);
+      EXPECT_EQ(std::ranges::count(told, '\n'), text.empty() ? 0 : 1) << error << ": " << told;
+      EXPECT_NE(told.find(text), std::string::npos) << told;
+      if (!text.empty()) {
+        const bool has_none = error == ENOTTY || error == EINVAL;
+        EXPECT_NE(told.find(has_none ? "[info]" : "[warning]"), std::string::npos) << told;
+      }
+      port->close();
+      settle(loop);
+      log.events.clear();
+    }
+  }
 }
 
 TEST_F(SerialSignalsTest, ChangesOfSettingsKeepTheirPlaceAmongThem) {

@@ -1,9 +1,12 @@
 #include "libport/tty/uucp_lock.hpp"
 
+#include <cerrno>
+#include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 #include <vector>
@@ -11,6 +14,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/refused_calls.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
@@ -271,6 +275,80 @@ TEST_F(UucpLockTest, AFolderWithoutRightsIsAnError) {
   fs::permissions(folder, fs::perms(0555));
   const Result<UucpLock> taken = UucpLock::take(folder, device, dir.path().string());
   EXPECT_TRUE(!taken && taken.error().code == Errc::io);
+}
+
+// What cannot be made is told with its place and the reason, and leaves nothing.
+TEST_F(UucpLockTest, ACallThatFailsIsToldAndLeavesNothing) {
+  struct Case {
+    test::RefusedCall refused;
+    std::string place;
+    std::string why;
+  };
+  const std::string file = folder + "/LCK..ttyUSB0";
+  const Case cases[] = {
+      {test::refused_open(O_CREAT | O_EXCL, EROFS), folder, "Read-only file system"},
+      {test::refused_open(O_CREAT | O_EXCL, ENOSPC), folder, "No space left on device"},
+      {test::refused_open(O_CREAT | O_EXCL, EMFILE), folder, "Too many open files"},
+      {{SYS_write, EIO}, folder, "Input/output error"},
+      {{SYS_write, EDQUOT}, folder, "Disk quota exceeded"},
+      {{SYS_write, 0}, folder, "No space left on device"},  // it wrote less than all
+      {{SYS_fchmod, EPERM}, folder, "Operation not permitted"},
+#ifdef SYS_link
+      {{SYS_link, EPERM}, file, "Operation not permitted"},
+      {{SYS_link, EMLINK}, file, "Too many links"},
+      {{SYS_link, EEXIST}, file, "File exists"},
+#endif
+  };
+  for (const auto& [refused, place, why] : cases) {
+    EXPECT_TRUE(test::while_refused({refused}, [&, place = place, why = why] {
+      errno = 0;
+      const Result<UucpLock> taken = UucpLock::take(folder, device, dir.path().string());
+      ASSERT_FALSE(taken.has_value()) << why;
+      EXPECT_EQ(taken.error(), make_error(Errc::io, "no lock can be made: '" + place + "': " + why +
+                                                        "; other programs are not told that the device is "
+                                                        "in use"));
+    }));
+    EXPECT_THAT(names(), IsEmpty()) << why;
+  }
+}
+
+#ifdef SYS_rename
+TEST_F(UucpLockTest, ALockOfADeadProcessThatCannotBePutAwayStays) {
+  const std::string others = fmt::format("{:>10}\n", dead_process());
+  lock("LCK..ttyUSB0", others);
+  EXPECT_TRUE(test::while_refused({{SYS_rename, EPERM}}, [&] {
+    const Result<UucpLock> taken = UucpLock::take(folder, device);
+    ASSERT_FALSE(taken.has_value());
+    EXPECT_EQ(taken.error().code, Errc::io) << "nobody has the device";
+    EXPECT_THAT(taken.error().message, HasSubstr("LCK..ttyUSB0': File exists"));
+  }));
+  EXPECT_THAT(names(), UnorderedElementsAre("LCK..ttyUSB0"));
+  EXPECT_EQ(content("LCK..ttyUSB0"), others);
+}
+#endif
+
+TEST_F(UucpLockTest, AProcessThatMayNotBeSignalledLivesAndOneThatIsNotThereDoesNot) {
+  lock("LCK..ttyUSB0", fmt::format("{}\n", alive));
+  EXPECT_TRUE(test::while_refused({{SYS_kill, EPERM}}, [&] { EXPECT_TRUE(holder()); }));
+  EXPECT_TRUE(test::while_refused({{SYS_kill, ESRCH}}, [&] { EXPECT_FALSE(holder()); }));
+}
+
+TEST_F(UucpLockTest, ALockThatCannotBeReadIsNobodysAndIsNotTouched) {
+  const std::string others = fmt::format("{}\n", alive);
+  lock("LCK..ttyUSB0", others);
+  const std::vector<test::RefusedCall> cases[] = {
+      {test::refused_open(O_NOFOLLOW | O_NONBLOCK, EACCES)},
+      {test::refused_open(O_NOFOLLOW | O_NONBLOCK, ELOOP)},
+      {{SYS_fstat, EIO}, {SYS_newfstatat, EIO, test::RefusedCall::Argument{3, AT_EMPTY_PATH, AT_EMPTY_PATH}}},
+      {{SYS_read, EIO}}};
+  for (const auto& calls : cases) {
+    EXPECT_TRUE(test::while_refused(calls, [&] {
+      EXPECT_FALSE(holder());
+      EXPECT_EQ(UucpLock::take(folder, device).error().code, Errc::io) << "others are not told";
+    }));
+    EXPECT_EQ(content("LCK..ttyUSB0"), others);
+    EXPECT_THAT(names(), UnorderedElementsAre("LCK..ttyUSB0"));
+  }
 }
 
 }  // namespace
