@@ -92,6 +92,23 @@ TEST_F(PtyRefused, OneThatCannotBeMadeFreshSaysWhichStepFailed) {
   }
 }
 
+// Without exact events a last close is looked for: that of one's own failure is nobody's visit.
+TEST_F(PtyRefused, AFailureIsNoVisit) {
+  FileEvents none(loop);
+  none.refuse();
+  Result<Pty> own = Pty::create(none, {});
+  ASSERT_TRUE(own.has_value());
+  ASSERT_FALSE(own->exact());
+  for (const RefusedCall& refused :
+       {refused_ioctl(TCGETS2, EIO), refused_ioctl(TCFLSH, EIO), RefusedCall{SYS_openat, EMFILE}}) {
+    UniqueFd(::open(own->slave_path().c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC)).reset();
+    EXPECT_TRUE(while_refused({refused}, [&] { EXPECT_FALSE(own->settle(std::nullopt).has_value()); }));
+    EXPECT_FALSE(own->take_visit());
+    UniqueFd(::open(own->slave_path().c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC)).reset();
+    EXPECT_TRUE(own->take_visit());
+  }
+}
+
 TEST_F(PtyRefused, AfterAFailureItTellsFlushesAsBefore) {
   for (const RefusedCall& refused :
        {refused_ioctl(TCGETS2, EIO), RefusedCall{SYS_openat, EMFILE}, refused_ioctl(TCFLSH, EIO)}) {
