@@ -1,10 +1,14 @@
 #include "libport/loop/file_events.hpp"
 
+#include <cerrno>
 #include <fcntl.h>
 #include <filesystem>
 #include <fstream>
 #include <memory>
 #include <string>
+#include <sys/inotify.h>
+#include <sys/syscall.h>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -12,6 +16,7 @@
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/loop.hpp"
 #include "tests/support/manual_clock.hpp"
+#include "tests/support/refused_calls.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
@@ -398,6 +403,74 @@ TEST_F(FileEventsTest, WhenEventsBeginAFolderIsToldWhatMayHaveComeBefore) {
   pass(microseconds(251));
   EXPECT_TRUE(folder->is_watching());
   EXPECT_EQ(folder->take(), Events{Event::unknown});
+}
+
+TEST_F(FileEventsTest, WhatTheKernelRefusesIsToldAndTheFileIsLookedAt) {
+  const std::pair<test::RefusedCall, std::string> cases[] = {
+      {{SYS_inotify_init1, EMFILE}, "Too many open files"},
+      {{SYS_inotify_init1, ENFILE}, "Too many open files in system"},
+      {{SYS_inotify_add_watch, ENOSPC}, "No space left on device"},
+      {{SYS_inotify_add_watch, ENOMEM}, "Cannot allocate memory"},
+      {{SYS_inotify_add_watch, EACCES}, "Permission denied"}};
+  for (const auto& [call, why] : cases) {
+    FileEvents own(loop);
+    std::unique_ptr<FileEvents::Watch> watch;
+    std::unique_ptr<FileEvents::Watch> folder;
+    EXPECT_TRUE(test::while_refused({call}, [&] {
+      folder = own.watch_folder(dir.path().string(), "any");
+      EXPECT_EQ(own.take_trouble(), "") << "a folder has one who looks";
+      watch = own.watch_file(file);
+    }));
+    EXPECT_EQ(own.take_trouble(),
+              "inotify for " + file + ": " + why +
+                  "; opens and closes are looked for every 100 ms instead, several quick ones may count as "
+                  "one (sysctl fs.inotify.max_user_instances, fs.inotify.max_user_watches)");
+    EXPECT_FALSE(folder->is_watching());
+    EXPECT_FALSE(watch->is_watching());
+    EXPECT_FALSE(watch->exact());
+    calls = 0;
+    watch->on_event([this] { ++calls; });
+    pass(milliseconds(100));
+    EXPECT_EQ(calls, 1);
+    EXPECT_EQ(watch->take(), Events{Event::unknown});
+    const auto second = own.watch_file(file);
+    EXPECT_TRUE(second->exact()) << "the kernel has room again";
+    open_and_close();
+    EXPECT_EQ(second->take(), (Events{Event::opened, Event::closed}));
+  }
+}
+
+TEST_F(FileEventsTest, WithoutItsFoldersEventsAFilesAreNotExact) {
+  std::unique_ptr<FileEvents::Watch> watch;
+  EXPECT_TRUE(test::while_refused(
+      {{SYS_inotify_add_watch, ENOSPC, test::RefusedCall::Argument{2, IN_ONLYDIR, IN_ONLYDIR}}},
+      [&] { watch = watch_file(); }));
+  EXPECT_TRUE(watch->is_watching());
+  EXPECT_FALSE(watch->exact());
+  open_and_close();
+  until_called();
+  EXPECT_EQ(watch->take(), (Events{Event::opened, Event::closed}));
+  EXPECT_EQ(events().take_trouble(), "");
+}
+
+TEST_F(FileEventsTest, EventsThatCannotBeReadNowAreReadLater) {
+  const auto watch = watch_file();
+  open_and_close();
+  for (const int error : {EAGAIN, EIO}) {
+    EXPECT_TRUE(test::while_refused({{SYS_read, error}}, [&] { EXPECT_EQ(watch->take(), Events{}); }));
+  }
+  EXPECT_EQ(watch->take(), (Events{Event::opened, Event::closed}));
+}
+
+TEST_F(FileEventsTest, AWatchThatTheKernelDoesNotEndIsOverAllTheSame) {
+  auto watch = watch_file();
+  const auto other = events().watch_file((dir.path() / "file").string());
+  const auto folder = events().watch_folder(dir.path().string(), "file");
+  EXPECT_TRUE(test::while_refused({{SYS_inotify_rm_watch, EINVAL}}, [&] { watch.reset(); }));
+  open_and_close();
+  EXPECT_EQ(other->take(), (Events{Event::opened, Event::closed}));
+  settle(loop);
+  EXPECT_EQ(calls, 0);
 }
 
 }  // namespace

@@ -6,12 +6,14 @@
 #include <string>
 #include <string_view>
 #include <sys/socket.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <gtest/gtest.h>
 
 #include "libport/base/unique_fd.hpp"
 #include "tests/support/port_log.hpp"
+#include "tests/support/refused_calls.hpp"
 
 namespace porttape {
 namespace {
@@ -148,6 +150,72 @@ TEST_P(OutboxTest, WhatIsDiscardedIsNotSent) {
   }
   EXPECT_EQ(drained, 0);
   EXPECT_EQ(read(), "");
+}
+
+// The call that sends, refused with this error: 0 means that it sends nothing.
+test::RefusedCall refused_send(int fd, Outbox::Kind kind, int error) {
+  return test::refused_on(fd, kind == Outbox::Kind::file ? SYS_write : SYS_sendto, error);
+}
+
+TEST_P(OutboxTest, WhatTheKernelHasNoRoomOrMemoryForIsKeptAndSentLater) {
+  for (const int why : {EAGAIN, ENOMEM, ENOBUFS, 0}) {
+    drained = 0;
+    loop.restart();
+    EXPECT_TRUE(test::while_refused({refused_send(near.get(), GetParam(), why)}, [&] {
+      errno = EIO;  // of an earlier call
+      outbox->write(as_bytes("kept"));
+      EXPECT_EQ(outbox->pending(), 4U) << why;
+      outbox->write(as_bytes(", too"));
+      EXPECT_EQ(outbox->write_some(as_bytes("not taken")), 0U);
+      for (int n = 0; n < 10; ++n) loop.poll_one();
+      EXPECT_EQ(outbox->pending(), 9U) << why;
+    }));
+    EXPECT_EQ(drained, 0);
+    run_until(loop, [this] { return drained > 0; });
+    EXPECT_EQ(read(), "kept, too");
+    EXPECT_EQ(outbox->pending(), 0U);
+    EXPECT_EQ(error, 0) << why;
+    EXPECT_EQ(lost, 0U);
+  }
+}
+
+TEST_P(OutboxTest, OneByteThatIsLeftIsSentAsWell) {
+  EXPECT_TRUE(test::while_refused({refused_send(near.get(), GetParam(), EAGAIN)},
+                                  [&] { outbox->write(as_bytes("x")); }));
+  EXPECT_TRUE(outbox->congested());
+  run_until(loop, [this] { return drained > 0; });
+  EXPECT_EQ(read(), "x");
+}
+
+TEST_P(OutboxTest, WhatFailsForAnotherReasonIsToldWithItsBytesUntilANewBeginning) {
+  for (const int why : {EPERM, EIO, ENOSPC, ECONNRESET, ENETUNREACH, EPIPE}) {
+    error = 0;
+    lost = 0;
+    EXPECT_TRUE(test::while_refused({refused_send(near.get(), GetParam(), why)}, [&] {
+      outbox->write(as_bytes("four"));
+      EXPECT_EQ(outbox->write_some(as_bytes("x")), 1U) << "nobody is to wait for it";
+    }));
+    EXPECT_EQ(error, why);
+    EXPECT_EQ(lost, 5U);
+    EXPECT_FALSE(outbox->congested());
+    outbox->discard();
+    outbox->write(as_bytes("again"));
+    EXPECT_EQ(read(), "again");
+  }
+  EXPECT_EQ(drained, 0);
+}
+
+TEST_P(OutboxTest, WhatWasKeptAndThenFailsIsToldOnce) {
+  EXPECT_TRUE(test::while_refused({refused_send(near.get(), GetParam(), EAGAIN)},
+                                  [&] { outbox->write(as_bytes("four")); }));
+  EXPECT_TRUE(test::while_refused({refused_send(near.get(), GetParam(), EIO)}, [&] {
+    run_until(loop, [this] { return error != 0; });
+    for (int n = 0; n < 10; ++n) loop.poll_one();
+  }));
+  EXPECT_EQ(error, EIO);
+  EXPECT_EQ(lost, 4U);
+  EXPECT_EQ(outbox->pending(), 0U);
+  EXPECT_EQ(drained, 0) << "nothing was sent";
 }
 
 // A file's broken pipe is a signal.

@@ -127,6 +127,18 @@ TEST_F(SamplersRhythm, OneLinesBusinessIsNotAnothers) {
   EXPECT_LE(looks_in(milliseconds(1200)), 2);
 }
 
+TEST_F(SamplersRhythm, ALineOnWhichSomethingHappensIsNotLookedAtAsOftenAsANewOne) {
+  add(0);
+  (void)looks_in(seconds(2));
+  sampler.touch(&owners[0]);
+  add(1);
+  const int looks_at_new = looks[1];
+  const int looks_at_old = looks_in(milliseconds(990));
+  EXPECT_GE(looks_at_old, 9);
+  EXPECT_LE(looks_at_old, 12);
+  EXPECT_EQ(looks[1] - looks_at_new, 198);
+}
+
 TEST_F(SamplersRhythm, ALineThatIsAddedAgainIsYoungAgain) {
   add(0);
   (void)looks_in(seconds(2));

@@ -1,26 +1,33 @@
 #include "libport/loop/urgent_events.hpp"
 
 #include <array>
+#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstddef>
 #include <fcntl.h>
 #include <filesystem>
+#include <fstream>
 #include <iterator>
 #include <memory>
 #include <optional>
 #include <poll.h>
 #include <pthread.h>
 #include <sched.h>
+#include <set>
+#include <string>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <thread>
 #include <unistd.h>
+#include <vector>
 
 #include <gtest/gtest.h>
 
 #include "libport/base/unique_fd.hpp"
 #include "tests/support/descriptor_limit.hpp"
+#include "tests/support/refused_calls.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
@@ -227,6 +234,80 @@ TEST_F(UrgentEventsTest, WithoutDescriptorsNothingIsWatchedUntilThereAreSome) {
       EXPECT_FALSE(own.watch(one.own.get(), answer)) << left;
     }
     EXPECT_TRUE(own.watch(one.own.get(), answer)) << left;
+  }
+}
+
+TEST_F(UrgentEventsTest, WhereACallFailsNothingIsWatchedUntilItSucceeds) {
+  const std::vector<test::RefusedCall> cases[] = {
+      {{SYS_epoll_create1, EMFILE}},
+      {{SYS_eventfd2, ENFILE}},
+      {{SYS_epoll_ctl, ENOSPC}},
+      {{SYS_fcntl, EMFILE, test::RefusedCall::Argument{1, 0xffffffff, F_DUPFD_CLOEXEC}}},
+#ifdef SYS_clone3
+      {{SYS_clone3, EAGAIN}, {SYS_clone, EAGAIN}},
+#endif
+  };
+  for (const auto& calls : cases) {
+    UrgentEvents own;
+    Line line;
+    sigset_t mask;
+    EXPECT_TRUE(test::while_refused(calls, [&] {
+      EXPECT_FALSE(own.watch(line.own.get(), answer));
+      ::pthread_sigmask(SIG_BLOCK, nullptr, &mask);
+    }));
+    EXPECT_EQ(::sigismember(&mask, SIGTERM), 0) << "the caller's signals are as they were";
+    const auto watch = own.watch(line.own.get(), answer);
+    ASSERT_TRUE(watch);
+    line.peer.reset();
+    EXPECT_TRUE(next());
+  }
+}
+
+TEST_F(UrgentEventsTest, WithoutARightToRealTimeItIsAnsweredAllTheSame) {
+  std::unique_ptr<UrgentEvents::Watch> watch;
+  EXPECT_TRUE(test::while_refused({{SYS_sched_setscheduler, EPERM}},
+                                  [&] { watch = events.watch(one.own.get(), answer); }));
+  one.peer.reset();
+  const auto seen = next();
+  ASSERT_TRUE(seen);
+  EXPECT_EQ(seen->policy, SCHED_OTHER);
+}
+
+TEST_F(UrgentEventsTest, AThreadThatCannotWaitEndsAndKeepsNobody) {
+  const auto before = threads();
+  std::unique_ptr<UrgentEvents::Watch> watch;
+  EXPECT_TRUE(test::while_refused({{SYS_epoll_wait, EBADF}, {SYS_epoll_pwait, EBADF}},
+                                  [&] { watch = events.watch(one.own.get(), answer); }));
+  ASSERT_TRUE(watch);
+  EXPECT_TRUE(come_to(before));
+  watch.reset();
+  watch = events.watch(other.own.get(), answer);
+  other.peer.reset();
+  EXPECT_TRUE(next()) << "a new thread";
+}
+
+// The letter by which the kernel shows what a thread does: S, it sleeps.
+char state_of(const std::string& thread) {
+  std::ifstream file("/proc/self/task/" + thread + "/stat");
+  std::string text;
+  std::getline(file, text);
+  const std::size_t name_ends = text.rfind(')');
+  return name_ends + 2 < text.size() ? text[name_ends + 2] : '?';
+}
+
+TEST_F(UrgentEventsTest, WhileNothingHappensTheThreadSleeps) {
+  std::set<std::string> before;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/task"))
+    before.insert(entry.path().filename());
+  const auto watch = events.watch(one.own.get(), answer);
+  one.peer.reset();
+  ASSERT_TRUE(next()) << "it has begun";
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/task")) {
+    const std::string thread = entry.path().filename();
+    if (before.contains(thread)) continue;
+    const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    while (state_of(thread) != 'S' && std::chrono::steady_clock::now() < limit) ::sched_yield();
+    EXPECT_EQ(state_of(thread), 'S');
   }
 }
 
