@@ -65,6 +65,7 @@ Result<void> UnixPort::free_place(const SocketAddress& address) const {
   }
   // Of another type, so that whoever listens there sees no connection: EPROTOTYPE.
   const UniqueFd probe = make_socket(SOCK_DGRAM);
+  if (!probe) return cannot_make(path_, errno);
   if (::connect(probe.get(), address.get(), address.size) == 0 || errno != ECONNREFUSED) {
     return make_error(Errc::usage, fmt::format("socket {} is in use; end that program or choose another path",
                                                in_quotes(path_)));

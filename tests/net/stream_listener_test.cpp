@@ -1,9 +1,12 @@
 #include "libport/net/stream_listener.hpp"
 
+#include <cerrno>
 #include <chrono>
 #include <memory>
 #include <optional>
 #include <string>
+#include <sys/ioctl.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 #include <utility>
 #include <vector>
@@ -14,6 +17,7 @@
 #include "tests/support/descriptor_limit.hpp"
 #include "tests/support/manual_clock.hpp"
 #include "tests/support/quiet_log.hpp"
+#include "tests/support/refused_calls.hpp"
 #include "tests/support/sockets.hpp"
 
 namespace porttape {
@@ -367,6 +371,51 @@ TEST_F(StreamListenerTest, WithoutADescriptorItTriesAgainEachTenthOfASecondAndTe
   EXPECT_THAT(let, IsEmpty());
   pass(Nanos(1));
   EXPECT_THAT(let, ElementsAre(address_of(peer)));
+}
+
+TEST_F(StreamListenerTest, AConnectionThatIsGoneByTheAcceptIsNoNews) {
+  make();
+  for (const int error : {EAGAIN, EINTR, ECONNABORTED}) {
+    there = Inside::nobody;
+    const Socket peer = Socket::connect_to(socket.port());
+    EXPECT_TRUE(test::while_refused({{SYS_accept4, error}}, [&] {
+      for (int n = 0; n < 10; ++n) loop.poll_one();
+    }));
+    EXPECT_EQ(book.text(), "") << error;
+    EXPECT_FALSE(loop.next_timer()) << "it looks at the next event";
+    settle(loop);
+    EXPECT_EQ(let.back(), address_of(peer));
+  }
+  EXPECT_EQ(let.size(), 3U);
+}
+
+TEST_F(StreamListenerTest, WhyAConnectionCannotBeAcceptedIsToldOnceForEachReason) {
+  make();
+  const Socket peer = Socket::connect_to(socket.port());
+  const std::pair<int, std::string> cases[] = {
+      {EMFILE, "Too many open files (the limit of this process; see ulimit -n); it waits"},
+      {ENFILE, "Too many open files in system; it waits"},
+      {ENOBUFS, "No buffer space available; it waits"},
+      {ENOMEM, "Cannot allocate memory; it waits"},
+      {EPERM, "Operation not permitted; it waits"}};
+  for (const auto& [error, why] : cases) {
+    EXPECT_TRUE(test::while_refused({{SYS_accept4, error}}, [&] { pass(milliseconds(300)); }));
+    EXPECT_EQ(told("test: a connection cannot be accepted: " + why + ", and is tried again"), 1)
+        << book.text();
+  }
+  EXPECT_THAT(let, IsEmpty());
+  pass(milliseconds(100));
+  EXPECT_THAT(let, ElementsAre(address_of(peer))) << "it has waited";
+}
+
+TEST_F(StreamListenerTest, WhatANewcomerWroteIsNotGuessedWhereItCannotBeCounted) {
+  make();
+  const Socket first = call();
+  Socket second = call("four");
+  EXPECT_TRUE(test::while_refused({test::refused_ioctl(FIONREAD, EIO)}, [&] { pass(milliseconds(20)); }));
+  EXPECT_EQ(end_of(second), "reset");
+  EXPECT_EQ(told("bytes that it wrote"), 0);
+  EXPECT_THAT(turned_away, ElementsAre(0U));
 }
 
 TEST_F(StreamListenerTest, AFailureAfterOneThatWasAcceptedIsToldAgain) {

@@ -16,6 +16,7 @@
 #include <gmock/gmock.h>
 
 #include "tests/net/stream_port_rig.hpp"
+#include "tests/support/refused_calls.hpp"
 
 namespace {
 
@@ -110,6 +111,55 @@ TEST_F(TcpPortTest, IsCalledAsItIsSpelled) {
   EXPECT_THAT(port->name(), EndsWith(":" + std::to_string(number)));
   EXPECT_EQ(port->place().text(), "127.0.0.1:" + std::to_string(number));
   EXPECT_THAT(book.text(), HasSubstr("listening on 127.0.0.1:" + std::to_string(number)));
+}
+
+TEST_F(TcpPortTest, WhyItCannotListenIsToldWithWhatToDo) {
+  const std::string taken = "Address already in use; another program listens there; choose another port";
+  const std::pair<test::RefusedCall, std::string> cases[] = {
+      {{SYS_socket, EMFILE}, "Too many open files; check the address"},
+      {{SYS_socket, EAFNOSUPPORT}, "Address family not supported by protocol; check the address"},
+      {{SYS_bind, EACCES},
+       "Permission denied; ports below 1024 need CAP_NET_BIND_SERVICE; choose another port"},
+      {{SYS_bind, EADDRNOTAVAIL}, "Cannot assign requested address; this machine has no such address"},
+      {{SYS_bind, EADDRINUSE}, taken},
+      {{SYS_listen, EADDRINUSE}, taken},
+      {{SYS_bind, ENOMEM}, "Cannot allocate memory; check the address"}};
+  for (const auto& [call, why] : cases) {
+    EXPECT_TRUE(test::while_refused({call}, [&, why = why] {
+      EXPECT_EQ(refused("tcp-listen:127.0.0.1:2112"),
+                make_error(Errc::usage, "cannot listen on 127.0.0.1:2112: " + why));
+    }));
+  }
+  EXPECT_EQ(book.text(), "") << "it listens nowhere";
+}
+
+// IPv4's are the addresses of a system without IPv6, and not a way around a port that is taken.
+TEST_F(TcpPortTest, TheWildcardIsIpv4WhereThereIsNoIpv6AndNotWhereItsPortIsTaken) {
+  const test::RefusedCall no_ipv6{SYS_socket, EAFNOSUPPORT,
+                                  test::RefusedCall::Argument{0, 0xffffffff, AF_INET6}};
+  EXPECT_TRUE(test::while_refused({no_ipv6}, [&] {
+    make("tcp-listen:*:0");
+    EXPECT_NE(test::prepare_any(*port), 0);
+  }));
+  EXPECT_THAT(book.text(), HasSubstr("listening on 0.0.0.0:"));
+  const SocketAddress any = *numeric_address("::", 0);
+  const UniqueFd other(::socket(AF_INET6, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  const int on = 1;
+  if (!other || ::setsockopt(other.get(), IPPROTO_IPV6, IPV6_V6ONLY, &on, sizeof on) != 0 ||
+      ::bind(other.get(), any.get(), any.size) != 0 || ::listen(other.get(), 1) != 0) {
+    GTEST_SKIP() << "no IPv6 here";
+  }
+  const std::string taken = std::to_string(local_address(other.get()).port());
+  EXPECT_THAT(refused("tcp-listen:*:" + taken).message, HasSubstr("Address already in use"));
+}
+
+TEST_F(TcpPortTest, AnOptionThatTheKernelDoesNotTakeCostsNoConnection) {
+  make_connecting();
+  EXPECT_TRUE(test::while_refused({{SYS_setsockopt, ENOPROTOOPT}}, [&] {
+    port->open();
+    (void)accepted();
+  }));
+  EXPECT_THAT(log.events, StartsWith("up "));
 }
 
 }  // namespace

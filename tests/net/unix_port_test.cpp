@@ -1,5 +1,7 @@
 #include "libport/net/unix_port.hpp"
 
+#include <cerrno>
+#include <fcntl.h>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -10,12 +12,14 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 #include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
 #include "libport/catalog/port_types.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
+#include "tests/support/refused_calls.hpp"
 #include "tests/support/sockets.hpp"
 #include "tests/support/temp_dir.hpp"
 
@@ -198,6 +202,135 @@ TEST_F(UnixPortTest, ConnectsToAListener) {
   port->write(as_bytes("hello"));
   peer.receive();
   EXPECT_EQ(peer.got, "hello");
+}
+
+// A socket that cannot be made is told with its path and the reason, and leaves no file.
+TEST_F(UnixPortTest, ACallThatFailsIsToldAndLeavesNothing) {
+  const std::pair<std::vector<test::RefusedCall>, std::string> cases[] = {
+      {{{SYS_socket, EMFILE}}, "Too many open files"},
+      {{{SYS_socket, ENOBUFS}}, "No buffer space available"},
+      {{{SYS_fchmod, EPERM}}, "Operation not permitted"},
+      {{{SYS_bind, EACCES}}, "Permission denied"},
+      {{{SYS_bind, EROFS}}, "Read-only file system"},
+      {{{SYS_bind, ENOSPC}}, "No space left on device"},
+      {{{SYS_bind, ENOENT}}, "No such file or directory; type mkdir -p " + dir.path().string()},
+      {{{SYS_listen, EADDRINUSE}}, "Address already in use"}};
+  for (const auto& [calls, why] : cases) {
+    EXPECT_TRUE(test::while_refused(calls, [&, why = why] {
+      const Result<void> made = make(",listen");
+      ASSERT_FALSE(made.has_value()) << why;
+      EXPECT_EQ(made.error(), make_error(Errc::usage, "socket '" + path + "' cannot be made: " + why));
+    }));
+    port.reset();
+    EXPECT_FALSE(fs::exists(path)) << why;
+    EXPECT_EQ(book.text(), "") << "it does not listen";
+  }
+}
+
+TEST_F(UnixPortTest, AFileThatCannotBeLookedAtIsLeftForTheNextListener) {
+  const std::vector<test::RefusedCall> cases[] = {
+      {test::refused_open(O_PATH | O_NOFOLLOW, EMFILE)},
+      {test::refused_open(O_PATH | O_NOFOLLOW, EACCES)},
+      {{SYS_fstat, EIO},
+       {SYS_newfstatat, EIO, test::RefusedCall::Argument{3, AT_EMPTY_PATH, AT_EMPTY_PATH}}}};
+  for (const auto& calls : cases) {
+    EXPECT_TRUE(test::while_refused(calls, [&] {
+      const Result<void> made = make(",listen");
+      ASSERT_FALSE(made.has_value());
+      EXPECT_EQ(made.error().message.find("socket '" + path + "' cannot be made: "), 0U);
+    }));
+    port.reset();
+    EXPECT_TRUE(fs::exists(path)) << "whose it is was not known";
+    ASSERT_TRUE(make(",listen").has_value());
+    port.reset();
+    EXPECT_FALSE(fs::exists(path));
+  }
+}
+
+TEST_F(UnixPortTest, WhatIsNoSocketOfOurOwnByThenWasReplaced) {
+  const std::string replaced =
+      "socket '" + path + "' was replaced as it was made; choose a folder that nobody else writes to";
+  for (const int error : {ENOENT, ELOOP}) {
+    EXPECT_TRUE(test::while_refused({test::refused_open(O_PATH | O_NOFOLLOW, error)}, [&] {
+      const Result<void> made = make(",listen");
+      ASSERT_FALSE(made.has_value());
+      EXPECT_EQ(made.error(), make_error(Errc::usage, replaced));
+    }));
+    port.reset();
+    fs::remove(path);
+  }
+  after_bind = [&] {
+    fs::remove(path);
+    std::ofstream(path) << "theirs";
+  };
+  EXPECT_EQ(make(",listen").error(), make_error(Errc::usage, replaced));
+  port.reset();
+  EXPECT_EQ(fs::file_size(path), 6U);
+  fs::remove(path);
+  if (::geteuid() != 0) return;
+  after_bind = [&] { ASSERT_EQ(::chown(path.c_str(), 12345, 12345), 0); };
+  EXPECT_EQ(make(",listen").error(), make_error(Errc::usage, replaced)) << "another user's";
+}
+
+#ifdef SYS_chmod
+TEST_F(UnixPortTest, PermissionsThatTheUmaskTookAndThatCannotBeGivenBackAreTold) {
+  const mode_t old = ::umask(0077);
+  EXPECT_TRUE(
+      test::while_refused({{SYS_chmod, EPERM}}, [&] { EXPECT_TRUE(make(",listen,mode=0666").has_value()); }));
+  ::umask(old);
+  EXPECT_NE(book.text().find("socket '" + path +
+                             "' has the permissions 0600, not 0666: Operation not "
+                             "permitted"),
+            std::string::npos)
+      << book.text();
+}
+#endif
+
+TEST_F(UnixPortTest, OnlyASocketThatRefusesIsStale) {
+  for (const int error : {ECONNREFUSED, EPROTOTYPE, EACCES, EAGAIN, EPERM}) {
+    {
+      const SocketAddress address = *unix_address(path);
+      const UniqueFd other(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+      ASSERT_EQ(::bind(other.get(), address.get(), address.size), 0);
+    }
+    EXPECT_TRUE(test::while_refused({{SYS_connect, error}}, [&] {
+      const Result<void> made = make(",listen");
+      EXPECT_EQ(made.has_value(), error == ECONNREFUSED) << error;
+      if (!made) {
+        EXPECT_EQ(made.error().message,
+                  "socket '" + path + "' is in use; end that program or choose another path");
+      }
+    }));
+    port.reset();
+    EXPECT_EQ(fs::exists(path), error != ECONNREFUSED);
+    fs::remove(path);
+  }
+}
+
+TEST_F(UnixPortTest, ASocketThatCannotBeAskedIsNotSaidToBeInUse) {
+  {
+    const SocketAddress address = *unix_address(path);
+    const UniqueFd other(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    ASSERT_EQ(::bind(other.get(), address.get(), address.size), 0);
+  }
+  EXPECT_TRUE(test::while_refused({{SYS_socket, EMFILE}}, [&] {
+    const Result<void> made = make(",listen");
+    ASSERT_FALSE(made.has_value());
+    EXPECT_EQ(made.error(),
+              make_error(Errc::usage, "socket '" + path + "' cannot be made: Too many open files"));
+  }));
+  EXPECT_TRUE(fs::exists(path));
+}
+
+TEST_F(UnixPortTest, ADevicesSocketThatCannotBeLookedAtIsMissingWithTheReason) {
+  EXPECT_TRUE(test::while_refused({{SYS_newfstatat, EACCES}}, [&] {
+    const Result<void> made = make("");
+    ASSERT_FALSE(made.has_value());
+    EXPECT_EQ(made.error(),
+              make_error(Errc::device_missing, "socket '" + path +
+                                                   "': Permission denied; is the program that listens "
+                                                   "there running?"));
+  }));
 }
 
 }  // namespace
