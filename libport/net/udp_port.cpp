@@ -40,6 +40,20 @@ Result<std::vector<SocketAddress>> addresses_to_bind(const UdpOptions& options, 
   return addresses;
 }
 
+// None: errno tells why.
+UniqueFd socket_at(const SocketAddress& address) {
+  UniqueFd fd(::socket(address.family(), SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (!fd) return fd;
+  (void)::setsockopt(fd.get(), SOL_SOCKET, SO_RCVBUF, &kReceiveBuffer, sizeof kReceiveBuffer);
+  const int on = 1;
+  (void)::setsockopt(fd.get(), SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
+  if (::bind(fd.get(), address.get(), address.size) == 0) return fd;
+  const int error = errno;
+  fd.reset();
+  errno = error;
+  return fd;
+}
+
 bool only_peer(const PortContext& context, const UdpOptions& options) {
   if (options.from == UdpOptions::From::as_usual) return !context.pulled && !options.listen;
   return options.from == UdpOptions::From::peer;
@@ -81,14 +95,8 @@ Result<void> UdpPort::bind_socket() {
     return make_error(Errc::usage, fmt::format("option 'recv_ip': {}", addresses.error().message));
   int error = EAFNOSUPPORT;
   for (const SocketAddress& address : *addresses) {
-    UniqueFd fd(::socket(address.family(), SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-    (void)::setsockopt(fd.get(), SOL_SOCKET, SO_RCVBUF, &kReceiveBuffer, sizeof kReceiveBuffer);
-    const int on = 1;
-    (void)::setsockopt(fd.get(), SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
-    if (fd && ::bind(fd.get(), address.get(), address.size) == 0) {
-      fd_ = std::move(fd);
-      break;
-    }
+    fd_ = socket_at(address);
+    if (fd_) break;
     error = errno;
     if (error == EADDRINUSE) break;
   }

@@ -1,5 +1,6 @@
 #include "libport/net/connector.hpp"
 
+#include <cerrno>
 #include <chrono>
 #include <cstring>
 #include <fcntl.h>
@@ -8,13 +9,16 @@
 #include <string>
 #include <string_view>
 #include <sys/socket.h>
+#include <sys/syscall.h>
 #include <sys/un.h>
+#include <utility>
 
 #include <gtest/gtest.h>
 
 #include "libport/net/tcp_peer.hpp"
 #include "tests/support/manual_clock.hpp"
 #include "tests/support/port_log.hpp"
+#include "tests/support/refused_calls.hpp"
 #include "tests/support/sockets.hpp"
 
 namespace porttape {
@@ -148,6 +152,39 @@ TEST_F(ConnectorTest, AnAddressThatThisMachineCannotCallIsOneToCheck) {
   EXPECT_EQ(result->error().code, Errc::device_missing);
 }
 
+TEST_F(ConnectorTest, ANumberIsLookedUpNowhere) {
+  const Socket server = Socket::listening();
+  for (const std::string host : {"127.0.0.1", "::1"}) {
+    make();
+    connector->to_host(host, server.port());
+    EXPECT_FALSE(loop.has_jobs()) << host;
+    connector.reset();
+  }
+}
+
+TEST_F(ConnectorTest, WhyItCannotConnectIsToldWithWhatToDo) {
+  const std::pair<test::RefusedCall, std::string> cases[] = {
+      {{SYS_socket, EMFILE}, "Too many open files; check the address"},
+      {{SYS_socket, EAFNOSUPPORT}, "Address family not supported by protocol; check the address"},
+      {{SYS_connect, ECONNREFUSED},
+       "Connection refused; nobody listens there; is the device switched on and the port right?"},
+      {{SYS_connect, ENETUNREACH}, "Network is unreachable; check the network and the address"},
+      {{SYS_connect, EHOSTUNREACH}, "No route to host; check the network and the address"},
+      {{SYS_connect, ETIMEDOUT}, "Connection timed out; it does not answer; check the address and firewalls"},
+      {{SYS_connect, EPERM}, "Operation not permitted; check the address"},
+      {{SYS_connect, EAGAIN}, "Resource temporarily unavailable; check the address"}};
+  for (const auto& [call, why] : cases) {
+    result.reset();
+    make();
+    connector->to_host("127.0.0.1", 2112);
+    EXPECT_TRUE(test::while_refused({call}, [&] { (void)let_pass(loop, clock, milliseconds(1)); }));
+    ASSERT_TRUE(result) << why;
+    ASSERT_FALSE(*result) << why;
+    EXPECT_EQ(result->error(), make_error(Errc::device_missing, "cannot connect to 127.0.0.1:2112: " + why));
+    EXPECT_FALSE(loop.next_timer()) << "it is over";
+  }
+}
+
 // What the kernel knows of the other end of a connection on this machine.
 TEST(TcpPeer, IsReadingUntilItHasClosed) {
   const Socket server = Socket::listening();
@@ -180,6 +217,32 @@ TEST(TcpPeer, IsUnknownOfWhatIsNoConnection) {
   const UniqueFd other(ends[1]);
   EXPECT_EQ(tcp_peer_state(one.get()), PeerState::unknown);
   EXPECT_EQ(tcp_peer_state(Socket::bound().fd()), PeerState::unknown) << "it has no peer";
+}
+
+// No TCP socket of this machine has the other end of a datagram's.
+TEST(TcpPeer, IsRemoteWhereNoSocketOfThisMachineHasTheOtherEnd) {
+  for (const char* const host : {"127.0.0.1", "::1"}) {
+    const SocketAddress there = *numeric_address(host, 9);
+    const UniqueFd fd(::socket(there.family(), SOCK_DGRAM | SOCK_CLOEXEC, 0));
+    ASSERT_EQ(::connect(fd.get(), there.get(), there.size), 0) << host;
+    EXPECT_EQ(tcp_peer_state(fd.get()), PeerState::remote) << host;
+  }
+}
+
+TEST(TcpPeer, IsUnknownWhereTheKernelCannotBeAskedOrDoesNotAnswer) {
+  const Socket server = Socket::listening();
+  const Socket client = Socket::connect_to(server.port());
+  const Socket accepted = server.accept();
+  const test::RefusedCall::Argument netlink{0, 0xffffffff, AF_NETLINK};
+  for (const test::RefusedCall& call :
+       {test::RefusedCall{SYS_socket, EAFNOSUPPORT, netlink}, test::RefusedCall{SYS_socket, EMFILE, netlink},
+        test::RefusedCall{SYS_sendto, EPERM}, test::RefusedCall{SYS_sendto, 0},
+        test::RefusedCall{SYS_recvfrom, EAGAIN}, test::RefusedCall{SYS_recvfrom, 0},
+        test::RefusedCall{SYS_getsockname, EBADF}, test::RefusedCall{SYS_getpeername, ENOTCONN}}) {
+    EXPECT_TRUE(test::while_refused(
+        {call}, [&] { EXPECT_EQ(tcp_peer_state(accepted.fd()), PeerState::unknown) << call.number; }));
+    EXPECT_EQ(tcp_peer_state(accepted.fd()), PeerState::reading);
+  }
 }
 
 }  // namespace

@@ -51,6 +51,15 @@ TEST(TcpOptionsTest, HaveFlexiportsDefaults) {
   EXPECT_FALSE(tcp.stream.wait);
 }
 
+TEST(StreamOptionsTest, ListenIsAFlagThatIsSpelledBothWays) {
+  EXPECT_TRUE(options<TcpOptions>("tcp:127.0.0.1:2112,listen").stream.listen);
+  EXPECT_TRUE(options<TcpOptions>("type=tcp,listen").stream.listen);
+  EXPECT_TRUE(options<UnixOptions>("unix:/run/x,listen").stream.listen);
+  EXPECT_TRUE(options<UdpOptions>("udp:127.0.0.1:9,recv_port=0,listen").listen);
+  for (const char* const port : {"tcp:127.0.0.1:2112", "unix:/run/x", "udp:127.0.0.1:9"})
+    EXPECT_NE(refused(port + std::string(",listen=maybe")), "nothing is wrong") << port;
+}
+
 TEST(TcpOptionsTest, AreEachItsOwn) {
   const auto tcp = options<TcpOptions>("tcp:laser.example:2112,wait");
   EXPECT_EQ(tcp.host, "laser.example");

@@ -2,11 +2,14 @@
 
 #include <cerrno>
 #include <chrono>
+#include <cstdint>
 #include <memory>
+#include <netinet/in.h>
 #include <string>
 #include <sys/socket.h>
 #include <sys/syscall.h>
 #include <unistd.h>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -17,6 +20,7 @@
 #include "tests/support/manual_clock.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
+#include "tests/support/refused_calls.hpp"
 #include "tests/support/sockets.hpp"
 
 namespace {
@@ -348,6 +352,115 @@ TEST_F(UdpQueueTest, AListenersLineThatIsReadByPendingComesUpFirst) {
   EXPECT_EQ(log.data, "") << "it is not up";
   settle(loop);
   EXPECT_EQ(log.data, "hello");
+}
+
+TEST_F(UdpQueueTest, WhatCannotBeSentIsToldOnceForEachReasonAndTheNextIsSent) {
+  make_sending();
+  const std::string to = "datagram of 3 bytes to 127.0.0.1:" + std::to_string(peer.port()) + " is dropped: ";
+  const std::pair<int, std::string> cases[] = {
+      {ENETUNREACH, "Network is unreachable"}, {EHOSTUNREACH, "No route to host"},
+      {ECONNREFUSED, "Connection refused"},    {EPERM, "Operation not permitted"},
+      {ENOBUFS, "No buffer space available"},  {ENOMEM, "Cannot allocate memory"}};
+  std::uint64_t dropped = 0;
+  for (const auto& [error, why] : cases) {
+    send_refused = error;
+    for (int n = 0; n < 2; ++n) port->write(as_bytes("one"));
+    EXPECT_EQ(log.dropped, dropped += 6) << why;
+    EXPECT_EQ(log.why, "a datagram could not be sent");
+    const std::string all = book.text();
+    EXPECT_THAT(all, HasSubstr(to + why));
+    EXPECT_EQ(all.find(to + why), all.rfind(to + why)) << "once";
+    send_refused = 0;
+    port->write(as_bytes("two"));
+    EXPECT_EQ(got(), "two");
+  }
+  EXPECT_EQ(log.events, "up ");
+  EXPECT_FALSE(port->congested());
+}
+
+TEST_F(UdpQueueTest, AReceiveThatFailsLosesNothing) {
+  make_sending();
+  for (const int error : {EINTR, ECONNREFUSED, EAGAIN, ENOMEM, EIO}) {
+    log.data.clear();
+    peer.send_to(number, "one");
+    EXPECT_TRUE(test::while_refused({{SYS_recvmsg, error}}, [&] {
+      for (int n = 0; n < 10; ++n) turn();
+      port->read_pending();
+    }));
+    EXPECT_EQ(log.data, "");
+    settle(loop);
+    EXPECT_EQ(log.data, "one") << error;
+  }
+  EXPECT_EQ(log.events, "up ");
+}
+
+TEST_F(UdpQueueTest, AFirstDatagramThatCannotBeLookedAtOpensTheLineLater) {
+  make_listening();
+  peer.send_to(number, "one");
+  EXPECT_TRUE(test::while_refused({{SYS_recvfrom, ENOMEM}}, [&] {
+    for (int n = 0; n < 10; ++n) turn();
+  }));
+  EXPECT_EQ(log.events, "");
+  settle(loop);
+  EXPECT_EQ(log.events, "up ");
+  EXPECT_EQ(log.data, "one");
+}
+
+TEST_F(UdpQueueTest, WhereLossesCannotBeCountedNoneAreTold) {
+  make_sending();
+  EXPECT_TRUE(test::while_refused({{SYS_getsockopt, ENOPROTOOPT}}, [&] { port->close(); }));
+  EXPECT_THAT(book.text(), Not(HasSubstr("lost")));
+  EXPECT_EQ(log.why, "");
+}
+
+TEST_F(UdpQueueTest, WhyItCannotReceiveIsTold) {
+  const std::pair<test::RefusedCall, std::string> cases[] = {
+      {{SYS_socket, EMFILE}, "Too many open files"},
+      {{SYS_bind, EACCES}, "Permission denied"},
+      {{SYS_bind, EADDRINUSE}, "Address already in use"},
+      {{SYS_bind, EADDRNOTAVAIL}, "Cannot assign requested address"}};
+  const Result<PortSpec> options = parse_port("udp-listen:127.0.0.1:2112");
+  ASSERT_TRUE(options.has_value());
+  for (const auto& [call, why] : cases) {
+    UdpPort other(PortContext{&loop, book.log()}, options->common(), *options->get<UdpOptions>());
+    other.listen(log);
+    EXPECT_TRUE(test::while_refused({call}, [&, why = why] {
+      EXPECT_EQ(other.prepare().error(),
+                make_error(Errc::usage, "cannot receive on 127.0.0.1:2112: " + why +
+                                            "; choose another recv_ip or recv_port"));
+    }));
+    other.close();
+  }
+  EXPECT_THAT(book.text(), Not(HasSubstr("receiving datagrams")));
+}
+
+TEST_F(UdpQueueTest, AnOptionOfTheSocketThatIsRefusedCostsNothing) {
+  EXPECT_TRUE(test::while_refused({{SYS_setsockopt, ENOPROTOOPT}}, [&] { make_sending(); }));
+  peer.send_to(number, "one");
+  settle(loop);
+  EXPECT_EQ(log.data, "one");
+}
+
+// IPv4's are the addresses of a system without IPv6, and not a way around a port that is taken.
+TEST_F(UdpQueueTest, TheWildcardIsIpv4WhereThereIsNoIpv6AndNotWhereItsPortIsTaken) {
+  const test::RefusedCall no_ipv6{SYS_socket, EAFNOSUPPORT,
+                                  test::RefusedCall::Argument{0, 0xffffffff, AF_INET6}};
+  EXPECT_TRUE(test::while_refused({no_ipv6}, [&] { make("udp-listen:*:0"); }));
+  EXPECT_THAT(book.text(), HasSubstr("receiving datagrams on 0.0.0.0:"));
+  const SocketAddress any = *numeric_address("::", 0);
+  const UniqueFd taken(::socket(AF_INET6, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  const int on = 1;
+  if (!taken || ::setsockopt(taken.get(), IPPROTO_IPV6, IPV6_V6ONLY, &on, sizeof on) != 0 ||
+      ::bind(taken.get(), any.get(), any.size) != 0) {
+    GTEST_SKIP() << "no IPv6 here";
+  }
+  const std::string spelled = "udp-listen:*:" + std::to_string(local_address(taken.get()).port());
+  const Result<PortSpec> options = parse_port(spelled);
+  ASSERT_TRUE(options.has_value());
+  UdpPort other(PortContext{&loop, book.log()}, options->common(), *options->get<UdpOptions>());
+  const Result<void> prepared = other.prepare();
+  ASSERT_FALSE(prepared.has_value());
+  EXPECT_THAT(prepared.error().message, HasSubstr("Address already in use"));
 }
 
 }  // namespace
