@@ -43,6 +43,8 @@ class MemoryPort final : public Port, private Recorder {
     std::vector<TakeAnswer> questions;          // that the test answers
     std::vector<FlushQueue> flushes;            // of peer_flushed()
     std::vector<SettingsOrder> orders;          // of peer_set()
+    std::vector<std::uint64_t> left_unread;     // of peer_left_unread()
+    std::vector<std::uint64_t> refused;         // of peer_refused()
     std::string gap_why;                        // of the last note_gap()
     int status = 0;
 
@@ -69,6 +71,8 @@ class MemoryPort final : public Port, private Recorder {
     void arrive(std::string_view text, std::vector<std::size_t> ends) {
       port->listener().on_arrivals(as_bytes(text), ends);
     }
+    void leave_unread(std::uint64_t bytes) { port->listener().on_left_unread(bytes); }
+    void refuse(std::uint64_t bytes) { port->listener().on_refused(bytes); }
     void fault(const LineFault& fault) { port->listener().on_fault(fault); }
     void flush(FlushQueue queue) { port->listener().on_flush(queue); }
     void set(const SeenSettings& seen, SettingsOrder order = SettingsOrder::exact) {
@@ -146,6 +150,8 @@ class MemoryPort final : public Port, private Recorder {
     peer_->calls += "peer_set ";
     peer_->orders.push_back(order);
   }
+  void peer_left_unread(std::uint64_t bytes) override { peer_->left_unread.push_back(bytes); }
+  void peer_refused(std::uint64_t bytes) override { peer_->refused.push_back(bytes); }
   void finish() override {
     peer_->calls += "finish ";
     if (peer_->completes) listener().on_complete(peer_->status);

@@ -1,0 +1,154 @@
+// When a row of failures is over and what is told of it then; and that a session which is over does nothing.
+
+#include <cstddef>
+#include <functional>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "libport/loop/backoff.hpp"
+#include "tests/session/session_rig.hpp"
+
+namespace porttape {
+namespace {
+
+using Reason = LineDown::Reason;
+using std::chrono::seconds;
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+class SessionRowTest : public SessionRig {
+ protected:
+  SessionRowTest() { start(); }
+  void pass(Nanos time) { (void)let_pass(loop, clock, time); }
+  [[nodiscard]] int times_told(const std::string& text) const {
+    const std::string all = book.text();
+    int count = 0;
+    for (std::size_t at = all.find(text); at != std::string::npos; at = all.find(text, at + 1)) ++count;
+    return count;
+  }
+  // A driver comes, its device is up for so long and is lost.
+  void lose_after(Nanos time) {
+    driver.up();
+    pass(seconds(1));  // longer than any device waits to be opened
+    device.up();
+    pass(time);
+    device.down(Reason::lost, "it is gone");
+    driver.down(Reason::hung_up);
+  }
+};
+
+TEST_F(SessionRowTest, ADeviceThatWasUpForASecondEndsTheRow) {
+  device.up_at_once = false;
+  lose_after(kLineHeld);
+  EXPECT_EQ(times_told("it is gone"), 1);
+  lose_after(kLineHeld - Nanos(1));
+  EXPECT_EQ(times_told("it is gone"), 1) << "it was up for a little less";
+  lose_after(kLineHeld);
+  EXPECT_EQ(times_told("it is gone"), 2);
+  lose_after(kLineHeld);
+  EXPECT_EQ(times_told("it is gone"), 3);
+}
+
+TEST_F(SessionRowTest, ADeviceThatWasBackForASecondEndsTheRow) {
+  driver.up();
+  device.interrupt();
+  EXPECT_EQ(times_told("; waiting for it"), 1);
+  device.resume();
+  pass(kLineHeld - Nanos(1));
+  device.interrupt();
+  EXPECT_EQ(times_told("; waiting for it"), 1) << "it was back for a little less";
+  device.resume();
+  pass(kLineHeld);
+  device.interrupt();
+  EXPECT_EQ(times_told("; waiting for it"), 2);
+}
+
+TEST_F(SessionRowTest, WhatFailedInTheSameWayIsCountedAtTheEndToo) {
+  device.up_at_once = false;
+  for (int n = 0; n < 5; ++n) lose_after(Nanos(0));
+  EXPECT_FALSE(told("more times in the same way"));
+  session->stop();
+  settle(loop);
+  EXPECT_EQ(end_status, 0);
+  EXPECT_EQ(times_told("device: it had failed 4 more times in the same way"), 1) << book.text();
+}
+
+TEST_F(SessionRowTest, WhereNothingFailedTheEndTellsNothingOfIt) {
+  driver.up();
+  session->stop();
+  driver.down(Reason::hung_up);
+  settle(loop);
+  EXPECT_EQ(end_status, 0);
+  EXPECT_FALSE(told("had failed")) << book.text();
+}
+
+// What the device is told of the programs at the driver's side.
+TEST_F(SessionRowTest, WhatDriversLeftUnreadAndWroteInVainIsPassedOn) {
+  driver.up();
+  driver.refuse(3);
+  driver.refuse(0);
+  driver.leave_unread(7);
+  EXPECT_THAT(device.refused, ElementsAre(3, 0));
+  EXPECT_THAT(device.left_unread, ElementsAre(7));
+  EXPECT_THAT(driver.refused, IsEmpty());
+  EXPECT_THAT(driver.left_unread, IsEmpty());
+}
+
+// Each side has bytes that its port should not have read when it is told not to read once more.
+TEST_F(SessionRowTest, WhatWasKeptWaitsUntilTheOtherSideTakesIt) {
+#ifndef NDEBUG
+  GTEST_SKIP() << "builds with assertions end there";
+#endif
+  driver.up();
+  device.congested = true;
+  driver.send("1");
+  driver.send("2");
+  device.interrupt();
+  EXPECT_EQ(device.written, "1") << "it is not there";
+  device.congested = false;
+  device.resume();
+  EXPECT_EQ(device.written, "12");
+  driver.congested = true;
+  device.send("3");
+  device.send("4");
+  driver.interrupt();
+  EXPECT_EQ(driver.written, "3") << "it is not there";
+  driver.congested = false;
+  driver.resume();
+  EXPECT_EQ(driver.written, "34");
+}
+
+TEST_F(SessionRowTest, AFirstStopAloneLooksForADriverThatNothingHasToldOf) {
+  device.completes = false;
+  int looks = 0;
+  driver.pending = [&looks] { ++looks; };
+  session->stop();
+  EXPECT_EQ(looks, 1);
+  session->stop();
+  session->stop();
+  EXPECT_EQ(looks, 1) << "no next driver is served";
+}
+
+TEST_F(SessionRowTest, OneThatIsGoneBeginsNoEnd) {
+  driver.up();
+  int calls = 0;
+  driver.pending = device.pending = [&calls] { ++calls; };
+  device.finish(exit_status::kRuntime);
+  session.reset();
+  settle(loop);
+  EXPECT_EQ(calls, 0);
+  EXPECT_EQ(driver.calls + device.calls, "prepare open prepare open ");
+  EXPECT_EQ(end_status, std::nullopt);
+}
+
+TEST_F(SessionRowTest, OneThatIsGoneTellsNoStatus) {
+  session->stop();
+  session.reset();
+  settle(loop);
+  EXPECT_EQ(end_status, std::nullopt);
+}
+
+}  // namespace
+}  // namespace porttape
