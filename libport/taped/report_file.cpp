@@ -40,7 +40,10 @@ int write_with_patience(int fd, std::string_view text) {
     if (polled < 0 && errno == EINTR) continue;
     if (polled <= 0) return polled < 0 ? errno : ETIMEDOUT;
     const ssize_t n = ::write(fd, text.data(), std::min<std::size_t>(text.size(), PIPE_BUF));
-    if (n < 0 && (errno == EINTR || errno == EAGAIN)) continue;
+    if (n < 0 && errno == EINTR) continue;
+    // What is ready and takes nothing has no more time than what is never ready.
+    if (n < 0 && errno == EAGAIN && left > 0) continue;
+    if (n < 0 && errno == EAGAIN) return ETIMEDOUT;
     if (n <= 0) return n < 0 ? errno : EIO;
     text.remove_prefix(static_cast<std::size_t>(n));
   }
