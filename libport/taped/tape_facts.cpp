@@ -60,18 +60,20 @@ struct Opens {
 // another's is not played, since nobody could say what is missing in it.
 Result<void> check_size(const std::string& path, const std::optional<PayloadTotals>& told) {
   if (!told) return {};
-  std::error_code unknown;
-  const bool is_there = std::filesystem::exists(path, unknown);
-  if (unknown || (!is_there && told->blocks == 0)) return {};
-  const std::uintmax_t size = is_there ? std::filesystem::file_size(path, unknown) : 0;
   const std::uint64_t recorded = told->bytes + told->blocks * kHeaderSize;
+  const auto flaw = [&](const std::string& found) {
+    return make_error(
+        Errc::damaged_tape,
+        fmt::format("{} {}, and by its tape's end it has {} ({} blocks); `porttape verify` says more", path,
+                    found, recorded, told->blocks));
+  };
+  std::error_code unknown;
+  const bool is_missing = !std::filesystem::exists(path, unknown);
+  if (unknown) return {};
+  if (is_missing) return told->blocks == 0 ? Result<void>() : flaw("is missing");
+  const std::uintmax_t size = std::filesystem::file_size(path, unknown);
   const bool as_told = size == recorded || size == told->bytes + told->blocks * kMaxHeaderSize;
-  if (unknown || (is_there && as_told)) return {};
-  const std::string found = is_there ? fmt::format("has {} bytes", size) : "is missing";
-  return make_error(
-      Errc::damaged_tape,
-      fmt::format("{} {}, and by its tape's end it has {} ({} blocks); `porttape verify` says more", path,
-                  found, recorded, told->blocks));
+  return unknown || as_told ? Result<void>() : flaw(fmt::format("has {} bytes", size));
 }
 
 Error no_such_session(const TapePaths& tape, std::uint64_t session, std::uint64_t sessions) {

@@ -133,6 +133,29 @@ TEST_F(RedactEndsTest, OfWhatIsLeftTheFirst64AreToldAndAllOfTheSameCounted) {
   }
 }
 
+TEST_F(RedactEndsTest, WhatIsLeftInAnotherPlaceOrByAnotherRuleIsToldApart) {
+  const TapePaths paths = literal_tape(dir / "apart");
+  auto tape =
+      NewTape::create(paths, std::string_view(R"({"format":"porttape-events","version":1,"a":471,"b":471})"),
+                      {.sync = false});
+  ASSERT_TRUE(tape);
+  ASSERT_TRUE(tape->event_line(tape_time_us(0), R"({"t_us":0,"event":"snow","a":471,"b":47118,"471":471})"));
+  ASSERT_TRUE(tape->event_line(tape_time_us(0), R"({"t_us":0,"event":"snow","a":471,"b":18})"));
+  ASSERT_TRUE(tape->finish(tape->latest()));
+  const auto done = redact(
+      paths, "[[redact]]\nname='x'\ntext='471'\nwith='*'\n[[redact]]\nname='y'\ntext='18'\nwith='*'\n");
+  ASSERT_TRUE(done) << done.error().message;
+  std::vector<std::string> left;
+  for (const UnredactedText& each : done->left)
+    left.push_back((each.where == TapeRedaction::Where::header ? "header " : "event ") +
+                   std::string(each.what == FixedText::number ? "number " : "name ") + each.key + " rule " +
+                   std::to_string(each.rule) + " x" + std::to_string(each.count));
+  EXPECT_THAT(left, testing::UnorderedElementsAre("header number a rule 0 x1", "header number b rule 0 x1",
+                                                  "event number a rule 0 x2", "event number b rule 0 x1",
+                                                  "event number b rule 1 x2", "event number *** rule 0 x1",
+                                                  "event name *** rule 0 x1"));
+}
+
 TEST_F(RedactEndsTest, OfASerialNumberOfFourLettersEachIsHiddenAndAShorterOneStays) {
   for (const std::string serial : {"PT01", "PT0"}) {
     PortIdentity identity;

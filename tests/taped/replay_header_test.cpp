@@ -1,11 +1,16 @@
 // What the header of a tape's events file changes in its replay.
 
+#include <cstddef>
+#include <string>
+
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "libport/tape/tape_writer.hpp"
 #include "libport/taped/replay_port.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
+#include "tests/support/tape_bytes.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
@@ -49,6 +54,27 @@ TEST_F(ReplayHeaderTest, TheTransportSaysWhetherBlocksAreDatagrams) {
 TEST_F(ReplayHeaderTest, BlocksThatWereStampedWhenReadAreJoined) {
   prepared({.device = "x", .driver = "y", .stamped = Stamped::read}).open();
   EXPECT_EQ(log.data, "one two");
+}
+
+// A tape may be anybody's, and names and commands are made of its identity.
+TEST_F(ReplayHeaderTest, AnIdentityThatCannotBeIsRefusedAndToldOnce) {
+  const auto play = [this](const std::string& identity) {
+    test::write_file(tape.read, test::block_bytes({{1, "a"}}));
+    test::write_file(tape.events,
+                     as_bytes(R"({"format":"porttape-events","version":1,"identity":)" + identity + "}\n"));
+    ReplayPort::Options options;
+    options.tape = tape;
+    port = std::make_unique<ReplayPort>(PortContext{&loop, book.log()}, std::move(options));
+    port->listen(log);
+    EXPECT_TRUE(port->prepare().has_value());
+    return port->identity().has_value();
+  };
+  EXPECT_TRUE(play(R"({"path":"/dev/ttyS0"})"));
+  EXPECT_EQ(book.text(), "");
+  EXPECT_FALSE(play(R"({"path":"/dev/a;b"})"));
+  EXPECT_THAT(book.text(), testing::HasSubstr(port->name() + ": its identity is refused: "));
+  EXPECT_THAT(book.text(), testing::HasSubstr("has other characters than"));
+  EXPECT_EQ(book.text().find("refused"), book.text().rfind("refused"));
 }
 
 }  // namespace

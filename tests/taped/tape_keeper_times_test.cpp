@@ -271,5 +271,62 @@ TEST_F(KeeperOfAFullDisk, FailClosedEndsTheLineAtTheFirstLoss) {
   EXPECT_EQ(told("No space left on device; ending, as --fail-closed asks"), 1);
 }
 
+// A disk that works, is slow once, and then hangs.
+struct TiringDisk {
+  enum class Pace { works, slow, hangs };
+  std::atomic<Pace> pace = Pace::works;
+  std::promise<void> reached;
+  std::promise<void> goes_on;
+};
+class TiringSink final : public TapeSink {
+ public:
+  TiringSink(std::shared_ptr<TiringDisk> disk, ManualClock& clock) : disk_(std::move(disk)), clock_(clock) {}
+  Appended append(ByteView head, ByteView body) override {
+    if (disk_->pace == TiringDisk::Pace::slow) clock_.pass(LiveTape::kHungWrite);
+    if (disk_->pace == TiringDisk::Pace::hangs) {
+      disk_->reached.set_value();
+      disk_->goes_on.get_future().wait();
+    }
+    return {head.size() + body.size(), 0};
+  }
+  int truncate(std::uint64_t) override { return 0; }
+  Sync syncer() override {
+    return [] { return 0; };
+  }
+  int close() override { return 0; }
+
+ private:
+  std::shared_ptr<TiringDisk> disk_;
+  ManualClock& clock_;
+};
+
+TEST_F(KeeperTimes, ADiskThatHangsLongAfterItAnsweredIsToldOfToo) {
+  const auto disk = std::make_shared<TiringDisk>();
+  keep([this, disk](const LiveTape::Options& tape) {
+    return TapeWriter::on_sinks(
+        {std::make_unique<TiringSink>(disk, clock), std::make_unique<TiringSink>(disk, clock),
+         std::make_unique<TiringSink>(disk, clock)},
+        tape.header, tape.writer);
+  });
+  keeper->opened(loop.now());
+  run_until_told("recording to");
+  pass(seconds(1));
+  keeper->block(Direction::read, loop.now(), as_bytes("directly"));
+  EXPECT_EQ(loop.next_timer(), std::nullopt) << "a disk that is waited for need not be looked at";
+  disk->pace = TiringDisk::Pace::slow;
+  keeper->block(Direction::read, loop.now(), as_bytes("slowly"));
+  run_until_told("its disk took 100 ms for a write; what is recorded goes over a queue from now on");
+  pass(seconds(1));
+  EXPECT_EQ(loop.next_timer(), std::nullopt) << "nothing waits for it";
+  disk->pace = TiringDisk::Pace::hangs;
+  keeper->block(Direction::read, loop.now(), as_bytes("too late"));
+  disk->reached.get_future().wait();
+  for (int looks = 0; looks < 4; ++looks) pass(milliseconds(250));
+  EXPECT_EQ(told("x.log: its disk does not answer; 8 bytes wait for it"), 1) << book.text();
+  keeper->give_up();
+  disk->pace = TiringDisk::Pace::works;
+  disk->goes_on.set_value();
+}
+
 }  // namespace
 }  // namespace porttape

@@ -160,6 +160,8 @@ TEST(ReplayOptions, WhatContradictsIsRefusedWithWhy) {
       {"report=t.logr", "report 't.logr' is a file of the tape; name another file"},
       {"junit=t.loge", "report 't.loge' is a file of the tape; name another file"},
       {"junit=./t.loge", "report './t.loge' is a file of the tape; name another file"},
+      {"report=r,junit=./r", "option 'junit': './r' has the report already; name another file"},
+      {"report=./r,junit=r", "option 'junit': 'r' has the report already; name another file"},
   };
   for (const auto& [more, why] : known) EXPECT_EQ(refusal_of("," + more), why);
   EXPECT_EQ(options_of(",start=2,end=2.000001").config.end, tape_time_us(2'000'001));
