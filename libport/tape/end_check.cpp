@@ -17,7 +17,8 @@ std::string totals_text(const PayloadTotals& totals, bool with_digest) {
 }
 
 // A digest that is not told fits any.
-bool fits(const PayloadTotals& held, const PayloadTotals& told) {
+bool fits(const HeldFile& file, const PayloadTotals& told) {
+  const PayloadTotals& held = file.totals;
   return held.blocks == told.blocks && held.bytes == told.bytes &&
          (!held.xxh3 || !told.xxh3 || held.xxh3 == told.xxh3) &&
          (!held.xxh3_all || !told.xxh3_all || held.xxh3_all == told.xxh3_all);
@@ -28,7 +29,7 @@ struct CheckedFile {
   const HeldFile& file;
   PayloadTotals told;
 
-  [[nodiscard]] bool as_told() const { return fits(file.totals, told); }
+  [[nodiscard]] bool as_told() const { return fits(file, told); }
   [[nodiscard]] bool is_wrong() const { return !file.damaged && !as_told(); }
   // Vouches for the events file: bytes that another tape would hardly have.
   [[nodiscard]] bool vouches() const { return file.exists && as_told() && told.bytes > 0; }
@@ -44,7 +45,7 @@ std::string what_is_wrong(const CheckedFile& checked, const CheckedFile& other, 
     return fmt::format("{} has other times or lengths of blocks: their xxh3_all is {}, and {} tells of {}",
                        file.path, digest_text(*held.xxh3_all), events, digest_text(*checked.told.xxh3_all));
   const std::string holds = ": it holds " + totals_text(held, same_size) + "; " + told;
-  if (fits(held, other.told)) return file.path + " is what belongs in " + other.file.path + holds;
+  if (fits(file, other.told)) return file.path + " is what belongs in " + other.file.path + holds;
   const bool less = held.blocks <= checked.told.blocks && held.bytes <= checked.told.bytes && !same_size;
   return file.path + (less ? " is shortened, or another tape's" : " is another tape's, or changed") + holds;
 }
@@ -56,7 +57,7 @@ EndFindings compare_with_end(const HeldFile& read, const HeldFile& write, const 
   const CheckedFile r{read, *end.read};
   const CheckedFile w{write, *end.write};
   EndFindings found;
-  if (r.is_wrong() && w.is_wrong() && fits(read.totals, w.told) && fits(write.totals, r.told)) {
+  if (r.is_wrong() && w.is_wrong() && fits(read, w.told) && fits(write, r.told)) {
     found.damages.push_back(read.path + " and " + write.path + " are swapped: each holds what " + events +
                             " tells of the other");
     return found;

@@ -35,10 +35,11 @@ TapePaths with_part(const TapePaths& first, const std::string& part) {
 // N of "PREFIXNSUFFIXr", 2 or more.
 std::optional<unsigned> number_between(std::string_view name, std::string_view prefix,
                                        std::string_view suffix) {
-  const std::string_view base = without_letter(name);
-  if (!base.starts_with(prefix) || !base.ends_with(suffix) || base.size() <= prefix.size() + suffix.size())
-    return std::nullopt;
-  const std::string_view digits = base.substr(prefix.size(), base.size() - prefix.size() - suffix.size());
+  std::string_view digits = without_letter(name);
+  if (!digits.starts_with(prefix)) return std::nullopt;
+  digits.remove_prefix(prefix.size());
+  if (!digits.ends_with(suffix)) return std::nullopt;
+  digits.remove_suffix(suffix.size());
   const auto number = whole_number<unsigned>(digits);
   return number && *number >= 2 && digits[0] != '0' ? number : std::nullopt;
 }

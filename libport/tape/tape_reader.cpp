@@ -154,7 +154,8 @@ Result<Layout> TapeSources::layout() const {
   if (found || found.error().code != Errc::not_a_tape || !events) return found;
   std::string head(EventFile::kMaxLine, '\0');
   const auto size = events->read_at(0, {reinterpret_cast<Byte*>(head.data()), head.size()});
-  head.resize(size ? *size : 0);
+  if (!size) return found;
+  head.resize(*size);
   if (!decode_header(std::string_view(head).substr(0, head.find('\n')))) return found;
   return make_error(Errc::damaged_tape, found.error().message);
 }
@@ -187,6 +188,7 @@ Result<TapeReader> TapeReader::from_sources(TapeSources sources, const Options& 
   if (sources.events && (select == Select::merged || select == Select::events_only)) {
     auto events = EventFile::create(std::move(sources.events));
     if (events) {
+      if (checked) impl->end_check.emplace(*checked, events->header());
       impl->events.set(std::move(*events));
     } else if (options.events_may_fail) {
       impl->events_error = events.error();
@@ -194,7 +196,6 @@ Result<TapeReader> TapeReader::from_sources(TapeSources sources, const Options& 
       return events.error();
     }
   }
-  if (checked && impl->events.exists()) impl->end_check.emplace(*checked, impl->events.file().header());
   return TapeReader(std::move(impl));
 }
 

@@ -240,6 +240,22 @@ TEST(BlockSalvage, ALengthThatSwallowsBlocksGivesThemBack) {
   }
 }
 
+// Blocks that were swallowed up to exactly where the next one begins go on with that one.
+TEST(BlockSalvage, ALengthThatSwallowsWholeBlocksGivesAllOfThemBack) {
+  for (const std::size_t swallowed : {2U, 8U, 9U, 20U}) {
+    const Bytes inside = test::block_bytes(numbered(swallowed));
+    Bytes bytes = test::block_bytes({{90'000'000, std::string(as_text(inside))}});
+    const Bytes behind = test::block_bytes({{static_cast<std::int64_t>(swallowed + 1) * 1000, "data"}});
+    bytes.insert(bytes.end(), behind.begin(), behind.end());
+    test::append(bytes, kGarbage);
+    const std::vector<std::string> all = salvaged(bytes);
+    ASSERT_EQ(all.size(), swallowed + 3) << swallowed;
+    EXPECT_THAT(all.front(), HasSubstr("lost 12 at 0 from 0: "));
+    EXPECT_EQ(std::vector(all.begin() + 1, all.end() - 1), told(0, swallowed + 1, 12));
+    EXPECT_THAT(all.back(), HasSubstr("lost 25 at " + std::to_string(12 + 16 * (swallowed + 1))));
+  }
+}
+
 TEST(BlockSalvage, ALengthThatIsTooSmallByLessThanAHeaderIsMended) {
   Bytes bytes = test::block_bytes(numbered(20));
   bytes[10 * 16 + 11] = 1;

@@ -1,11 +1,17 @@
 #include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "libport/tape/event_file.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "tests/support/tape_bytes.hpp"
 
@@ -111,6 +117,54 @@ TEST_F(GrowingTape, WhatComesToAFileThatWasLookedAtIsNotTooLate) {
   };
   reader.read_on();
   EXPECT_THAT(test::read_all(reader), ElementsAre("r 10 pushed", "w 20 ask"));
+}
+
+// Gets one byte more with each so many reads.
+class TricklingSource final : public ByteSource {
+ public:
+  TricklingSource(std::string text, std::size_t reads_a_byte, std::size_t reads)
+      : text_(std::move(text)), reads_a_byte_(reads_a_byte), reads_(reads) {}
+  Result<std::size_t> read_at(std::uint64_t offset, std::span<Byte> into) override {
+    const std::size_t there = std::min(text_.size(), reads_++ / reads_a_byte_);
+    const std::size_t begin = std::min<std::size_t>(offset, there);
+    const std::size_t size = std::min(into.size(), there - begin);
+    std::copy_n(text_.begin() + static_cast<std::ptrdiff_t>(begin), size, into.begin());
+    return size;
+  }
+  Result<std::uint64_t> size() override { return text_.size(); }
+  [[nodiscard]] const std::string& name() const override { return name_; }
+
+ private:
+  std::string text_;
+  std::size_t reads_a_byte_;
+  std::size_t reads_;
+  std::string name_ = "trickling";
+};
+
+TEST(GrowingEvents, AreReadWholeWheneverAByteOfThemComes) {
+  const std::string text =
+      "{\"format\":\"porttape-events\",\"version\":1}\n{\"t_us\":5,\"event\":\"open\"}\n"
+      "{\"t_us\":7,\"event\":\"close\"}\n";
+  for (std::size_t reads_a_byte = 1; reads_a_byte <= 5; ++reads_a_byte) {
+    for (std::size_t reads = 0; reads < reads_a_byte; ++reads) {
+      auto file = EventFile::create(std::make_unique<TricklingSource>(text, reads_a_byte, reads));
+      ASSERT_TRUE(file) << file.error().message;
+      std::vector<std::int64_t> times;
+      for (std::size_t looks = 0; times.size() < 2 && looks < text.size() * reads_a_byte; ++looks) {
+        const EventFile::Step step = file->next();
+        ASSERT_NE(step, EventFile::Step::failed) << file->error().message;
+        if (step == EventFile::Step::event) {
+          times.push_back(to_us(file->event().at));
+        } else {
+          EXPECT_EQ(file->next(), EventFile::Step::end) << "until it is to read on";
+          file->read_on();
+        }
+      }
+      EXPECT_THAT(times, ElementsAre(5, 7)) << reads_a_byte << ' ' << reads;
+      ASSERT_TRUE(file->header());
+      EXPECT_EQ(file->header_line(), text.substr(0, text.find('\n')));
+    }
+  }
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "libport/tape/leftover.hpp"
 
 #include <array>
+#include <fcntl.h>
 #include <filesystem>
 #include <signal.h>
 #include <string>
@@ -98,6 +99,20 @@ TEST_F(LeftoverTest, ASignalThatIsIgnoredStaysSo) {
   int status = 0;
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
+}
+
+TEST_F(LeftoverTest, AFolderGoesAlsoWhereStandardInputIsClosed) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    (void)::close(STDIN_FILENO);
+    { const Leftover one(folder); }
+    const bool is_free = ::open("/dev/null", O_RDONLY | O_CLOEXEC) == STDIN_FILENO;
+    ::_exit(is_free ? 0 : 1);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
+  EXPECT_FALSE(fs::exists(folder));
 }
 
 TEST_F(LeftoverTest, WhatAnotherTakesTheNameOfGoesAtOnce) {

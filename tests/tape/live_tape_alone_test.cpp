@@ -228,6 +228,34 @@ TEST_F(LiveTapeAlone, ABlockAsLargeAsTheQueueFitsAndALargerOneIsLost) {
                   "r 3 x"));
 }
 
+TEST_F(LiveTapeAlone, GoneAtOnceItTellsOfNothingWhereNothingWaits) {
+  for (const bool slow : {false, true}) {
+    const TapePaths made = literal_tape(dir / (slow ? "slow" : "direct"));
+    EXPECT_TRUE(holds_without(kNoThreads, [&] {
+      if (slow) disks->note_slow(disk());
+      LiveTape::Options given = options();
+      given.paths = made;
+      LiveTape tape(workers, disks, std::move(given));
+      tape.block(Direction::read, tape_time_us(1), as_bytes("abc"));
+      EXPECT_EQ(tape.queued(), slow);
+    }));
+    EXPECT_THAT(test::lines_on(made), ElementsAre("r 1 abc"));
+  }
+}
+
+TEST_F(LiveTapeAlone, GoneAfterItsEndItLeavesTheEndTheLast) {
+  EXPECT_TRUE(holds_without(kNoThreads, [&] {
+    Bytes ended;
+    {
+      LiveTape tape(workers, disks, options());
+      tape.block(Direction::read, tape_time_us(1), as_bytes("abc"));
+      tape.finish(tape_time_us(2));
+      ended = test::read_file(paths.events);
+    }
+    EXPECT_EQ(test::read_file(paths.events), ended);
+  }));
+}
+
 class TapeBatches : public testing::Test {
  protected:
   TapeWriter begin() {

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/tape/block_file.hpp"
+#include "tests/support/failing_source.hpp"
 #include "tests/support/tape_bytes.hpp"
 #include "tests/support/temp_dir.hpp"
 
@@ -284,6 +285,25 @@ TEST_F(SharedRecording, InTheOlderLayoutIsReadWhole) {
   EXPECT_EQ(sent, received);  // it was made on a loop-back plug
   EXPECT_THAT(sent, testing::StartsWith("Message #1"));
   EXPECT_FALSE(reader->torn_tail());
+}
+
+// What keeps the r and w files from being read is damage only where the events file says that it is a tape.
+TEST(TapeReader, WithoutATapesEventsOtherFilesAreNoTape) {
+  const Bytes header = test::bytes_of("{\"format\":\"porttape-events\",\"version\":1}\n");
+  const auto code_of = [](std::unique_ptr<ByteSource> events) {
+    const TapeSources sources{test::memory("r", test::bytes_of("neither blocks nor anything like them")),
+                              nullptr, std::move(events)};
+    const auto layout = sources.layout();
+    EXPECT_FALSE(layout);
+    return layout ? Errc::usage : layout.error().code;
+  };
+  EXPECT_EQ(code_of(nullptr), Errc::not_a_tape);
+  EXPECT_EQ(code_of(test::memory("e", {})), Errc::not_a_tape);
+  EXPECT_EQ(code_of(test::memory("e", test::bytes_of("no events\n"))), Errc::not_a_tape);
+  EXPECT_EQ(code_of(test::memory("e", header)), Errc::damaged_tape);
+  EXPECT_EQ(code_of(std::make_unique<test::FailingSource>(header, -1)), Errc::damaged_tape);
+  EXPECT_EQ(code_of(std::make_unique<test::FailingSource>(header, 0)), Errc::not_a_tape)
+      << "it cannot be read";
 }
 
 }  // namespace
