@@ -3,7 +3,7 @@
 
 A mutant may remove the wrong file, fill a disk or leave processes running. So this program, as root, is process 1 of a
 process namespace of its own, in a mount namespace where everything is read-only but fresh memory file systems on /tmp,
-/var/tmp, /dev/shm and /run/lock, and in a network namespace with nothing but a loopback device. After each test it ends
+/var/tmp, /dev/shm, /run and /run/lock, and in a network namespace with nothing but a loopback device. After each test it ends
 every process of its namespace. Without the right to do that it is a subreaper and ends its own descendants; the tests
 write to a folder of their own below $TMPDIR then."""
 
@@ -22,7 +22,7 @@ import tempfile
 import time
 
 MEMORY = 4 << 30  # bytes of address space for each process of a test
-FRESH = ("/tmp", "/var/tmp", "/dev/shm", "/run/lock")
+FRESH = ("/tmp", "/var/tmp", "/dev/shm", "/run", "/run/lock")  # in the order in which they are mounted
 TAIL = 64 << 10  # bytes of a test's output that are kept
 PR_SET_CHILD_SUBREAPER = 36
 
@@ -43,9 +43,16 @@ def enter_private_world(keep):
     for number, folder in enumerate(held):
         os.mkdir(f"/mnt/{number}")
         mount("--bind", folder, f"/mnt/{number}")
+    os.mkdir("/mnt/run")
+    mount("--rbind", "/run", "/mnt/run")
     for folder in FRESH:
         if os.path.isdir(folder):
-            mount("-t", "tmpfs", "-o", "size=1g,mode=1777", "porttape-mutants", folder)
+            mount("-t", "tmpfs", "-o", f"size=1g,mode={'0755' if folder == '/run' else '1777'}", "porttape-mutants", folder)
+        if folder == "/run":  # a daemon's control socket is made there; what other programs have there stays visible
+            for entry in os.scandir("/mnt/run"):
+                if entry.is_dir(follow_symlinks=False) and entry.name != "porttape":
+                    os.makedirs(f"/run/{entry.name}", exist_ok=True)
+                    mount("--rbind", entry.path, f"/run/{entry.name}")
     for number, folder in enumerate(held):
         os.makedirs(folder, exist_ok=True)
         mount("--bind", f"/mnt/{number}", folder)
