@@ -384,6 +384,7 @@ TEST_F(StreamListenerTest, AConnectionThatIsGoneByTheAcceptIsNoNews) {
     EXPECT_EQ(book.text(), "") << error;
     EXPECT_FALSE(loop.next_timer()) << "it looks at the next event";
     settle(loop);
+    ASSERT_FALSE(let.empty());
     EXPECT_EQ(let.back(), address_of(peer));
   }
   EXPECT_EQ(let.size(), 3U);

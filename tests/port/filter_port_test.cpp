@@ -472,6 +472,23 @@ TEST_F(FilterPortTest, HeldBytesAreForWaitingCallsWhateverTheInnerPortHas) {
   EXPECT_EQ(log.dropped, 0U);
 }
 
+TEST_F(FilterPortTest, AWaitingCallWaitsForTheFirstOfBothWays) {
+  for (const auto& [in, out] :
+       {std::pair(milliseconds(5), milliseconds(9)), std::pair(milliseconds(9), milliseconds(5)),
+        std::pair(milliseconds(5), milliseconds(5))}) {
+    port.in = in;
+    port.out = out;
+    device.send("x");
+    EXPECT_EQ(port.waiting()->next_due(), loop.now() + in) << "one way alone";
+    port.write(as_bytes("y"));
+    EXPECT_EQ(port.waiting()->next_due(), loop.now() + milliseconds(5));
+    EXPECT_TRUE(port.waiting()->discard());
+    port.write(as_bytes("y"));
+    EXPECT_EQ(port.waiting()->next_due(), loop.now() + out) << "the other way alone";
+    EXPECT_TRUE(port.waiting()->discard());
+  }
+}
+
 TEST_F(FilterPortTest, ALineThatIsClosedByWhatWasHeldIsNotToldOfItsEnd) {
   port.in = hours(1);
   device.send("bye");

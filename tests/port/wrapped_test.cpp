@@ -125,6 +125,19 @@ TEST_F(WrappedTest, TheHelpNamesWhatEveryTypeHasOnce) {
   EXPECT_NE(at, std::string::npos);
 }
 
+TEST_F(WrappedTest, TheHelpOfATypeThatRecordsAnotherNamesItsOwnOptionsAlone) {
+  PortType recorder = plain();
+  recorder.name = "plainlog";
+  recorder.records = "plain";
+  recorder.options.push_back({.name = "tape", .help = "where it goes", .value_name = "FILE"});
+  const std::string help = port_help(PortTypes({plain(), recorder}));
+  EXPECT_NE(help.find("\n  tape=FILE"), std::string::npos) << help;
+  EXPECT_NE(help.find("  and the options of plain\n"), std::string::npos) << help;
+  EXPECT_NE(help.find("\n  where="), std::string::npos) << help;
+  EXPECT_EQ(help.find("\n  where="), help.rfind("\n  where=")) << "the recorded type's, once";
+  EXPECT_EQ(help.find("and the options of"), help.rfind("and the options of"));
+}
+
 TEST_F(WrappedTest, AFlagIsSpelledWithoutAValue) {
   EXPECT_EQ(parse_options(types, "plain:x,readonly=yes,debug=3")->spelled(), "plain:x,debug=3,readonly");
 }
