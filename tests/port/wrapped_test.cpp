@@ -130,7 +130,9 @@ TEST_F(WrappedTest, TheHelpOfATypeThatRecordsAnotherNamesItsOwnOptionsAlone) {
   recorder.name = "plainlog";
   recorder.records = "plain";
   recorder.options.push_back({.name = "tape", .help = "where it goes", .value_name = "FILE"});
-  const std::string help = port_help(PortTypes({plain(), recorder}));
+  PortType other{"other", {"port"}, "another port"};
+  other.options = with_common({{"port", OptionSpec::Kind::text, "here", "a place"}});
+  const std::string help = port_help(PortTypes({plain(), recorder, other}));
   EXPECT_NE(help.find("\n  tape=FILE"), std::string::npos) << help;
   EXPECT_NE(help.find("  and the options of plain\n"), std::string::npos) << help;
   EXPECT_NE(help.find("\n  where="), std::string::npos) << help;
