@@ -3,10 +3,13 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <linux/sockios.h>
 #include <memory>
 #include <optional>
 #include <string>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 #include <utility>
 
@@ -14,6 +17,7 @@
 
 #include "tests/support/manual_clock.hpp"
 #include "tests/support/port_log.hpp"
+#include "tests/support/refused_calls.hpp"
 
 namespace porttape {
 namespace {
@@ -625,6 +629,105 @@ TEST_F(StreamLineTest, ReadingBeginsFromTheLoop) {
   EXPECT_EQ(data, "") << "not from within the call";
   settle(loop);
   EXPECT_EQ(data, "unread");
+}
+
+TEST_F(StreamLineTest, AReceiveThatIsInterruptedOrFindsNothingEndsNothing) {
+  make(StreamLine::Side::connected);
+  for (const int error : {EAGAIN, EINTR}) {
+    data.clear();
+    send("ask");
+    EXPECT_TRUE(test::while_refused({{SYS_recvfrom, error}}, [&] {
+      for (int n = 0; n < 10; ++n) loop.poll_one();
+      line->read_pending();
+    }));
+    EXPECT_EQ(data, "");
+    EXPECT_FALSE(over);
+    settle(loop);
+    EXPECT_EQ(data, "ask");
+  }
+}
+
+TEST_F(StreamLineTest, WhatBreaksALineIsToldWithItsReason) {
+  const std::pair<int, std::string> cases[] = {{ECONNRESET, "Connection reset by peer"},
+                                               {ETIMEDOUT, "Connection timed out"},
+                                               {EHOSTUNREACH, "No route to host"},
+                                               {ENOMEM, "Cannot allocate memory"}};
+  for (const StreamLine::Side side : {StreamLine::Side::connected, StreamLine::Side::accepted}) {
+    for (const auto& [error, text] : cases) {
+      const Error wanted = make_error(Errc::device_lost, "test: the connection is lost (" + text + ")");
+      const Reason reason = side == StreamLine::Side::connected ? Reason::lost : Reason::closed;
+      over.reset();
+      make(side);
+      send("x");
+      EXPECT_TRUE(test::while_refused({{SYS_recvfrom, error}}, [&] {
+        for (int n = 0; n < 10 && !over; ++n) loop.poll_one();
+      }));
+      ASSERT_TRUE(over) << text;
+      EXPECT_EQ(over->error, wanted);
+      EXPECT_EQ(over->reason, reason);
+      EXPECT_FALSE(over->after_reading);
+      line->close(false);
+
+      over.reset();
+      lost = 0;
+      make(side);
+      if (error == ENOMEM) continue;  // of a send no end: it is tried again
+      EXPECT_TRUE(test::while_refused({{SYS_sendto, error}}, [&] { line->write(as_bytes("four")); }));
+      EXPECT_EQ(lost, 4U);
+      EXPECT_EQ(why, "they could not be sent");
+      EXPECT_FALSE(over) << "not under the writer's feet";
+      settle(loop);
+      ASSERT_TRUE(over) << text;
+      EXPECT_EQ(over->error, wanted);
+      EXPECT_EQ(over->reason, reason);
+      line->close(false);
+    }
+  }
+}
+
+TEST_F(StreamLineTest, AFailedSendOfALineThatIsOverEndsItOnce) {
+  make(StreamLine::Side::connected);
+  EXPECT_TRUE(test::while_refused({{SYS_sendto, EPIPE}}, [&] { line->write(as_bytes("four")); }));
+  line->close(false);
+  settle(loop);
+  EXPECT_FALSE(over) << "its owner has ended it";
+}
+
+TEST_F(StreamLineTest, WhatTheKernelHasNoRoomForIsSentLater) {
+  make(StreamLine::Side::connected);
+  EXPECT_TRUE(test::while_refused({{SYS_sendto, ENOBUFS}}, [&] {
+    line->write(as_bytes("four"));
+    EXPECT_EQ(line->unsent(), 4U);
+    line->end_writing();
+  }));
+  EXPECT_FALSE(at_end()) << "the end is behind the bytes";
+  settle(loop);
+  EXPECT_EQ(got(), "four");
+  EXPECT_TRUE(at_end());
+  EXPECT_EQ(lost, 0U);
+}
+
+TEST_F(StreamLineTest, WhatCannotBeCountedIsNotGuessed) {
+  make(StreamLine::Side::connected);
+  line->set_reading(false);
+  send("four");
+  line->write(as_bytes("unread"));
+  EXPECT_TRUE(
+      test::while_refused({test::refused_ioctl(SIOCOUTQ, EIO), test::refused_ioctl(FIONREAD, EIO)}, [&] {
+        EXPECT_EQ(line->unsent(), 0U);
+        line->close(false);
+      }));
+  EXPECT_EQ(lost, 0U);
+}
+
+TEST_F(StreamLineTest, AnOrderlyCloseEndsThoughNothingCanBeReadAway) {
+  for (const int error : {EIO, EAGAIN, 0}) {
+    make(StreamLine::Side::connected);
+    line->set_reading(false);
+    send("four");
+    EXPECT_TRUE(test::while_refused({{SYS_recvfrom, error}}, [&] { line->close(true); }));
+    EXPECT_EQ(lost, 0U);
+  }
 }
 
 }  // namespace

@@ -225,6 +225,19 @@ TEST_F(ModemWatchTest, WhatCannotBeHadMeansNoWatchAndLeavesNothing) {
   EXPECT_EQ(::poll(&hung_up, 1, 0), 1) << "nobody else has it open";
 }
 
+// The thread's own timer does not run here: what ends its wait is the caller's.
+TEST_F(ModemWatchTest, ALookThatIsWantedAndTheEndWaitForNoTimeOfTheThreads) {
+  EXPECT_TRUE(test::while_refused({{SYS_timer_settime, EINVAL}}, [&] { start(); }));
+  until_waits(1);
+  line->change(TIOCM_CTS, {}, false);
+  watch->look_soon();
+  until("cts+ ");
+  EXPECT_TRUE(test::while_refused({{SYS_timer_settime, EINVAL}}, [&] { start(0); }));
+  const std::shared_future<void> left = watch->left();
+  watch.reset();
+  EXPECT_TRUE(ends(left));
+}
+
 TEST_F(ModemWatchTest, WithoutATimerTheDeviceIsLookedAtAndNotWaitedFor) {
   EXPECT_TRUE(test::while_refused({{SYS_timer_create, EAGAIN}}, [&] { start(); }));
   line->change(TIOCM_CTS, {}, false);

@@ -18,6 +18,8 @@
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <utility>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -28,6 +30,7 @@
 #include "libport/tty/pty_port.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
+#include "tests/support/refused_calls.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
@@ -319,6 +322,61 @@ TEST(PtyBindUnprivileged, WithoutTheRightAnErrorSaysWhatToDoAndNothingIsLeft) {
   int status = 0;
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   EXPECT_EQ(status, 0) << WEXITSTATUS(status);
+}
+
+TEST_F(PtyBindTest, ACallThatFailsIsToldAndLeavesNothing) {
+  const std::string no_right =
+      "; it needs CAP_SYS_ADMIN: start it as root (in a container with --cap-add SYS_ADMIN), or use "
+      "link=PATH, "
+      "which needs nothing";
+  const std::pair<std::vector<test::RefusedCall>, std::string> cases[] = {
+      {{{SYS_open_tree, EPERM}}, "cannot be mounted on: Operation not permitted" + no_right},
+      {{{SYS_move_mount, EACCES}}, "cannot be mounted on: Permission denied" + no_right},
+      {{{SYS_move_mount, EINVAL}}, "cannot be mounted on: Invalid argument"},
+      {{{SYS_open_tree, EMFILE}}, "cannot be mounted on: Too many open files"},
+      {{{SYS_open_tree, ENOSYS}, {SYS_mount, EPERM}},
+       "cannot be mounted on: Operation not permitted" + no_right},
+      {{{SYS_move_mount, ENOSYS}, {SYS_mount, EINVAL}}, "cannot be mounted on: Invalid argument"},
+      {{test::refused_open(O_CREAT | O_EXCL, EROFS)}, "cannot be made: Read-only file system"},
+      {{test::refused_open(O_CREAT | O_EXCL, ENOSPC)}, "cannot be made: No space left on device"}};
+  const Pty pty = make_pty();
+  for (const auto& [calls, text] : cases) {
+    EXPECT_TRUE(test::while_refused(calls, [&, why = text] {
+      const Result<PtyBind> bind = PtyBind::publish(path, pty.slave_path());
+      ASSERT_FALSE(bind.has_value()) << why;
+      EXPECT_EQ(bind.error(), make_error(Errc::usage, "option 'bind': '" + path + "': " + why));
+    }));
+    EXPECT_FALSE(fs::exists(path)) << text;
+  }
+  const Result<PtyBind> bind = PtyBind::publish(path, pty.slave_path());
+  ASSERT_TRUE(bind.has_value());
+  expect_leads_to(pty);
+}
+
+TEST_F(PtyBindTest, WhereItCannotBeMovedBeneathTheOldOneGoesFirst) {
+  const Pty first = make_pty();
+  const Pty second = make_pty();
+  Result<PtyBind> bind = PtyBind::publish(path, first.slave_path());
+  ASSERT_TRUE(bind.has_value());
+  const test::RefusedCall::Argument beneath{4, 0x200, 0x200};
+  EXPECT_TRUE(test::while_refused({{SYS_move_mount, EINVAL, beneath}},
+                                  [&] { EXPECT_TRUE(bind->retarget(second.slave_path()).has_value()); }));
+  expect_leads_to(second);
+}
+
+TEST_F(PtyBindTest, AMoveThatFailsIsToldAndThePathIsFree) {
+  const Pty first = make_pty();
+  const Pty second = make_pty();
+  Result<PtyBind> bind = PtyBind::publish(path, first.slave_path());
+  ASSERT_TRUE(bind.has_value());
+  EXPECT_TRUE(test::while_refused({{SYS_move_mount, ENOMEM}}, [&] {
+    const Result<void> moved = bind->retarget(second.slave_path());
+    ASSERT_FALSE(moved.has_value());
+    EXPECT_THAT(moved.error().message, HasSubstr("cannot be mounted on: Cannot allocate memory"));
+  }));
+  EXPECT_TRUE(fs::is_regular_file(path)) << "no pty of a driver that is gone";
+  EXPECT_TRUE(bind->retarget(second.slave_path()).has_value());
+  expect_leads_to(second);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "libport/tty/pty_link.hpp"
 
 #include <array>
+#include <cerrno>
 #include <cstdint>
 #include <ctime>
 #include <fcntl.h>
@@ -9,7 +10,9 @@
 #include <functional>
 #include <iterator>
 #include <optional>
+#include <string>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 #include <utility>
 #include <vector>
@@ -17,6 +20,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/base/own_name.hpp"
+#include "tests/support/refused_calls.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
@@ -259,6 +263,56 @@ TEST_F(PtyLinkTest, AnotherThatTakesItsPlaceTakesItAway) {
 TEST_F(PtyLinkTest, ItsOwnLinkToTheSamePtyIsTakenAgain) {
   fs::create_symlink(target, path);
   EXPECT_TRUE(PtyLink::publish(path, target).has_value());
+}
+
+TEST_F(PtyLinkTest, ACallThatFailsIsToldAndLeavesNothing) {
+  const std::pair<test::RefusedCall, std::string> cases[] = {
+      {{SYS_symlinkat, EROFS}, "Read-only file system"},
+      {{SYS_symlinkat, EACCES}, "Permission denied"},
+      {{SYS_symlinkat, ENOSPC}, "No space left on device"},
+      {{SYS_renameat2, EIO}, "Input/output error"},
+      {{SYS_renameat2, EEXIST}, "something else is there by now; it is left alone, choose another path"}};
+  std::optional<PtyLink> old;
+  for (const bool again : {false, true}) {
+    if (again) {
+      Result<PtyLink> made = PtyLink::publish(path, target);
+      ASSERT_TRUE(made.has_value());
+      old.emplace(std::move(*made));
+    }
+    for (const auto& [call, text] : cases) {
+      EXPECT_TRUE(test::while_refused({call}, [&, why = text] {
+        const Error error =
+            again ? old->retarget("/dev/null").error() : PtyLink::publish(path, target).error();
+        EXPECT_EQ(error, make_error(Errc::usage, "link '" + path + "' cannot be made: " + why));
+      }));
+      for (const auto& entry : fs::directory_iterator(dir.path()))
+        EXPECT_TRUE(entry.path() == target || (again && entry.path() == path)) << entry.path();
+      if (again) {
+        EXPECT_EQ(fs::read_symlink(path), target) << "it leads where it did";
+      }
+    }
+  }
+  ASSERT_TRUE(old->retarget("/dev/null").has_value());
+  EXPECT_EQ(fs::read_symlink(path), "/dev/null");
+}
+
+TEST_F(PtyLinkTest, OneThatCannotBeLookedAtAsItIsMadeIsTakenBack) {
+  EXPECT_TRUE(test::while_refused({test::refused_open(O_PATH | O_NOFOLLOW, EMFILE)}, [&] {
+    const Result<PtyLink> link = PtyLink::publish(path, target);
+    ASSERT_FALSE(link.has_value());
+    EXPECT_EQ(link.error().code, Errc::usage);
+    EXPECT_NE(link.error().message.find("Too many open files"), std::string::npos);
+  }));
+  for (const auto& entry : fs::directory_iterator(dir.path())) EXPECT_EQ(entry.path(), target);
+}
+
+TEST_F(PtyLinkTest, OneThatCannotBeMarkedIsMadeAllTheSame) {
+  EXPECT_TRUE(test::while_refused({{SYS_utimensat, EPERM}}, [&] {
+    const Result<PtyLink> link = PtyLink::publish(path, target);
+    ASSERT_TRUE(link.has_value());
+    EXPECT_EQ(fs::read_symlink(path), target);
+  }));
+  EXPECT_FALSE(fs::exists(fs::symlink_status(path)));
 }
 
 }  // namespace
