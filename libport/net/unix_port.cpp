@@ -98,7 +98,7 @@ Result<void> UnixPort::own_node() {
   // What cannot be looked at is left where it is; the next listener finds that nobody answers there.
   if ((!node && errno != ENOENT && errno != ELOOP) || (node && ::fstat(node.get(), &status) != 0))
     return cannot_make(path_, errno);
-  if (!node || !S_ISSOCK(status.st_mode) || status.st_uid != ::geteuid()) {
+  if (!S_ISSOCK(status.st_mode) || status.st_uid != ::geteuid()) {  // nothing there: all zeros
     return make_error(Errc::usage, fmt::format("socket {} was replaced as it was made; choose a folder "
                                                "that nobody else writes to",
                                                in_quotes(path_)));

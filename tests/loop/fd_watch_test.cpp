@@ -1,15 +1,18 @@
 #include "libport/loop/fd_watch.hpp"
 
 #include <array>
+#include <cerrno>
 #include <fcntl.h>
 #include <memory>
 #include <string>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <gtest/gtest.h>
 
 #include "libport/base/unique_fd.hpp"
 #include "tests/support/manual_clock.hpp"
+#include "tests/support/refused_calls.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
@@ -238,6 +241,49 @@ TEST_F(WatchOfAFile, AStoppedOneLooksNoMore) {
   pass(seconds(1));
   EXPECT_EQ(calls, "");
 }
+
+// What the kernel does not watch, for lack of room or right, is looked at by the clock.
+TEST_F(FdWatchTest, WhatTheKernelRefusesToWatchIsLookedAt) {
+  for (const int error : {ENOSPC, ENOMEM, EPERM}) {
+    calls.clear();
+    EXPECT_TRUE(test::while_refused({{SYS_epoll_ctl, error}}, [&] {
+      make_pipe();
+      watch->watch_readable(true);
+      watch->watch_hang_up(true);
+      write();
+      (void)let_pass(loop, clock, FdWatch::kLook - Nanos(1));
+      EXPECT_EQ(calls, "");
+      (void)let_pass(loop, clock, Nanos(1));
+      EXPECT_EQ(calls, "r") << error;
+    }));
+    write();
+    (void)let_pass(loop, clock, FdWatch::kLook);
+    EXPECT_EQ(calls, "rr") << "and it goes on so";
+    (void)let_pass(loop, clock, 3 * FdWatch::kLook);
+    EXPECT_EQ(calls, "rr") << "there is no more";
+    write_end.reset();
+    takes = false;
+    (void)let_pass(loop, clock, FdWatch::kLook);
+    EXPECT_EQ(calls, "rrrh") << "a hang-up is told to both";
+    takes = true;
+    watch.reset();
+    EXPECT_FALSE(loop.next_timer());
+  }
+}
+
+#ifdef SYS_poll
+TEST_F(FdWatchTest, ALookThatFailsTellsNothing) {
+  EXPECT_TRUE(test::while_refused({{SYS_epoll_ctl, EPERM}, {SYS_poll, ENOMEM}}, [&] {
+    make_pipe();
+    watch->watch_readable(true);
+    write();
+    (void)let_pass(loop, clock, 3 * FdWatch::kLook);
+    EXPECT_EQ(calls, "");
+  }));
+  (void)let_pass(loop, clock, FdWatch::kLook);
+  EXPECT_EQ(calls, "r") << "the next one does";
+}
+#endif
 
 }  // namespace
 }  // namespace porttape

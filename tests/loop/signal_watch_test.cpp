@@ -4,6 +4,7 @@
 #include <csignal>
 #include <cstddef>
 #include <memory>
+#include <sys/syscall.h>
 #include <sys/time.h>
 #include <system_error>
 #include <vector>
@@ -12,6 +13,7 @@
 
 #include "tests/support/descriptor_limit.hpp"
 #include "tests/support/port_log.hpp"
+#include "tests/support/refused_calls.hpp"
 
 namespace porttape {
 namespace {
@@ -105,6 +107,22 @@ TEST(SignalWatch, AProgramWithoutDescriptorsIsToldThatItHasNoPipe) {
   } catch (const std::system_error& error) {
     EXPECT_EQ(error.code(), std::errc::too_many_files_open);
   }
+}
+
+TEST(SignalWatch, ASignalThatCannotBeReadNowIsReadLater) {
+  Loop loop;
+  std::vector<int> came;
+  SignalWatch watch(loop, [&came](int number) { came.push_back(number); });
+  watch.add({SIGUSR1});
+  std::raise(SIGUSR1);
+  for (const int error : {EINTR, EAGAIN, 0}) {
+    EXPECT_TRUE(test::while_refused({{SYS_read, error}}, [&] {
+      for (int n = 0; n < 10; ++n) loop.poll_one();
+    }));
+    EXPECT_TRUE(came.empty());
+  }
+  run_until(loop, [&came] { return !came.empty(); });
+  EXPECT_EQ(came, std::vector<int>{SIGUSR1});
 }
 
 }  // namespace

@@ -273,6 +273,7 @@ TEST_F(UrgentEventsTest, WithoutARightToRealTimeItIsAnsweredAllTheSame) {
   EXPECT_EQ(seen->policy, SCHED_OTHER);
 }
 
+#ifdef SYS_epoll_wait
 TEST_F(UrgentEventsTest, AThreadThatCannotWaitEndsAndKeepsNobody) {
   const auto before = threads();
   std::unique_ptr<UrgentEvents::Watch> watch;
@@ -285,6 +286,7 @@ TEST_F(UrgentEventsTest, AThreadThatCannotWaitEndsAndKeepsNobody) {
   other.peer.reset();
   EXPECT_TRUE(next()) << "a new thread";
 }
+#endif
 
 // The letter by which the kernel shows what a thread does: S, it sleeps.
 char state_of(const std::string& thread) {
