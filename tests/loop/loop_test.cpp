@@ -3,8 +3,11 @@
 #include <array>
 #include <chrono>
 #include <fcntl.h>
+#include <fstream>
 #include <functional>
 #include <optional>
+#include <sched.h>
+#include <string>
 #include <thread>
 #include <unistd.h>
 #include <vector>
@@ -16,6 +19,7 @@
 #include "libport/loop/patience.hpp"
 #include "libport/loop/stall_watch.hpp"
 #include "libport/loop/timer.hpp"
+#include "tests/support/manual_clock.hpp"
 #include "tests/support/time_bound.hpp"
 
 namespace porttape {
@@ -144,6 +148,76 @@ TEST(LoopPolls, InAConversationTheNextEventIsLookedForWithoutASleep) {
 }
 
 // A regular file has no events: the kernel refuses to watch it.
+// A clock that goes on by each look at it.
+class SteppingClock final : public Clock {
+ public:
+  [[nodiscard]] Instant now() const override {
+    ++looks;
+    return now_ += step;
+  }
+  [[nodiscard]] WallTime wall() const override { return {}; }
+  [[nodiscard]] std::optional<Instant> machine_time(Instant when) const override { return when; }
+
+  mutable int looks = 0;
+  Nanos step = std::chrono::microseconds(1);
+
+ private:
+  mutable Instant now_{std::chrono::hours(1)};
+};
+
+// Until the kernel shows that this thread sleeps.
+void until_asleep(pid_t thread) {
+  const std::string file = "/proc/self/task/" + std::to_string(thread) + "/stat";
+  for (std::string text; text.find(") S ") == std::string::npos; ::sched_yield())
+    std::getline(std::ifstream(file) >> std::ws, text);
+}
+
+// How often the clock is looked at in a wait, behind a poll that lost the processor or did not.
+int looks_in_a_wait(bool processor_lost) {
+  const ManualClock clock;
+  SteppingClock machine;
+  Loop loop(clock, machine);
+  std::array<int, 2> ends{};
+  EXPECT_EQ(::pipe2(ends.data(), O_NONBLOCK | O_CLOEXEC), 0);
+  const UniqueFd read_end(ends[0]);
+  const UniqueFd write_end(ends[1]);
+  int wakes = 0;
+  int tasks = 0;
+  int before = 0;
+  std::thread waker;
+  const auto wake_when_asleep = [&, loops = ::gettid()] {
+    if (waker.joinable()) waker.join();
+    waker = std::thread([&, loops] {
+      until_asleep(loops);
+      (void)!::write(write_end.get(), "x", 1);
+    });
+  };
+  std::function<void()> task = [&] {
+    if (++tasks < 2 * Patience::kShortWaitsInARow) return loop.post(task);
+    tasks = 0;
+    if (wakes == 1 && processor_lost) machine.step = Patience::kPreempted;
+    wake_when_asleep();
+    before = machine.looks;
+  };
+  FdWatch watch(loop, read_end.get(), [&] {
+    char byte = 0;
+    (void)!::read(read_end.get(), &byte, 1);
+    if (++wakes == 3) return loop.stop();
+    machine.step = std::chrono::microseconds(1);
+    loop.post(task);
+  });
+  watch.watch_readable(true);
+  (void)!::write(write_end.get(), "x", 1);
+  loop.run();
+  waker.join();
+  return machine.looks - before;
+}
+
+TEST(LoopPolls, AfterALostProcessorItSleepsAtOnceForAWhile) {
+  EXPECT_GE(looks_in_a_wait(false), 25);
+  EXPECT_LE(looks_in_a_wait(true), 5);
+}
+
 TEST(FdWatch, LooksItselfWhereTheKernelDoesNotWatch) {
   Loop loop;
   const UniqueFd file(::open("/proc/self/exe", O_RDONLY));
