@@ -80,6 +80,9 @@ void leave(LineToLeave& line) {
   line.fd.reset();
 }
 
+// A tty that another program holds open would keep it, against this one too.
+void give_up_exclusive_use(int fd) { (void)::ioctl(fd, TIOCNXCL); }
+
 int access_mode(const CommonOptions& common) {
   return !common.writes ? O_RDONLY : !common.reads ? O_WRONLY : O_RDWR;
 }
@@ -257,6 +260,7 @@ Result<UniqueFd> SerialPort::open_device() {
   (void)::ioctl(fd.get(), TIOCEXCL);
   if (Result<void> set = set_line(fd.get()); !set) {
     lock_.reset();
+    give_up_exclusive_use(fd.get());
     return in_device(set.error());
   }
   return fd;
@@ -337,8 +341,6 @@ void SerialPort::drop_line(std::vector<LineSettings> to_make) {
   discard_unsent();
   current_ = line_->changes.settings();
   line_->changes.stop();
-  // A tty that another program holds open would keep it, against this one too.
-  (void)::ioctl(line_->fd.get(), TIOCNXCL);
   // The rest goes on the next turn of the loop, since one of its callbacks may be running.
   line_->watch.stop();
   close_elsewhere(*line_, std::move(to_make));
@@ -351,6 +353,7 @@ void SerialPort::drop_line(std::vector<LineSettings> to_make) {
 void SerialPort::close_elsewhere(Line& left, std::vector<LineSettings> to_make) {
   UniqueFd fd = std::move(left.fd);
   const std::unique_ptr<ModemWatch> modem = std::move(left.modem);
+  give_up_exclusive_use(fd.get());
   if (context_.pulled) return;  // its program waits in its calls, and has closed it when they return
   // Unplugged: nothing can be sent, and while it is held the device gets another name when it comes back.
   pollfd state{fd.get(), 0, 0};

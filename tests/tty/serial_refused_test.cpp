@@ -130,6 +130,8 @@ TEST_F(SerialRefused, AnOpenThatFailsIsToldWithWhatToDo) {
     log.events.clear();
     port->open();
     EXPECT_EQ(log.events, "up ") << "nothing keeps the device busy after " << why;
+    port->close();
+    settle(loop);
   }
 }
 
@@ -139,6 +141,31 @@ TEST_F(SerialRefused, ALockOfADeviceThatCouldNotBeSetGoesWithTheDescriptor) {
   EXPECT_TRUE(while_refused({refused_ioctl(TCSETS2, EIO)}, [&] { port->open(); }));
   EXPECT_EQ(log.events, "failed ");
   EXPECT_FALSE(std::filesystem::exists(lock_of(path)));
+}
+
+// While another program has the device open, it would stay so.
+TEST_F(SerialRefused, ExclusiveUseEndsWithAnOpenThatFailsAndWithThePort) {
+  const UniqueFd other(::open(path.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC));
+  const auto is_exclusive = [&other] {
+    int on = 0;
+    EXPECT_EQ(::ioctl(other.get(), TIOCGEXCL, &on), 0);
+    return on != 0;
+  };
+  make_port();
+  ASSERT_TRUE(port->prepare().has_value());
+  EXPECT_TRUE(while_refused({refused_ioctl(TCSETS2, EIO)}, [&] { port->open(); }));
+  EXPECT_EQ(log.events, "failed ");
+  EXPECT_FALSE(is_exclusive());
+  start();
+  EXPECT_TRUE(is_exclusive());
+  port->close();
+  EXPECT_FALSE(is_exclusive());
+  settle(loop);
+  start();
+  EXPECT_TRUE(is_exclusive());
+  port.reset();
+  EXPECT_FALSE(is_exclusive());
+  settle(loop);
 }
 
 TEST_F(SerialRefused, WhatADeviceNeedNotHaveCostsNoLine) {
