@@ -1,8 +1,10 @@
-// When a row of failures is over and what is told of it then; and that a session which is over does nothing.
+// When a row of failures is over and what is told of it then; what leads a session from one of its states to
+// the next; and that a session which is over does nothing.
 
 #include <cstddef>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -75,6 +77,27 @@ TEST_F(SessionRowTest, WhatFailedInTheSameWayIsCountedAtTheEndToo) {
   EXPECT_EQ(times_told("device: it had failed 4 more times in the same way"), 1) << book.text();
 }
 
+TEST_F(SessionRowTest, WhatFailedInTheSameWayIsCountedWhenALineThatHeldFails) {
+  device.up_at_once = false;
+  for (int n = 0; n < 3; ++n) lose_after(Nanos(0));
+  lose_after(kLineHeld);
+  EXPECT_EQ(times_told("device: it had failed 2 more times in the same way"), 1) << book.text();
+  EXPECT_EQ(times_told("it is gone"), 2);
+}
+
+TEST_F(SessionRowTest, WhatReachedNobodyMeanwhileIsToldOnceTheDeviceWorks) {
+  device.up_at_once = false;
+  for (int n = 0; n < 2; ++n) lose_after(Nanos(0));
+  driver.up();
+  pass(seconds(1));
+  device.up();
+  driver.drop(7);
+  EXPECT_FALSE(told("reached nobody"));
+  device.send("works");
+  EXPECT_TRUE(told("device: works again"));
+  EXPECT_TRUE(told("7 bytes reached nobody (the last because a test wants it)")) << book.text();
+}
+
 TEST_F(SessionRowTest, WhereNothingFailedTheEndTellsNothingOfIt) {
   driver.up();
   session->stop();
@@ -118,6 +141,158 @@ TEST_F(SessionRowTest, WhatWasKeptWaitsUntilTheOtherSideTakesIt) {
   driver.congested = false;
   driver.resume();
   EXPECT_EQ(driver.written, "34");
+}
+
+TEST_F(SessionRowTest, ADeviceThatIsBackIsOpenAgain) {
+  driver.up();
+  device.interrupt();
+  EXPECT_EQ(session->state(), Session::State::interrupted);
+  device.resume();
+  EXPECT_EQ(session->state(), Session::State::open);
+  EXPECT_EQ(driver.end(), PortListener::Answers::until_hang_up) << "its half-close is passed on";
+}
+
+TEST_F(SessionRowTest, WhileTheDriverIsInterruptedTheDeviceIsNotRead) {
+  driver.up();
+  driver.interrupt();
+  EXPECT_TRUE(told("; waiting for it")) << book.text();
+  EXPECT_FALSE(device.reading);
+  driver.drain();
+  device.drain();
+  EXPECT_FALSE(device.reading);
+  driver.resume();
+  EXPECT_TRUE(device.reading);
+  driver.interrupt();
+  driver.down(Reason::closed);
+  EXPECT_TRUE(device.reading) << "the next one is not interrupted";
+}
+
+TEST_F(SessionRowTest, ADriversArrivalsStayApartOnlyWhereTheDeviceKeepsDatagrams) {
+  driver.up();
+  driver.arrive("abcd", {1, 4});
+  EXPECT_EQ(device.writes, 1);
+  device.datagrams = true;
+  driver.arrive("efgh", {1, 4});
+  EXPECT_EQ(device.writes, 3);
+  EXPECT_EQ(device.written, "abcdefgh");
+}
+
+TEST_F(SessionRowTest, WhatADriverSendsToADeviceThatIsLostIsReadAndReachesNobody) {
+  driver.up();
+  device.congested = true;
+  driver.send("much");
+  EXPECT_FALSE(driver.reading);
+  device.down(Reason::lost, "it is gone");
+  EXPECT_TRUE(driver.reading);
+}
+
+TEST_F(SessionRowTest, ADeviceThatTakesTheLastBytesIsRead) {
+  driver.up();
+  driver.congested = true;
+  device.send("much");
+  EXPECT_FALSE(device.reading);
+  device.congested = true;
+  driver.congested = false;
+  driver.down(Reason::closed);
+  EXPECT_EQ(session->state(), Session::State::draining);
+  EXPECT_TRUE(device.reading);
+}
+
+// Each way in which the line of a driver that has gone ends, once.
+TEST_F(SessionRowTest, TheLastBytesEndWithTheDevicesLine) {
+  const std::vector<std::function<void()>> ends{[this] { device.drain(); }, [this] { device.interrupt(); },
+                                                [this] { device.down(Reason::lost, "it is gone"); }};
+  for (const auto& comes : ends) {
+    device.calls.clear();
+    driver.up();
+    device.congested = true;
+    driver.down(Reason::closed);
+    EXPECT_EQ(device.calls, "open ");
+    comes();
+    EXPECT_EQ(device.calls, "open close ");
+    EXPECT_EQ(session->state(), Session::State::waiting);
+    pass(seconds(40));
+    EXPECT_EQ(device.calls, "open close ");
+  }
+  EXPECT_FALSE(told("does not take the driver's last bytes")) << book.text();
+}
+
+TEST_F(SessionRowTest, LastBytesThatStandStillAfterSomeHaveGoneAreGivenUpForANextDriver) {
+  driver.up();
+  device.congested = true;
+  device.unread = 10;
+  driver.down(Reason::closed);
+  driver.up();
+  --*device.unread;
+  pass(seconds(1));
+  EXPECT_EQ(session->state(), Session::State::draining) << "some have gone";
+  EXPECT_FALSE(told("they are dropped"));
+  pass(seconds(1));
+  EXPECT_EQ(session->state(), Session::State::open) << "none have";
+  EXPECT_TRUE(told("device does not take the driver's last bytes; they are dropped"));
+}
+
+// What an end waits for, and what lets it go on at once.
+TEST_F(SessionRowTest, AnEndGoesOnWithTheDriversQueue) {
+  driver.up();
+  driver.congested = true;
+  session->stop();
+  EXPECT_EQ(driver.calls, "prepare open ");
+  driver.drain();
+  EXPECT_EQ(driver.calls, "prepare open hang_up_after_reading ");
+}
+
+TEST_F(SessionRowTest, AnEndGoesOnWhereTheDeviceIsInterruptedAndHasNothingLeft) {
+  driver.up();
+  device.congested = true;
+  session->stop();
+  EXPECT_EQ(driver.calls, "prepare open ");
+  device.congested = false;
+  device.interrupt();
+  EXPECT_EQ(driver.calls, "prepare open hang_up_after_reading ");
+}
+
+TEST_F(SessionRowTest, AnEndGoesOnWhereTheDevicesPeerHasClosed) {
+  device.passive = true;
+  driver.up();
+  device.congested = true;
+  session->stop();
+  EXPECT_EQ(driver.calls, "prepare open ");
+  device.down(Reason::closed);
+  EXPECT_EQ(driver.calls, "prepare open hang_up_after_reading ");
+}
+
+TEST_F(SessionRowTest, AnEndGoesOnWhereTheLineOfTheLastBytesIsLost) {
+  driver.up();
+  device.congested = true;
+  driver.down(Reason::closed);
+  session->stop();
+  settle(loop);
+  EXPECT_EQ(end_status, std::nullopt);
+  device.down(Reason::lost, "it is gone");
+  settle(loop);
+  EXPECT_EQ(end_status, 0);
+}
+
+TEST_F(SessionRowTest, AnEndGoesOnWhereADriverThatDoesNotComeBackLeaves) {
+  driver.passive = false;
+  driver.up();
+  driver.congested = true;
+  session->stop();
+  settle(loop);
+  EXPECT_EQ(end_status, std::nullopt);
+  driver.down(Reason::closed);
+  settle(loop);
+  EXPECT_EQ(end_status, 0);
+}
+
+TEST_F(SessionRowTest, AtTheEndADriverIsReadWhoseDeviceIsNotThere) {
+  device.up_at_once = false;
+  driver.up();
+  EXPECT_FALSE(driver.reading);
+  driver.congested = true;
+  session->stop();
+  EXPECT_TRUE(driver.reading);
 }
 
 TEST_F(SessionRowTest, AFirstStopAloneLooksForADriverThatNothingHasToldOf) {

@@ -256,6 +256,18 @@ TEST(BlockSalvage, ALengthThatSwallowsWholeBlocksGivesAllOfThemBack) {
   }
 }
 
+// As that of a tape which a tape of its transfer holds.
+TEST(BlockSalvage, ABlockWhoseDataIsBlocksStaysWhereTheyEndWithIt) {
+  const Bytes inside = test::block_bytes(numbered(9));
+  Bytes bytes = test::block_bytes({{500, std::string(as_text(inside))}});
+  test::append(bytes, kGarbage);
+  EXPECT_THAT(salvaged(bytes), ElementsAre("500 144@12", HasSubstr("lost 25 at 156 from 500: ")));
+  const Bytes behind = test::block_bytes(numbered(9));
+  bytes.insert(bytes.end(), behind.begin(), behind.end());
+  EXPECT_EQ(salvaged(bytes).size(), 11U);
+  EXPECT_EQ(salvaged(bytes).front(), "500 144@12");
+}
+
 TEST(BlockSalvage, ALengthThatIsTooSmallByLessThanAHeaderIsMended) {
   Bytes bytes = test::block_bytes(numbered(20));
   bytes[10 * 16 + 11] = 1;

@@ -147,7 +147,9 @@ TEST_F(ReportErrors, AReportIsApartFromTheTapeWhateverNameLeadsThere) {
   EXPECT_TRUE(check_report_apart("-", tape));
   EXPECT_TRUE(check_report_apart(dir / "t.log", tape));
   EXPECT_TRUE(check_report_apart(dir / "report.json", tape));
-  for (const char* const name : {"t.logr", "t.logw", "t.loge", "folder/t.logw", "./t.loge"}) {
+  fs::create_symlink("circle", dir / "circle");  // nobody knows what is behind it
+  for (const char* const name :
+       {"t.logr", "t.logw", "t.loge", "folder/t.logw", "./t.loge", "circle/../t.logr", "none/../t.logr"}) {
     const std::string path = dir / name;
     EXPECT_EQ(usage_of(check_report_apart(path, tape)),
               "report " + quoted(path) + " is a file of the tape; name another file");

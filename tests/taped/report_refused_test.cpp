@@ -128,6 +128,34 @@ TEST_F(ReportRefused, APlaceThatCannotBeLookedAtIsToldBeforeTheRunAndAfterIt) {
   }
 }
 
+TEST_F(ReportRefused, ALinkThatCannotBeReadIsToldBeforeTheRunAndAfterIt) {
+  fs::create_symlink("report", dir / "link");
+  const std::string link = "page '" + (dir / "link") + "'";
+  for (const int error : {EIO, EACCES, ENOMEM}) {
+    EXPECT_TRUE(holds_without({{SYS_readlinkat, error}}, [&] {
+      EXPECT_EQ(error_of(check_report_place(dir / "link", "page")),
+                make_error(Errc::usage, link + ": " + errno_text(error)));
+      EXPECT_EQ(error_of(write_report(dir / "link", "new", "page")),
+                make_error(Errc::io, link + " cannot be written: " + errno_text(error)));
+    }));
+    EXPECT_EQ(content("report"), "old");
+  }
+}
+
+TEST_F(ReportRefused, ALinkOfOnesOwnToAnothersFileIsRefusedBeforeTheRunAndAfterIt) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can make a file of another user";
+  ASSERT_EQ(::chown(path.c_str(), 65534, 65534), 0);
+  fs::create_symlink("report", dir / "link");
+  const std::string link = "page '" + (dir / "link") + "'";
+  const std::string why =
+      "the link leads to '" + path + "', which is another user's; name a file of your own";
+  EXPECT_EQ(error_of(check_report_place(dir / "link", "page")), make_error(Errc::usage, link + ": " + why));
+  EXPECT_EQ(error_of(write_report(dir / "link", "new", "page")),
+            make_error(Errc::io, link + " cannot be written: " + why));
+  EXPECT_EQ(content("report"), "old");
+  EXPECT_TRUE(check_report_place(path)) << "who names it himself means it";
+}
+
 TEST_F(ReportRefused, WhatIsWrittenToAsItIsSaysWhy) {
   struct Row {
     std::vector<RefusedCall> calls;
