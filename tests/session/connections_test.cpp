@@ -367,6 +367,67 @@ TEST_F(ConnectionsTest, ARequestReachesTheGroupAndEach) {
   EXPECT_TRUE(devices.peers[1].calls.ends_with("next_tape ")) << devices.peers[1].calls;
 }
 
+TEST_F(ConnectionsTest, ARequestIsGoodWhereOneTakesItAndElseSaysWhyNot) {
+  start();
+  driver();
+  driver();
+  const Error why = make_error(Errc::usage, "a test wants it");
+  devices.peers[1].requested = why;
+  EXPECT_TRUE(connections->request(RecorderRequest::next_tape())) << "the first took it";
+  devices.peers[0].requested = why;
+  EXPECT_EQ(connections->request(RecorderRequest::next_tape()).error(), why);
+  EXPECT_EQ(connections->request(PlaybackRequest{}).error(),
+            make_error(Errc::usage, "memory is no tape that is replayed"));
+}
+
+TEST_F(ConnectionsTest, TheLogTellsWhoseConnectionItSpeaksOf) {
+  start();
+  driver();
+  EXPECT_NE(book.text().find("listening: connection 1 is from somebody"), std::string::npos) << book.text();
+  driver();
+  EXPECT_NE(book.text().find("listening: connection 2 is from somebody"), std::string::npos) << book.text();
+  devices.peers[1].interrupt();
+  EXPECT_NE(book.text().find("[test c2]"), std::string::npos) << book.text();
+  EXPECT_EQ(book.text().find("[test c3]"), std::string::npos) << book.text();
+}
+
+TEST_F(ConnectionsTest, AGroupThatIsPlayedOnceEndsWhereItsLastConnectionCannotBegin) {
+  devices.ends_after = 1;
+  devices.peers.resize(1);
+  devices.peers[0].prepared = make_error(Errc::io, "a test wants it");
+  start();
+  driver();
+  run_to_end();
+  EXPECT_EQ(end_status, exit_status::kRuntime);
+}
+
+TEST_F(ConnectionsTest, AGroupThatIsPlayedOnceEndsWhereItsLastConnectionThrows) {
+  devices.ends_after = 1;
+  devices.peers.resize(1);
+  devices.peers[0].on_open = [this] { loop.post([] { throw std::runtime_error("broken"); }); };
+  start();
+  driver();
+  run_to_end();
+  EXPECT_EQ(end_status, exit_status::kRuntime);
+}
+
+TEST_F(ConnectionsTest, TheDriversPortEndsItWithItsStatus) {
+  start();
+  listening->ask_for_end(exit_status::kRuntime);
+  run_to_end();
+  EXPECT_EQ(end_status, exit_status::kRuntime);
+}
+
+TEST_F(ConnectionsTest, ASecondStopGivesUpEachConnectionAtOnce) {
+  start();
+  driver().congested = true;
+  driver().congested = true;
+  connections->stop();
+  for (const MemoryPort::Peer& each : drivers) EXPECT_EQ(each.calls.find("close"), std::string::npos);
+  connections->stop();
+  for (const MemoryPort::Peer& each : drivers) EXPECT_NE(each.calls.find("close"), std::string::npos);
+}
+
 TEST_F(ConnectionsTest, APortWithoutConnectionsIsAUsageError) {
   listening->gives = false;
   const Result<void> started = connections->start();

@@ -119,6 +119,16 @@ TEST(Failures, ALineThatHasWorkedIsOpenedAtOnceAndItsWaitsBeginAnew) {
   EXPECT_EQ(wait_after(failures, 2), milliseconds(10));
 }
 
+// Its clock is younger than the longest wait.
+TEST(Failures, OnAMachineThatHasJustStartedALineThatHasWorkedWaitsNoLongerEither) {
+  Failures failures;
+  for (int n = 0; n < 8; ++n) failures.failed(Instant{}, "missing");
+  failures.worked();
+  failures.failed(Instant{}, "missing");
+  failures.failed(Instant{}, "missing");
+  EXPECT_EQ(failures.may_open() - Instant{}, Failures::kFirstWait);
+}
+
 TEST(Failures, WhoComesASecondAfterItMightHaveBeenOpenedDoesNotWaitForLong) {
   Failures failures;
   (void)wait_after(failures, 5);

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -293,6 +294,70 @@ TEST_F(SessionRowTest, AtTheEndADriverIsReadWhoseDeviceIsNotThere) {
   driver.congested = true;
   session->stop();
   EXPECT_TRUE(driver.reading);
+}
+
+TEST_F(SessionRowTest, ADriversLineIsHungUpOnceAtTheEnd) {
+  driver.up();
+  session->stop();
+  device.drain();
+  driver.drain();
+  EXPECT_EQ(driver.calls, "prepare open hang_up_after_reading ");
+  driver.down(Reason::hung_up);
+  settle(loop);
+  EXPECT_EQ(end_status, 0);
+}
+
+TEST_F(SessionRowTest, WhatADriverHasWrittenAndNobodyTookIsCountedWhereAnEndIsGivenUp) {
+  driver.up();
+  device.congested = true;
+  driver.send("much");
+  session->stop();
+  driver.pending = [this] {
+    if (driver.reading) driver.send("abc");
+  };
+  session->stop();
+  settle(loop);
+  EXPECT_EQ(session->counters().dropped_bytes, 3U);
+  EXPECT_EQ(device.gaps, 3U);
+}
+
+TEST_F(SessionRowTest, AfterAnEndThatWasGivenUpNothingComesOfTheLastBytes) {
+  driver.up();
+  device.congested = true;
+  driver.down(Reason::closed);
+  session->stop();
+  session->stop();
+  settle(loop);
+  EXPECT_EQ(end_status, 0);
+  const std::string calls = device.calls;
+  pass(seconds(60));
+  EXPECT_EQ(device.calls, calls);
+  EXPECT_FALSE(told("does not take the driver's last bytes")) << book.text();
+}
+
+TEST_F(SessionRowTest, WhatADriverWaitsForAndAsksIsTheDevicesToAnswer) {
+  driver.up();
+  int sent = 0;
+  int answers = 0;
+  driver.wait_until_sent([&sent] { ++sent; });
+  driver.ask([&answers](const auto&) { ++answers; });
+  ASSERT_EQ(device.drains.size(), 1U);
+  ASSERT_EQ(device.questions.size(), 1U);
+  EXPECT_EQ(sent + answers, 0);
+  device.drains.front()();
+  device.questions.front()(std::nullopt);
+  EXPECT_EQ(sent, 1);
+  EXPECT_EQ(answers, 1);
+}
+
+TEST_F(SessionRowTest, SignalsOfADriverThatWentBeforeItsDeviceCameAreNotTheNextOnes) {
+  device.up_at_once = false;
+  driver.up();
+  driver.signal({LineSignal::Name::dtr, true});
+  driver.down(Reason::closed);
+  driver.up();
+  device.up();
+  EXPECT_EQ(device.calls.find("_on"), std::string::npos) << device.calls;
 }
 
 TEST_F(SessionRowTest, AFirstStopAloneLooksForADriverThatNothingHasToldOf) {

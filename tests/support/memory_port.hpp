@@ -47,6 +47,7 @@ class MemoryPort final : public Port, private Recorder {
     std::vector<std::uint64_t> refused;         // of peer_refused()
     std::string gap_why;                        // of the last note_gap()
     int status = 0;
+    Result<void> requested;  // what it answers to a request
 
     void up() { port->listener().on_up(); }
     void send(std::string_view text) { port->listener().on_data(as_bytes(text)); }
@@ -162,7 +163,7 @@ class MemoryPort final : public Port, private Recorder {
  private:
   Result<void> request(const RecorderRequest& what) override {
     peer_->calls += what.kind == RecorderRequest::Kind::mark ? "mark:" + what.text + " " : "next_tape ";
-    return {};
+    return peer_->requested;
   }
   void note_gap(std::uint64_t bytes, std::string_view why) override {
     peer_->gaps += bytes;
