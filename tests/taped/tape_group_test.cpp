@@ -8,6 +8,7 @@
 #include <string>
 #include <sys/stat.h>
 #include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -224,6 +225,35 @@ TEST_F(TapeGroupTest, AKeeperOfAGroupCountsFromItsZero) {
   Result<TapeReader> other = TapeReader::open(new_tape(dir / "laser"));
   ASSERT_TRUE(other.has_value());
   EXPECT_EQ(other->header()->zero, reader->header()->zero);
+  EXPECT_EQ(other->header()->zero, group->begin(first).header_zero);
+}
+
+TEST_F(TapeGroupTest, KeepersOfAGroupGoOnWithTheSameNextPart) {
+  make(OnExisting::refuse);
+  Loop loop;
+  const LogBook book;
+  std::vector<std::unique_ptr<TapeKeeper>> keepers;
+  const Instant first = loop.now();
+  for (const unsigned connection : {1U, 2U}) {
+    keepers.push_back(
+        std::make_unique<TapeKeeper>(PortContext{&loop, book.log()},
+                                     TapeKeeper::Options{.tape = group->tape_of(connection),
+                                                         .header = {.device = "memory", .driver = "test"},
+                                                         .group = group,
+                                                         .connection = connection},
+                                     [] {}));
+    keepers.back()->opened(first);
+  }
+  for (int minutes = 1; minutes <= 2; ++minutes) {
+    for (const auto& keeper : keepers)
+      EXPECT_TRUE(keeper->request(first + std::chrono::minutes(minutes), RecorderRequest::next_tape()));
+  }
+  int complete = 0;
+  for (const auto& keeper : keepers)
+    keeper->finish(first + std::chrono::minutes(3), [&complete](bool all) { complete += all ? 1 : 0; });
+  run_until(loop, [&complete] { return complete == 2; });
+  EXPECT_EQ(tapes(), (Names{"laser.log", "laser.c2.log", "laser.2.log", "laser.2.c2.log", "laser.3.log",
+                            "laser.3.c2.log"}));
 }
 
 }  // namespace

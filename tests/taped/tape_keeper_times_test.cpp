@@ -6,10 +6,12 @@
 #include <functional>
 #include <future>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -32,11 +34,12 @@ class KeeperTimes : public testing::Test {
  protected:
   using Make = std::function<Result<TapeWriter>(const LiveTape::Options&)>;
 
-  void keep(Make make, bool fail_closed = false) {
+  void keep(Make make, bool fail_closed = false, OnExisting on_existing = OnExisting::refuse) {
     keeper =
         std::make_unique<TapeKeeper>(PortContext{&loop, book.log()},
                                      TapeKeeper::Options{.tape = literal_tape(dir / "x.log"),
                                                          .header = {.device = "memory", .driver = "test"},
+                                                         .on_existing = on_existing,
                                                          .fail_closed = fail_closed,
                                                          .make = std::move(make),
                                                          .disk_clock = &clock},
@@ -326,6 +329,117 @@ TEST_F(KeeperTimes, ADiskThatHangsLongAfterItAnsweredIsToldOfToo) {
   keeper->give_up();
   disk->pace = TiringDisk::Pace::works;
   disk->goes_on.set_value();
+}
+
+// On files; notes which number the next one may have.
+class KeeperOfFiles : public KeeperTimes {
+ protected:
+  void open(OnExisting on_existing = OnExisting::refuse) {
+    keep(
+        [this](const LiveTape::Options& tape) -> Result<TapeWriter> {
+          const std::lock_guard lock(mutex);
+          numbers.push_back(tape.writer.first_number);
+          if (fails) return make_error(Errc::io, "no disk");
+          return TapeWriter::create(tape.paths, tape.header, tape.writer);
+        },
+        false, on_existing);
+    keeper->opened(loop.now());
+  }
+  [[nodiscard]] std::vector<unsigned> numbers_so_far() {
+    const std::lock_guard lock(mutex);
+    return numbers;
+  }
+  void next_tape() { EXPECT_TRUE(keeper->request(loop.now(), RecorderRequest::next_tape())); }
+  void run_until_told_times(std::string_view text, int times) {
+    run_until(loop, [&] { return told(text) >= times; });
+  }
+  bool finish() {
+    std::optional<bool> complete;
+    keeper->finish(loop.now(), [&complete](bool all) { complete = all; });
+    run_until(loop, [&complete] { return complete.has_value(); });
+    return *complete;
+  }
+
+  std::mutex mutex;
+  std::vector<unsigned> numbers;
+  std::atomic<bool> fails = false;
+};
+
+TEST_F(KeeperOfFiles, EachTapeIsToldOfAndHasANumberMore) {
+  open();
+  run_until_told_times("recording to", 1);
+  EXPECT_EQ(keeper->recording()->tape, dir / "x.log");
+  for (const int tape : {2, 3}) {
+    next_tape();
+    run_until_told_times("recording to", tape);
+    EXPECT_EQ(keeper->recording()->tape, dir / ("x." + std::to_string(tape) + ".log"));
+  }
+  EXPECT_TRUE(finish());
+  EXPECT_EQ(numbers_so_far(), (std::vector<unsigned>{1, 2, 3}));
+  EXPECT_EQ(keeper->recording(), std::nullopt);
+}
+
+TEST_F(KeeperOfFiles, WhyNoneCanBeMadeIsToldAgainOnceOneWasMade) {
+  fails = true;
+  open();
+  run_until_told_times("no disk; nothing is recorded until that is mended", 1);
+  fails = false;
+  pass(seconds(1));
+  run_until_told_times("recording to", 1);
+  fails = true;
+  next_tape();
+  run_until_told_times("no disk; nothing is recorded until that is mended", 2);
+}
+
+TEST_F(KeeperOfFiles, AfterTheEndNoneIsTriedAgain) {
+  fails = true;
+  open();
+  run_until_told_times("no disk", 1);
+  EXPECT_FALSE(finish());
+  fails = false;
+  pass(seconds(60));
+  EXPECT_EQ(numbers_so_far().size(), 1U);
+  EXPECT_EQ(loop.next_timer(), std::nullopt);
+}
+
+TEST_F(KeeperOfFiles, AnEndClosesTheSessionThatIsOpen) {
+  open();
+  run_until_told_times("recording to", 1);
+  EXPECT_TRUE(finish());
+  const std::string events(as_text(test::read_file(dir / "x.loge")));
+  EXPECT_THAT(events, HasSubstr(R"("event":"close")"));
+  EXPECT_LT(events.find(R"("event":"close")"), events.find(R"("event":"end")"));
+}
+
+TEST_F(KeeperOfFiles, WhatReplacesOthersWaitsForALineThatComesUpForADriver) {
+  open(OnExisting::overwrite);
+  keeper->closed(loop.now());
+  keeper->came_up(loop.now());
+  EXPECT_EQ(numbers_so_far().size(), 0U) << "the driver has gone";
+  keeper->opened(loop.now());
+  EXPECT_EQ(numbers_so_far().size(), 0U);
+  keeper->came_up(loop.now());
+  run_until_told_times("recording to", 1);
+  EXPECT_TRUE(finish());
+}
+
+TEST_F(KeeperOfAFullDisk, SaysHowMuchIsOnTheTapeAndHowMuchIsLost) {
+  open();
+  EXPECT_EQ(keeper->recording()->bytes, 1U);
+  EXPECT_EQ(keeper->recording()->lost_bytes, 0U);
+  block(true);
+  block(true);
+  EXPECT_EQ(keeper->recording()->bytes, 1U);
+  EXPECT_EQ(keeper->recording()->lost_bytes, 2U);
+  EXPECT_EQ(keeper->recording()->queued_bytes, 0U);
+}
+
+TEST_F(KeeperOfAHungDisk, SaysHowMuchWaitsForIt) {
+  open();
+  keeper->block(Direction::read, loop.now(), as_bytes("seven b"));
+  EXPECT_EQ(keeper->recording()->queued_bytes, 7U);
+  EXPECT_EQ(keeper->recording()->bytes, 0U);
+  keeper->give_up();
 }
 
 }  // namespace
