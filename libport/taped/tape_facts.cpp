@@ -123,7 +123,6 @@ Result<TapeFacts> tape_facts(const TapePaths& tape, const PlayedPart& played) {
   }
   // No matter where something else of the tape comes behind the part.
   if (played.end || (session > 0 && session < search.opens())) known.ended.reset();
-  facts.opens = search.opens();
   facts.line = known.line.before();
   const std::optional<TapePart> part = search.found();
   if (!part) return no_such_session(tape, session, std::max<std::uint64_t>(1, search.opens()));

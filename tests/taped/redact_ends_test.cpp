@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -130,6 +131,37 @@ TEST_F(RedactEndsTest, OfWhatIsLeftTheFirst64AreToldAndAllOfTheSameCounted) {
     EXPECT_EQ(done->left[i].key, "******" + std::to_string(i));
     EXPECT_EQ(done->left[i].count, 2U);
     EXPECT_EQ(to_us(done->left[i].first), static_cast<std::int64_t>(i));
+  }
+}
+
+TEST_F(RedactEndsTest, AnEndBeforeTheLastEventIsNoneOfTheTapes) {
+  const TapePaths paths = literal_tape(dir / "goes-on");
+  test::write_file(paths.read, test::block_bytes({{1, "a secret"}}));
+  const std::string header = "{\"format\":\"porttape-events\",\"version\":1}\n";
+  const std::string end = "{\"t_us\":2,\"event\":\"end\"}\n";
+  test::write_file(paths.events, as_bytes(header + end));
+  ASSERT_TRUE(redact(paths));
+  EXPECT_THAT(last_event(made), testing::StartsWith("end "));
+  test::write_file(paths.events, as_bytes(header + end + "{\"t_us\":3,\"event\":\"mark\"}\n"));
+  ASSERT_TRUE(redact(paths));
+  EXPECT_EQ(last_event(made), "mark 3");
+}
+
+TEST_F(RedactEndsTest, SaysWhichTapeWasMadeOrWouldBe) {
+  const TapePaths source = tape(MemoryTape().read(1, "a secret"), 2);
+  const TapePaths to = literal_tape(dir / "to.log");
+  const Result<RuleSet> rules = read_rules(kRules, "my.rules");
+  ASSERT_TRUE(rules);
+  RedactOptions options{.rules = *rules,
+                        .key = {3, 4},
+                        .dry_run = true,
+                        .writer = {.on_existing = OnExisting::next, .sync = false}};
+  for (const auto& [dry_run, name] : {std::pair(true, "to.log"), {false, "to.log"}, {false, "to.2.log"}}) {
+    options.dry_run = dry_run;
+    const auto done = redact_tape(source, to, options);
+    ASSERT_TRUE(done) << done.error().message;
+    EXPECT_EQ(done->paths.file_name(), name);
+    EXPECT_EQ(fs::exists(done->paths.read), !dry_run);
   }
 }
 

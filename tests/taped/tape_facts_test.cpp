@@ -225,6 +225,56 @@ TEST_F(TapeFactsTest, TheLineIsAsItWasBeforeTheSession) {
   EXPECT_EQ(facts(paths, {.session = 2}).line.own()->baud, 1200U);
 }
 
+TEST_F(TapeFactsTest, OnlyAnEndWithDigestsCanBeChecked) {
+  const MemoryTape records = MemoryTape().open(0).write(1, "ask").read(2, "answer").close(3);
+  const TapePaths with = tape(records, {.device = "d", .driver = "p", .id = "0123"});
+  EXPECT_TRUE(facts(with).checkable);
+  const std::string events(as_text(test::read_file(with.events)));
+  test::write_file(with.events, as_bytes(events.substr(0, events.find('\n') + 1)));
+  EXPECT_FALSE(facts(with).checkable) << "it has no end";
+  fs::remove(with.events);
+  EXPECT_FALSE(facts(with).checkable);
+}
+
+// Whether all of a tape was read, and the error that was found.
+std::pair<bool, std::optional<Errc>> checked(const TapePaths& paths) {
+  const std::optional<TapeCheck> check = check_tape(paths);
+  EXPECT_TRUE(check);
+  if (!check) return {};
+  return {check->whole, check->found ? std::nullopt : std::optional(check->found.error().code)};
+}
+
+TEST_F(TapeFactsTest, ATapeIsCheckedAsFarAsItCanBeRead) {
+  constexpr std::optional<Errc> none;
+  const MemoryTape records = MemoryTape().open(0).write(1, "ask").read(2, "answer").close(3);
+  const TapePaths paths = tape(records, {.device = "d", .driver = "p", .id = "0123"});
+  EXPECT_EQ(checked(paths), std::pair(true, none));
+  const Bytes sound = test::read_file(paths.read);
+  Bytes other = sound;
+  other.back() ^= 1U;
+  test::write_file(paths.read, other);
+  EXPECT_EQ(checked(paths), std::pair(true, std::optional(Errc::damaged_tape)));
+  test::write_file(paths.read, sound);
+  const Bytes events = test::read_file(paths.events);
+  test::write_file(paths.events, as_bytes(std::string(as_text(events)) + "nonsense\n"));
+  EXPECT_EQ(checked(paths), std::pair(false, std::optional(Errc::damaged_tape)));
+  test::write_file(paths.events, as_bytes("no events\n"));
+  EXPECT_EQ(checked(paths), std::pair(false, std::optional(Errc::damaged_tape)));
+  EXPECT_EQ(checked(literal_tape(dir / "none")), std::pair(false, std::optional(Errc::usage)));
+}
+
+TEST_F(TapeFactsTest, ACheckIsGivenUpNowAndThen) {
+  MemoryTape records;
+  for (unsigned n = 0; n < 2 * kRecordsBetweenLooks + 1; ++n) records.read(n, "x");
+  const TapePaths paths = tape(records);
+  int asked = 0;
+  EXPECT_TRUE(check_tape(paths, [&asked] { return ++asked > 2; })) << "it is read by then";
+  EXPECT_EQ(asked, 2);
+  asked = 0;
+  EXPECT_FALSE(check_tape(paths, [&asked] { return ++asked > 1; }));
+  EXPECT_EQ(asked, 2);
+}
+
 std::optional<LineSettings> own_of(const std::string& device) {
   return own_settings(DeviceLine{}, TapeHeader{.device = device, .driver = "pty"});
 }
