@@ -1,12 +1,15 @@
 #include "libport/tape/tape_reader.hpp"
 
+#include <fcntl.h>
 #include <random>
 #include <sys/stat.h>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "libport/base/unique_fd.hpp"
 #include "libport/tape/block_file.hpp"
+#include "libport/tape/tape_lock.hpp"
 #include "tests/support/failing_source.hpp"
 #include "tests/support/tape_bytes.hpp"
 #include "tests/support/temp_dir.hpp"
@@ -287,6 +290,26 @@ TEST_F(SharedRecording, InTheOlderLayoutIsReadWhole) {
   EXPECT_FALSE(reader->torn_tail());
 }
 
+TEST(TapeReader, WhatIsBeingWrittenIsNotComparedWithItsEnd) {
+  const TempDir dir;
+  const TapePaths paths = literal_tape(dir / "t.log");
+  const PayloadCounter none;
+  test::write_file(paths.read, test::block_bytes({{10, "yes"}}));
+  test::write_file(paths.events,
+                   as_bytes(encode(TapeHeader{.device = "d", .driver = "p", .id = "0123"}) +
+                            encode(tape_time_us(20), event::End{none.totals(), none.totals(), {}})));
+  {
+    const UniqueFd recorder(::open(paths.read.c_str(), O_WRONLY | O_CLOEXEC));
+    ASSERT_EQ(lock_tape_file(recorder.get(), AT_FDCWD, paths.read), TapeLock::held);
+    auto reader = TapeReader::open(paths);
+    ASSERT_TRUE(reader);
+    EXPECT_THAT(test::read_all(*reader), ElementsAre("r 10 yes", "end 20"));
+  }
+  auto reader = TapeReader::open(paths);
+  ASSERT_TRUE(reader);
+  EXPECT_THAT(test::read_all(*reader), ElementsAre("r 10 yes", "end 20", HasSubstr("error: ")));
+}
+
 // What keeps the r and w files from being read is damage only where the events file says that it is a tape.
 TEST(TapeReader, WithoutATapesEventsOtherFilesAreNoTape) {
   const Bytes header = test::bytes_of("{\"format\":\"porttape-events\",\"version\":1}\n");
@@ -301,6 +324,7 @@ TEST(TapeReader, WithoutATapesEventsOtherFilesAreNoTape) {
   EXPECT_EQ(code_of(test::memory("e", {})), Errc::not_a_tape);
   EXPECT_EQ(code_of(test::memory("e", test::bytes_of("no events\n"))), Errc::not_a_tape);
   EXPECT_EQ(code_of(test::memory("e", header)), Errc::damaged_tape);
+  EXPECT_EQ(code_of(test::memory("e", Bytes(header.begin(), header.end() - 1))), Errc::damaged_tape);
   EXPECT_EQ(code_of(std::make_unique<test::FailingSource>(header, -1)), Errc::damaged_tape);
   EXPECT_EQ(code_of(std::make_unique<test::FailingSource>(header, 0)), Errc::not_a_tape)
       << "it cannot be read";
