@@ -110,6 +110,40 @@ TEST(EventFile, WhatIsWrittenIsReadBack) {
   }
 }
 
+// What the rest of it is, from one call of next() on.
+std::vector<std::string> rest_of(EventFile& file) {
+  std::vector<std::string> all;
+  EventFile::Step step{};
+  while ((step = file.next()) == EventFile::Step::event) all.emplace_back(file.line());
+  all.push_back(step == EventFile::Step::failed ? file.error().message : "end");
+  return all;
+}
+
+TEST(EventFile, BeginsAgainFromAnywhere) {
+  const std::string header = encode(TapeHeader{.device = "d", .driver = "p", .id = "0123"});
+  const std::string open = encode(tape_time_us(1), event::Open{});
+  StreamDigest lines;
+  lines.add(as_bytes(header));
+  lines.add(as_bytes(open));
+  const std::string end = encode(tape_time_us(2), event::End{{}, {}, lines.value()});
+  for (const std::string& last :
+       {std::string(), std::string("{\"t_us\":3,\"ev"), std::string("nonsense\n")}) {
+    auto file = EventFile::create(test::memory("t.loge", test::bytes_of(header + open + end + last)));
+    ASSERT_TRUE(file);
+    const std::vector<std::string> all = rest_of(*file);
+    ASSERT_EQ(all.size(), 3U) << all.back();
+    EXPECT_EQ(all[0] + all[1] + "\n", open.substr(0, open.size() - 1) + end);
+    for (int steps = 0; steps < 5; ++steps) {
+      file->rewind();
+      EXPECT_EQ(file->line(), "");
+      EXPECT_EQ(file->torn_tail(), std::nullopt);
+      for (int n = 0; n < steps; ++n) (void)file->next();
+      file->rewind();
+      EXPECT_EQ(rest_of(*file), all) << steps;
+    }
+  }
+}
+
 TEST(EventFile, AZeroEventReplacesTheHeadersZero) {
   auto file = EventFile::create(test::memory(
       "t.loge",

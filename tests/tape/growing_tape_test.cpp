@@ -119,6 +119,25 @@ TEST_F(GrowingTape, WhatComesToAFileThatWasLookedAtIsNotTooLate) {
   EXPECT_THAT(test::read_all(reader), ElementsAre("r 10 pushed", "w 20 ask"));
 }
 
+TEST_F(GrowingTape, EachOfItsFilesIsReadOnWhereItHasGrown) {
+  auto reader =
+      TapeReader::from_sources({std::make_unique<GrowingSource>(read), std::make_unique<GrowingSource>(write),
+                                std::make_unique<GrowingSource>(events)},
+                               TapeReader::Options{});
+  ASSERT_TRUE(reader);
+  EXPECT_THAT(test::read_all(*reader), testing::IsEmpty());
+  add(read, block_bytes({{5, "r"}}));
+  EXPECT_THAT(test::read_all(*reader), testing::IsEmpty()) << "until it is to read on";
+  reader->read_on();
+  EXPECT_THAT(test::read_all(*reader), ElementsAre("r 5 r"));
+  add(write, block_bytes({{6, "w"}}));
+  reader->read_on();
+  EXPECT_THAT(test::read_all(*reader), ElementsAre("w 6 w"));
+  add_event(R"({"t_us":7,"event":"close"})");
+  reader->read_on();
+  EXPECT_THAT(test::read_all(*reader), ElementsAre("close 7"));
+}
+
 // Gets one byte more with each so many reads.
 class TricklingSource final : public ByteSource {
  public:
