@@ -415,9 +415,9 @@ TEST_F(KeeperOfFiles, WhatReplacesOthersWaitsForALineThatComesUpForADriver) {
   open(OnExisting::overwrite);
   keeper->closed(loop.now());
   keeper->came_up(loop.now());
-  EXPECT_EQ(numbers_so_far().size(), 0U) << "the driver has gone";
+  EXPECT_EQ(keeper->recording()->state, RecordingStatus::State::waiting) << "the driver has gone";
   keeper->opened(loop.now());
-  EXPECT_EQ(numbers_so_far().size(), 0U);
+  EXPECT_EQ(keeper->recording()->state, RecordingStatus::State::waiting);
   keeper->came_up(loop.now());
   run_until_told_times("recording to", 1);
   EXPECT_TRUE(finish());
