@@ -1,5 +1,6 @@
 #include "libport/net/types.hpp"
 
+#include <fmt/format.h>
 #include <memory>
 #include <string>
 
@@ -36,7 +37,14 @@ StreamOptions stream_options(const PortOptions& written) {
           .most_connections = static_cast<std::size_t>(written.integer("max-connections"))};
 }
 
+// An empty one, such as an unset variable of a shell leaves, would mean each of this machine's addresses.
+Result<void> check_host(const PortOptions& written, const std::string& option) {
+  if (!written.text(option).empty()) return {};
+  return usage_error(fmt::format("option '{}': '' is not valid; accepted: a name or an address", option));
+}
+
 Result<TcpOptions> tcp_options(const PortOptions& written) {
+  if (const Result<void> named = check_host(written, "ip"); !named) return named.error();
   TcpOptions options{written.text("ip"), port_number(written, "port"), stream_options(written)};
   if (options.port == 0 && !options.stream.listen)
     return usage_error("option 'port': '0' is not valid; accepted: a whole number from 1 to 65535");
@@ -44,6 +52,9 @@ Result<TcpOptions> tcp_options(const PortOptions& written) {
 }
 
 Result<UdpOptions> udp_options(const PortOptions& written) {
+  for (const char* const option : {"dest_ip", "recv_ip"}) {
+    if (const Result<void> named = check_host(written, option); !named) return named.error();
+  }
   const std::string from = written.text("from");
   return UdpOptions{.to_host = written.text("dest_ip"),
                     .to_port = port_number(written, "dest_port"),

@@ -209,7 +209,8 @@ std::size_t ReplayRun::write(Instant now, ByteView data, bool counted) {
     matcher_.realign_to_time(player_.tape(now - config_.jitter));
   }
   ByteView rest = data;
-  while (ledger_ && (!rest.empty() || matcher_.goes_on()) && !device_gone_) {
+  const bool compares = !device_gone_ || matcher_.comparing();
+  while (ledger_ && compares && (!rest.empty() || matcher_.goes_on())) {
     const Matcher::Step step = matcher_.write(now, rest, next_hang_up());
     if (resyncs()) note_question(rest.first(step.used));
     rest = rest.subspan(step.used);
@@ -279,9 +280,11 @@ void ReplayRun::find_asked(Instant now) {
   }
 }
 
-// The recorded hang-up that is next, while the bytes are compared.
+// The recorded hang-up that is next, or has just broken the driver's line, while the bytes are compared: what
+// is recorded before it may still come.
 std::optional<TapeTime> ReplayRun::next_hang_up() {
-  const std::size_t next = player_.schedule().hang_ups_passed();
+  const std::size_t passed = player_.schedule().hang_ups_passed();
+  const std::size_t next = passed - std::min<std::size_t>(passed, device_gone_ ? 1 : 0);
   if (!matcher_.comparing() || next >= hang_ups_.size()) return std::nullopt;
   return hang_ups_[next];
 }

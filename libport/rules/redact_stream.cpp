@@ -11,8 +11,10 @@ namespace porttape {
 namespace {
 
 constexpr std::size_t kWorkEvery = std::size_t{32} * 1024;  // bytes
-constexpr std::size_t kSlice = std::size_t{16} * 1024;      // are searched at once
-constexpr std::uint64_t kRangePart = 4096;                  // of a range, filled by itself
+constexpr std::size_t kSlice = std::size_t{16} * 1024;      // are searched at once, at least
+// A match is seen so far, whatever its rule asks for: as much as any rule may, and a byte.
+constexpr std::size_t kMostMatch = 65537;
+constexpr std::uint64_t kRangePart = 4096;  // of a range, filled by itself
 constexpr std::uint16_t kOwnerFollows = std::numeric_limits<std::uint16_t>::max();
 
 }  // namespace
@@ -79,29 +81,33 @@ void RedactStream::cut_frames(bool ended) {
   }
 }
 
-// A match is what the expression finds in the whole stream, of matches shorter than its longest: a place is
-// judged once so many bytes behind it are there, and a byte more, so that an end of the text is the stream's.
+// A match is what the expression finds in the whole stream, as far as kMostMatch. A slice is searched once
+// all of it is there, so that it does not matter how the stream comes, and a byte more, so that an end of the
+// text is the stream's.
 Result<void> RedactStream::search(std::size_t rule, bool ended) {
+  const bool is_text = book_.rules()[rule].kind == RedactRule::Kind::text;
   const std::size_t longest = book_.longest(rule);
+  const std::size_t seen = is_text ? longest : std::max(longest, kMostMatch);
+  const std::size_t width = std::max(kSlice, 2 * seen);
   const std::size_t there = ended || bytes_.empty() ? bytes_.size() : bytes_.size() - 1;
-  const std::size_t judged = ended ? bytes_.size() : there + 1 - std::min(there + 1, longest);
+  const std::size_t judged = ended ? bytes_.size() : there + 1 - std::min(there + 1, width);
   std::size_t& at = searched_[rule];
   while (at < judged) {
-    const std::size_t slice = std::min(there, at + std::max(kSlice, 2 * longest));
+    const std::size_t slice = std::min(there, at + width);
     const bool to_end = ended && slice == bytes_.size();
-    const std::size_t sure = to_end ? slice : slice + 1 - longest;
+    const std::size_t sure = to_end ? slice : slice + 1 - seen;
     auto match = book_.find(rule, bytes_, at, slice, false);
     if (!match || match->begin >= sure) {
       at = sure;
       continue;
     }
     const std::size_t begin = match->begin;
-    match = book_.find(rule, bytes_, begin, std::min(begin + longest, there), true);
-    if (!match || match->end == begin) {
+    match = book_.find(rule, bytes_, begin, std::min(begin + seen, there), true);
+    if (match && match->end == begin) {
       at = begin + 1;
       continue;
     }
-    if (match->end - begin == longest) {
+    if (!match || match->end - begin >= longest) {
       const RedactRule& asked = book_.rules()[rule];
       return make_error(Errc::usage,
                         fmt::format("[[redact]] {} (line {}): a match at byte {} may go on beyond {} bytes; "

@@ -27,14 +27,14 @@ struct Redaction {
 // earlier rule's filler stands; no byte of either is left.
 //
 // Drive it by add() (and pause(), where frames end by it), then finish(); after each take() what is ready.
-// Memory: some 100 KiB and a few times the longest match or frame. Refers to the book.
+// Memory: some 500 KiB and a few times the longest frame. Refers to the book.
 class RedactStream {
  public:
   enum class Of : std::uint8_t { reads, writes, text };  // a text: no frames, and ASCII alone is put in
 
   RedactStream(const RedactBook& book, Of of);
 
-  // Errc::usage: a match goes on beyond its rule's `longest`, so that not all of the secret is known.
+  // Errc::usage: a match is longer than its rule's `longest`, so that not all of the secret may be known.
   Result<void> add(ByteView bytes);
   // Nothing came for so long that a frame has ended, or the other side spoke.
   Result<void> pause();

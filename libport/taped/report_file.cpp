@@ -18,6 +18,7 @@
 #include "libport/base/clock.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/base/unique_fd.hpp"
+#include "libport/base/whole_number.hpp"
 #include "libport/tape/new_file.hpp"
 #include "libport/taped/report_place.hpp"
 
@@ -58,7 +59,22 @@ Result<void> replace_report(ReportPlace place, std::string_view text, mode_t kep
   return made->finish();
 }
 
+// A duplicate of the descriptor that the place is, of this process. A file that is opened anew has a place to
+// write of its own there, and what is printed beside would lie over the report.
+UniqueFd own_descriptor(const ReportPlace& place) {
+  struct stat folder {};
+  struct stat own {};
+  const auto number = whole_number<int>(place.name);
+  if (place.kind != ReportPlace::Kind::descriptor || !number) return {};
+  if (::fstat(place.folder.get(), &folder) != 0 || ::stat("/proc/self/fd", &own) != 0) return {};
+  if (folder.st_dev != own.st_dev || folder.st_ino != own.st_ino) return {};
+  struct stat file {};
+  if (::fstat(*number, &file) != 0 || !S_ISREG(file.st_mode)) return {};
+  return UniqueFd(::fcntl(*number, F_DUPFD_CLOEXEC, 0));
+}
+
 int write_in_place(const ReportPlace& place, std::string_view text) {
+  if (const UniqueFd own = own_descriptor(place)) return write_with_patience(own.get(), text);
   // O_NONBLOCK: a pipe that nobody has open for reading is an error, not a wait.
   const int follow = place.kind == ReportPlace::Kind::descriptor ? 0 : O_NOFOLLOW;
   UniqueFd fd(::openat(place.folder.get(), place.name.c_str(),

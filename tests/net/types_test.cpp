@@ -84,6 +84,14 @@ TEST(TcpOptionsTest, AreEachItsOwn) {
   EXPECT_EQ(options<TcpOptions>("tcp-listen:*:0,max-connections=3").stream.most_connections, 3U);
 }
 
+TEST(StreamOptionsTest, AnEmptyHostIsNotAllOfThisMachinesAddresses) {
+  for (const std::string port : {"type=tcp,ip=", "type=tcp,listen,port=0,ip=", "tcp-listen:,port=0,ip="})
+    EXPECT_THAT(refused(port), HasSubstr("option 'ip': '' is not valid; accepted: a name or an address"));
+  for (const std::string port : {"type=udp,listen,recv_ip=,recv_port=0", "udp:127.0.0.1:9,recv_ip="})
+    EXPECT_THAT(refused(port), HasSubstr("option 'recv_ip': '' is not valid"));
+  EXPECT_THAT(refused("type=udp,dest_ip="), HasSubstr("option 'dest_ip': '' is not valid"));
+}
+
 TEST(TcpOptionsTest, AFreePortIsForListeningAlone) {
   EXPECT_EQ(
       refused("tcp:127.0.0.1:0"),

@@ -93,6 +93,24 @@ TEST(HangUp, WhatTheDriverWroteToADeviceThatWasGoneIsNotCompared) {
   EXPECT_EQ(rig.verdict(), Verdict::pass);
 }
 
+// Its clock goes on, and the line breaks before a late driver has written all.
+TEST(HangUp, ByTheRecordedClockALateDriverIsStillCompared) {
+  MemoryTape tape;
+  tape.open(0).write(1'000, "A").read(2'000, "1").write(3'000, "B").read(4'000, "2");
+  tape.hang_up(5'000).close(6'000).open(9'000).write(10'000, "C").read(11'000, "3").close(12'000);
+  const auto late = [&tape](std::string_view text) {
+    Rig rig(tape, with(Timing::recorded));
+    rig.open().wait(1'000).write("A").wait(100'000);
+    EXPECT_TRUE(rig.hung_up);
+    rig.write(text).close().wait(1'000).open().wait(1'000).write("C").wait(10'000).close();
+    EXPECT_EQ(rig.delivered, "123");
+    return rig.verdict();
+  };
+  EXPECT_EQ(late("B"), Verdict::pass);
+  EXPECT_EQ(late("B and more than the device took"), Verdict::pass);
+  EXPECT_EQ(late("X"), Verdict::data_mismatch);
+}
+
 TEST(HangUp, OfADeviceThatWasNeverThereJudgesNothing) {
   Rig rig(MemoryTape().open(0).hang_up(300).close(400).open(1'000).write(1'100, "Q").read(1'200, "A"));
   rig.open().write("anybody there?").wait(300);

@@ -1,6 +1,7 @@
 #include "libport/rules/redact_stream.hpp"
 
 #include <algorithm>
+#include <fmt/format.h>
 #include <random>
 #include <string>
 #include <string_view>
@@ -155,6 +156,25 @@ TEST(RedactStreamTest, AMatchThatMayGoOnIsAnError) {
   const RedactBook book = book_of("[[redact]]\nname='long'\npattern='=(\\w+)'\nlongest=8\n");
   EXPECT_EQ(redact(book, "=1234567.").error, "");
   EXPECT_THAT(redact(book, "ab=12345678.").error, HasSubstr("a match at byte 2 may go on beyond 8 bytes"));
+}
+
+// What ends a secret may stand far behind what may be as long as the rule says.
+TEST(RedactStreamTest, AMatchThatIsTooLongIsAnErrorWhereverItEnds) {
+  const RedactBook book = book_of("[[redact]]\nname='key'\npattern='KEY<([^>]*)>'\nlongest=20\n");
+  EXPECT_EQ(redact(book, "KEY<" + std::string(15, 'S') + ">").error, "");
+  for (const std::size_t size : {16U, 17U, 1100U, 20'000U, 40'000U, 65'000U}) {
+    for (const std::size_t before : {0U, 5U, 32'760U, 200'000U}) {
+      const std::string text = "KEY<abc>" + std::string(before, '-') + "KEY<" + std::string(size, 'S') + ">" +
+                               std::string(100, '-');
+      for (const std::size_t cut : {std::size_t{4096}, std::size_t{100'000}, text.size()}) {
+        EXPECT_THAT(redact(book, text, Of::reads, cut).error,
+                    HasSubstr(fmt::format("a match at byte {} may go on beyond 20 bytes", 8 + before)))
+            << size << ' ' << before << ' ' << cut;
+      }
+    }
+  }
+  const std::string open = "KEY<" + std::string(70'000, 'S');
+  EXPECT_EQ(redact(book, open).text, open) << "no end at all is no match";
 }
 
 TEST(RedactStreamTest, AMatchThatMayGoOnIsNamedByItsPlaceInTheWholeStream) {

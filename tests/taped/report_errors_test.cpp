@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <fcntl.h>
 #include <filesystem>
+#include <fmt/format.h>
 #include <string>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -212,6 +213,24 @@ TEST_F(ReportErrors, StdoutIsOnePlaceByAllItsNames) {
   ASSERT_GE(::dup2(before.get(), STDOUT_FILENO), 0);
   EXPECT_EQ(apart, std::vector<std::string>());
   EXPECT_TRUE(with_another);
+}
+
+TEST_F(ReportErrors, WhatIsPrintedBesideAReportOfThatFileStaysWhole) {
+  const UniqueFd file(::open((dir / "out").c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
+  const std::string number = std::to_string(file.get());
+  for (const std::string& name :
+       {"/dev/fd/" + number, "/proc/self/fd/" + number, fmt::format("/proc/{}/fd/{}", ::getpid(), number)}) {
+    ASSERT_EQ(::ftruncate(file.get(), 0), 0);
+    ASSERT_EQ(::lseek(file.get(), 0, SEEK_SET), 0);
+    ASSERT_EQ(::write(file.get(), "one\n", 4), 4);
+    ASSERT_TRUE(write_report(name, "two\n"));
+    ASSERT_EQ(::write(file.get(), "three\n", 6), 6);
+    EXPECT_EQ(std::string(as_text(test::read_file(dir / "out"))), "one\ntwo\nthree\n") << name;
+  }
+  const UniqueFd to_read(::open((dir / "out").c_str(), O_RDONLY | O_CLOEXEC));
+  const Result<void> written = write_report("/dev/fd/" + std::to_string(to_read.get()), "x");
+  ASSERT_FALSE(written);
+  EXPECT_EQ(written.error().code, Errc::io);
 }
 
 TEST_F(ReportErrors, TwoHardLinksAreTwoPlaces) {
