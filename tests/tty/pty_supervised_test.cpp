@@ -33,7 +33,12 @@ struct Supervisor final : LineSupervisor {
   std::string told;
 };
 
-class PtySupervised : public PtyPortTest {
+// Lives longer than the port, which tells it of its own end.
+struct WithSupervisor {
+  Supervisor supervisor;
+};
+
+class PtySupervised : public WithSupervisor, public PtyPortTest {
  protected:
   void start_supervised() {
     line().supervise(&supervisor);
@@ -48,8 +53,6 @@ class PtySupervised : public PtyPortTest {
     ASSERT_EQ(::cfsetspeed(&settings, rate), 0);
     ASSERT_EQ(::tcsetattr(fd.get(), TCSANOW, &settings), 0);
   }
-
-  Supervisor supervisor;
 };
 
 TEST_F(PtySupervised, AnOpenAndTheLastCloseAreTold) {
