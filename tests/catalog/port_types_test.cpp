@@ -118,11 +118,9 @@ TEST(PortOptions, EveryOptionThatWasGivenIsSpelledAndCanBeParsedAgain) {
 }
 
 TEST(PortOptions, AnEmptyMainPartTakesNoOtherOptionWithIt) {
-  for (const char* spec :
-       {"tcp,ip=,port=7", "tcp-listen,ip=,port=7", "udp,dest_ip=,dest_port=7", "serial,device="}) {
-    EXPECT_EQ(parsed(spec).spelled(), spec);
-    EXPECT_EQ(parsed(parsed(spec).spelled()), parsed(spec));
-  }
+  constexpr const char* spec = "serial,baud=300,device=";
+  EXPECT_EQ(parsed(spec).spelled(), spec);
+  EXPECT_EQ(parsed(parsed(spec).spelled()), parsed(spec));
 }
 
 TEST(PortOptions, BadPlacesOfSocketsAreNamed) {
