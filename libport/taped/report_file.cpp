@@ -10,12 +10,14 @@
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
+#include <optional>
 #include <poll.h>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <utility>
 
 #include "libport/base/clock.hpp"
+#include "libport/base/own_name.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/base/whole_number.hpp"
@@ -62,12 +64,10 @@ Result<void> replace_report(ReportPlace place, std::string_view text, mode_t kep
 // A duplicate of the descriptor that the place is, of this process. A file that is opened anew has a place to
 // write of its own there, and what is printed beside would lie over the report.
 UniqueFd own_descriptor(const ReportPlace& place) {
-  struct stat folder {};
-  struct stat own {};
   const auto number = whole_number<int>(place.name);
   if (place.kind != ReportPlace::Kind::descriptor || !number) return {};
-  if (::fstat(place.folder.get(), &folder) != 0 || ::stat("/proc/self/fd", &own) != 0) return {};
-  if (folder.st_dev != own.st_dev || folder.st_ino != own.st_ino) return {};
+  const std::optional<FileIdentity> folder = FileIdentity::of(place.folder.get());
+  if (!folder || folder != FileIdentity::at(AT_FDCWD, "/proc/self/fd")) return {};
   struct stat file {};
   if (::fstat(*number, &file) != 0 || !S_ISREG(file.st_mode)) return {};
   return UniqueFd(::fcntl(*number, F_DUPFD_CLOEXEC, 0));

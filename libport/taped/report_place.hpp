@@ -25,8 +25,8 @@ struct ReportPlace {
 // or no such folder.
 Result<ReportPlace> find_report_place(const std::string& path);
 
-// Whether what is written to both names, of which `-` is stdout, comes to one place: the second would replace
-// the first, or stand behind it in one stream. /dev/null is no such place, nor is one that cannot be found.
+// Returns whether two names mean one place, so that a second report would replace the first or follow it in
+// one stream. `-` is stdout. Returns false for /dev/null and for a name whose place cannot be found.
 bool is_same_report_place(const std::string& one, const std::string& other);
 
 }  // namespace porttape

@@ -12,7 +12,7 @@ namespace {
 
 const std::string kHead = "format = 'porttape-rules'\nversion = 1\n";
 
-// What stands behind the head, of a set of rules that is read as the same again.
+// Returns the text of the rules without its head, and expects that it is read as the same rules.
 std::string written(const RuleSet& rules) {
   const std::string text = to_toml(rules);
   EXPECT_EQ(text.substr(0, kHead.size()), kHead);

@@ -17,6 +17,7 @@
 #include "libport/tape/event_file.hpp"
 #include "libport/tape/live_tape.hpp"
 #include "tests/support/refused_calls.hpp"
+#include "tests/support/taking_sink.hpp"
 #include "tests/support/tape_on_disk.hpp"
 #include "tests/support/temp_dir.hpp"
 
@@ -36,20 +37,15 @@ struct FaultyFiles {
   int calls = 0;
   int error = 0;
 };
-class FaultySink final : public TapeSink {
+class FaultySink final : public test::TakingSink {
  public:
   explicit FaultySink(FaultyFiles& files) : files_(files) {}
   Appended append(ByteView head, ByteView body) override {
     ++files_.calls;
     if (files_.error != 0) return {0, files_.error};
     files_.appended.push_back(std::string(as_text(head)) + std::string(as_text(body)));
-    return {head.size() + body.size(), 0};
+    return TakingSink::append(head, body);
   }
-  int truncate(std::uint64_t) override { return 0; }
-  Sync syncer() override {
-    return [] { return 0; };
-  }
-  int close() override { return 0; }
 
  private:
   FaultyFiles& files_;

@@ -21,6 +21,7 @@
 #include "libport/tape/tape_writer.hpp"
 #include "libport/tape/turn_reader.hpp"
 #include "tests/support/memory_tape.hpp"
+#include "tests/support/taking_sink.hpp"
 #include "tests/support/tape_bytes.hpp"
 #include "tests/support/temp_dir.hpp"
 
@@ -264,18 +265,13 @@ TEST(HeaderOfATape, IsNothingWhereThereIsNone) {
 }
 
 // Keeps what is appended, call by call.
-class NotedSink final : public TapeSink {
+class NotedSink final : public test::TakingSink {
  public:
   explicit NotedSink(std::vector<std::size_t>& sizes) : sizes_(sizes) {}
   Appended append(ByteView head, ByteView body) override {
     sizes_.push_back(head.size() + body.size());
-    return {head.size() + body.size(), 0};
+    return TakingSink::append(head, body);
   }
-  int truncate(std::uint64_t) override { return 0; }
-  Sync syncer() override {
-    return [] { return 0; };
-  }
-  int close() override { return 0; }
 
  private:
   std::vector<std::size_t>& sizes_;

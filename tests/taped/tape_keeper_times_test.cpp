@@ -20,6 +20,7 @@
 #include "tests/support/manual_clock.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
+#include "tests/support/taking_sink.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
@@ -192,18 +193,13 @@ TEST_F(KeeperWithoutATape, OneThatHasAllOfItIsGivenUpSilently) {
 }
 
 // A disk that can be full.
-class FullSink final : public TapeSink {
+class FullSink final : public test::TakingSink {
  public:
   explicit FullSink(std::shared_ptr<std::atomic<bool>> full) : full_(std::move(full)) {}
   Appended append(ByteView head, ByteView body) override {
     if (*full_) return {0, ENOSPC};
-    return {head.size() + body.size(), 0};
+    return TakingSink::append(head, body);
   }
-  int truncate(std::uint64_t) override { return 0; }
-  Sync syncer() override {
-    return [] { return 0; };
-  }
-  int close() override { return 0; }
 
  private:
   std::shared_ptr<std::atomic<bool>> full_;
@@ -281,7 +277,7 @@ struct TiringDisk {
   std::promise<void> reached;
   std::promise<void> goes_on;
 };
-class TiringSink final : public TapeSink {
+class TiringSink final : public test::TakingSink {
  public:
   TiringSink(std::shared_ptr<TiringDisk> disk, ManualClock& clock) : disk_(std::move(disk)), clock_(clock) {}
   Appended append(ByteView head, ByteView body) override {
@@ -290,13 +286,8 @@ class TiringSink final : public TapeSink {
       disk_->reached.set_value();
       disk_->goes_on.get_future().wait();
     }
-    return {head.size() + body.size(), 0};
+    return TakingSink::append(head, body);
   }
-  int truncate(std::uint64_t) override { return 0; }
-  Sync syncer() override {
-    return [] { return 0; };
-  }
-  int close() override { return 0; }
 
  private:
   std::shared_ptr<TiringDisk> disk_;

@@ -1,5 +1,5 @@
-// Each verb that makes files of tapes. What is made of stricter files is as strict, and nothing is made where
-// another user's link leads.
+// Each verb that makes files of tapes. A file that a verb makes is as strict as the files it is made of, and
+// no verb writes through another user's link.
 #include <array>
 #include <filesystem>
 #include <fstream>

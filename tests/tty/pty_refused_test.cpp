@@ -307,14 +307,8 @@ TEST_F(PtyPortRefused, WhatTheKernelHasNoRoomForIsKeptAndSent) {
       EXPECT_EQ(port->unread_by_peer(), 4U);
       for (int n = 0; n < 20; ++n) loop.poll_one();
     }));
-    std::string got;
-    run_until(loop, [&] {
-      char buffer[16];
-      settle(loop);
-      const ssize_t size = ::read(fd.get(), buffer, sizeof buffer);
-      if (size > 0) got.append(buffer, static_cast<std::size_t>(size));
-      return got == "four";
-    });
+    const Reader reader(loop, fd.get());
+    run_until(loop, [&] { return reader.got == "four"; });
     EXPECT_EQ(log.dropped, 0U);
     fd.reset();
     run_until(loop, [&] { return log.events.ends_with("closed "); });

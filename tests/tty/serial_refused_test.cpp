@@ -63,14 +63,8 @@ class SerialRefused : public SerialPortTest {
     log.data.clear();
     run_until(loop, [&] { return log.data == "ask"; });
     port->write(as_bytes("answer"));
-    std::string got;
-    run_until(loop, [&] {
-      char buffer[16];
-      settle(loop);
-      const ssize_t size = ::read(device.get(), buffer, sizeof buffer);
-      if (size > 0) got.append(buffer, static_cast<std::size_t>(size));
-      return got == "answer";
-    });
+    const Reader reader(loop, device.get());
+    run_until(loop, [&] { return reader.got == "answer"; });
   }
   [[nodiscard]] std::size_t times_told(std::string_view text) const {
     const std::string all = book.text();
@@ -304,14 +298,8 @@ TEST_F(SerialRefused, WhatTheKernelHasNoRoomForIsKeptAndSent) {
       EXPECT_TRUE(port->congested());
       poll_loop();
     }));
-    std::string got;
-    run_until(loop, [&] {
-      char buffer[16];
-      settle(loop);
-      const ssize_t size = ::read(device.get(), buffer, sizeof buffer);
-      if (size > 0) got.append(buffer, static_cast<std::size_t>(size));
-      return got == "four";
-    });
+    const Reader reader(loop, device.get());
+    run_until(loop, [&] { return reader.got == "four"; });
     EXPECT_EQ(log.dropped, 0U);
     EXPECT_THAT(log.events, Not(HasSubstr("lost")));
   }
