@@ -5,6 +5,7 @@
 
 #include "libport/replay/budget.hpp"
 #include "libport/replay/matcher.hpp"
+#include "libport/replay/replay_clock.hpp"
 #include "libport/rules/framing.hpp"
 
 namespace porttape {
@@ -22,7 +23,7 @@ class Comparer {
       : looks_(looks),
         rules_(rules.book().set().rules.size() + 1),
         source_(recorded),
-        matcher_(source_, budget_, kPause, &rules) {
+        matcher_(source_, budget_, clock_, kPause, &rules) {
     matcher_.rewind();
   }
 
@@ -87,6 +88,7 @@ class Comparer {
   std::size_t rules_;
   Budget budget_;
   SessionWrites source_;
+  ReplayClock clock_{1};  // never moved by hand
   Matcher matcher_;
 };
 

@@ -67,7 +67,7 @@ void Gate::opened(TapeTime tape, Instant real, Instant not_before) {
 Gate::Silence Gate::next_silence(TapeTime next_at) const {
   const Instant patience = patience_end(next_at);
   if (matcher_.touched(begin_) || matcher_.astray()) {
-    const Instant quiet = saturating_add(matcher_.last_write(), quiet_);
+    const Instant quiet = pace_.clock().silent(matcher_.last_write(), quiet_);
     if (quiet <= patience) return {quiet, true};
   }
   return {patience, false};
@@ -75,7 +75,7 @@ Gate::Silence Gate::next_silence(TapeTime next_at) const {
 
 // The driver gets its patience in full.
 Instant Gate::patience_end(TapeTime next_at) const {
-  return saturating_add(std::max(pace_.due_to_driver(next_at), lenient_since_), patience_);
+  return pace_.clock().silent(std::max(pace_.due_to_driver(next_at), lenient_since_), patience_);
 }
 
 void Gate::become_lenient(Instant now) {

@@ -34,7 +34,7 @@ std::string went_on_to(const RequestIndex& index, std::uint32_t next, std::uint3
 Lookup::Lookup(const ReplayConfig& config, const Engine::TapeFacts& facts, const Engine::Parts& parts,
                Budget& budget, Pieces& pieces, const ReplayClock& clock, Replies* replies)
     : index_(*parts.index, budget, parts.expectation),
-      matcher_(index_, parts.expectation, config.burst_gap, config.on_mismatch == OnMismatch::resync),
+      matcher_(index_, parts.expectation, clock, config.burst_gap, config.on_mismatch == OnMismatch::resync),
       player_(config, joins_bursts(config.chunks, facts.stamped_at_arrival), parts.half_closes, index_,
               *parts.answers, budget, pieces, clock, parts.expectation, replies),
       keeps_requests_(replies != nullptr) {}

@@ -239,7 +239,9 @@ void Matcher::remember(ByteView matched) {
   }
 }
 
-bool Matcher::same_arrival(Instant now) const { return arrival_open_ && now - last_write_ < arrival_gap_; }
+bool Matcher::same_arrival(Instant now) const {
+  return arrival_open_ && now < clock_.silent(last_write_, arrival_gap_);
+}
 
 void Matcher::diverge() { comparing_ = open_ = goes_on_ = false; }
 

@@ -13,6 +13,7 @@
 #include "libport/replay/expectation.hpp"
 #include "libport/replay/gap_search.hpp"
 #include "libport/replay/left_outs.hpp"
+#include "libport/replay/replay_clock.hpp"
 #include "libport/replay/report.hpp"
 #include "libport/replay/write_stream.hpp"
 
@@ -63,9 +64,11 @@ class Matcher {
     std::uint64_t block_after = 0;  // so many bytes are left of it
   };
 
-  // `expectation` must outlive it; null: nothing may vary.
-  Matcher(RecordSource& writes, Budget& budget, Micros arrival_gap, const Expectation* expectation = nullptr)
-      : stream_(writes, budget), comparison_(expectation), arrival_gap_(arrival_gap) {}
+  // What the clock is moved by hand is no pause of the driver's. `expectation`: null where nothing may vary.
+  // All must outlive it.
+  Matcher(RecordSource& writes, Budget& budget, const ReplayClock& clock, Micros arrival_gap,
+          const Expectation* expectation = nullptr)
+      : stream_(writes, budget), comparison_(expectation), clock_(clock), arrival_gap_(arrival_gap) {}
 
   // Is told what was taken for what; must outlive it.
   void set_replies(Replies* replies) { replies_ = replies; }
@@ -85,7 +88,7 @@ class Matcher {
   // When the driver's silence ends a field that is open (see Expectation); nothing: none is.
   [[nodiscard]] std::optional<Instant> pause_due() const {
     if (goes_on_) return last_write_;
-    return open_ ? std::optional(last_write_ + arrival_gap_) : std::nullopt;
+    return open_ ? std::optional(clock_.silent(last_write_, arrival_gap_)) : std::nullopt;
   }
   // The driver pauses: ends it. `block` or `later` (call again) or `differs`, as of write(); else `taken`.
   Step pause();
@@ -176,6 +179,7 @@ class Matcher {
   WriteStream stream_;
   Comparison comparison_;
   Replies* replies_ = nullptr;
+  const ReplayClock& clock_;
   Nanos arrival_gap_;
   bool comparing_ = true;
   bool arrival_open_ = false;  // nothing was delivered since the last write

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "libport/base/time.hpp"
+#include "libport/replay/hand_moves.hpp"
 #include "libport/replay/timeline.hpp"
 #include "libport/tape/tape_header.hpp"
 
@@ -77,8 +78,12 @@ class ReplayClock {
   void move_to(Instant played) {
     if (!stands_at_ || played <= *stands_at_) return;
     shift_.moved += played - *stands_at_;
+    moves_.add(*stands_at_, played);
     stands_at_ = played;
   }
+  // When, by the played time, nobody has done anything for `silence` since `since`: what it was moved by hand
+  // since then is no silence. A later move makes it later.
+  [[nodiscard]] Instant silent(Instant since, Nanos silence) const { return moves_.after(since, silence); }
 
   // The played time at the real time `now`, which never goes back.
   Instant played(Instant now) {
@@ -118,6 +123,7 @@ class ReplayClock {
   std::optional<Instant> stands_at_;  // played
   Instant stood_since_{};             // real
   Shift shift_;
+  HandMoves moves_;
   std::uint64_t changes_ = 0;
 };
 

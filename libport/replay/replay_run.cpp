@@ -66,7 +66,7 @@ ReplayRun::ReplayRun(const ReplayConfig& config, const Engine::TapeFacts& facts,
                   ? std::make_unique<Lookup>(config_, facts, parts, budget, pieces_, clock_, replies_.get())
                   : nullptr),
       unasked_(schedule),
-      matcher_(config_.match == Match::lookup ? static_cast<RecordSource&>(none_) : writes, budget,
+      matcher_(config_.match == Match::lookup ? static_cast<RecordSource&>(none_) : writes, budget, clock_,
                config_.burst_gap, parts.expectation),
       player_(of_player(config_), facts, {clock_, parts.tape_begin}, parts.half_closes,
               config_.match == Match::lookup ? static_cast<RecordSource&>(unasked_) : schedule, budget,
@@ -205,7 +205,7 @@ std::size_t ReplayRun::write(Instant now, ByteView data, bool counted) {
   pause_if_due(now);
   if (looks_up()) return ask(now, data);
   const bool recorded = config_.timing == Timing::recorded;
-  if (recorded && !matcher_.comparing() && now - matcher_.last_write() >= config_.quiet) {
+  if (recorded && !matcher_.comparing() && now >= clock_.silent(matcher_.last_write(), config_.quiet)) {
     matcher_.realign_to_time(player_.tape(now - config_.jitter));
   }
   ByteView rest = data;

@@ -35,7 +35,7 @@ void RequestMatcher::restart() {
 
 void RequestMatcher::add(Instant now, ByteView data) {
   if (data.empty()) return;
-  if (lost_ && last_write_ != Instant{} && now - last_write_ >= gap_) lost_ = false;
+  if (lost_ && last_write_ != Instant{} && now >= clock_.silent(last_write_, gap_)) lost_ = false;
   last_write_ = now;
   text_.insert(text_.end(), data.begin(), data.end());
   stamps_.push_back({offset_ + text().size(), now});
@@ -46,7 +46,7 @@ std::optional<Instant> RequestMatcher::pause_due() const {
   const bool open = std::ranges::any_of(trials_, &Trial::open);
   const bool was_told = pause_told_ == offset_ + text().size();
   if (text().empty() || was_told || (!waits && !open)) return std::nullopt;
-  return last_write_ + gap_;
+  return clock_.silent(last_write_, gap_);
 }
 
 RequestMatcher::Step RequestMatcher::next() {

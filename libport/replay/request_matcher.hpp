@@ -9,6 +9,7 @@
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
 #include "libport/replay/expectation.hpp"
+#include "libport/replay/replay_clock.hpp"
 #include "libport/replay/request_index.hpp"
 
 namespace porttape {
@@ -22,8 +23,8 @@ namespace porttape {
 // where it `tries_all`, up to the next that begins one.
 //
 // Drive it: add() what comes, then next() until it gives `taken`; the same after pause(), which is due at
-// pause_due(). Refers to the index, which must be whole and outlive it. Keeps no more of the driver's than
-// the longest request and one write.
+// pause_due(). What the clock is moved by hand is no pause. Refers to the index, which must be whole, and to
+// the clock; both must outlive it. Keeps no more of the driver's than the longest request and one write.
 class RequestMatcher {
  public:
   enum class Outcome : std::uint8_t { taken, request, unknown };
@@ -42,8 +43,9 @@ class RequestMatcher {
     std::size_t came = 0;      // and of text() that go together
   };
 
-  RequestMatcher(const RequestIndex& index, const Expectation* expectation, Micros gap, bool tries_all)
-      : index_(index), expectation_(expectation), gap_(gap), tries_all_(tries_all) {}
+  RequestMatcher(const RequestIndex& index, const Expectation* expectation, const ReplayClock& clock,
+                 Micros gap, bool tries_all)
+      : index_(index), expectation_(expectation), clock_(clock), gap_(gap), tries_all_(tries_all) {}
 
   // Forgets all that came; what comes now is at `offset` of all that the driver wrote. `lost`: that it begins
   // with what is unknown has been told.
@@ -94,6 +96,7 @@ class RequestMatcher {
 
   const RequestIndex& index_;
   const Expectation* expectation_;
+  const ReplayClock& clock_;
   Nanos gap_;
   bool tries_all_;
 

@@ -35,13 +35,26 @@ byte_exact() {
   [[ $(json "$report" from_driver.matched) == "$requested" ]] || die "not all requests matched: $(cat "$report")"
 }
 
-keep_busy
-for strictness in 1 2; do
-  for ((run = 0; run < runs; run++)); do
-    against "$strictness"
-    expect 0 pass
-    byte_exact
+# In time at strictness 2: a busy machine may stop the driver for longer than JITTER. The verdict is right then, and the
+# run is made again.
+in_time() {
+  local attempt
+  for ((attempt = 0; attempt < 5; attempt++)); do
+    against 2
+    [[ $status == 4 && $(json "$report" mismatch.kind) == timing ]] || return 0
+    say "the driver was late, and is tried again: $(json "$report" mismatch)"
   done
+  late "the driver was late 5 times: $(cat "$work/out")"
+}
+
+keep_busy
+for ((run = 0; run < runs; run++)); do
+  against 1
+  expect 0 pass
+  byte_exact
+  in_time
+  expect 0 pass
+  byte_exact
 done
 quiet
 say "byte-exact, $runs runs at each of strictness 1 and 2, all cores busy"

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "libport/replay/matcher.hpp"
+#include "libport/replay/replay_clock.hpp"
 #include "libport/rules/redact_stream.hpp"
 #include "libport/rules/rule_expectation.hpp"
 #include "libport/rules/rules_check.hpp"
@@ -61,7 +62,8 @@ Told compared(const MemoryTape& tape, const Expectation& rules, std::string_view
               std::size_t piece) {
   MemorySource source(tape, MemorySource::Select::writes_only, piece);
   Budget budget;
-  Matcher matcher(source, budget, Micros{500}, &rules);
+  const ReplayClock clock(1);
+  Matcher matcher(source, budget, clock, Micros{500}, &rules);
   matcher.rewind();
   std::size_t used = 0;
   while (used < text.size() || matcher.goes_on()) {

@@ -49,6 +49,27 @@ TEST(ReplayClockTest, TapesBeginAsTheirZerosLie) {
   EXPECT_EQ(clock.tape_begin({"", 0, ""}), Micros{0});
 }
 
+TEST(HandMovesTest, WhatWasMovedSinceThenIsAdded) {
+  HandMoves moves;
+  EXPECT_EQ(moves.after(at_us(5), Nanos{3'000}), at_us(8));
+  moves.add(at_us(10), at_us(30));
+  moves.add(at_us(40), at_us(41));
+  EXPECT_EQ(moves.after(at_us(10), Nanos{3'000}), at_us(34)) << "both moves";
+  EXPECT_EQ(moves.after(at_us(25), Nanos{3'000}), at_us(34)) << "what of the first lies behind it";
+  EXPECT_EQ(moves.after(at_us(30), Nanos{3'000}), at_us(34))
+      << "what happened behind the first has the second";
+  EXPECT_EQ(moves.after(at_us(41), Nanos{3'000}), at_us(44));
+  EXPECT_EQ(moves.after(at_us(10), Nanos::max()), Instant::max());
+}
+
+TEST(HandMovesTest, TheOldestAreKeptAsOneThatIsLater) {
+  HandMoves moves;
+  for (int n = 0; n < 1'000; ++n) moves.add(at_us(100 * n), at_us(100 * n + 10));
+  EXPECT_EQ(moves.after(at_us(99'900), {}), at_us(99'910));
+  EXPECT_EQ(moves.after(at_us(99'000), {}), at_us(99'100)) << "ten moves";
+  EXPECT_EQ(moves.after(at_us(80'000), {}), at_us(89'370 + 630)) << "all that may have been since then";
+}
+
 TEST(SharedClock, TheLastRunThatEndsStopsIt) {
   ReplayClock clock(1);
   const Engine::Parts parts{.clock = &clock};

@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/replay/matcher.hpp"
+#include "libport/replay/replay_clock.hpp"
 #include "tests/replay/rig.hpp"
 
 namespace porttape::test {
@@ -79,7 +80,8 @@ Written write(const MemoryTape& tape, const Expectation& rule, std::string_view 
               std::size_t cut) {
   MemorySource source(tape, MemorySource::Select::writes_only, piece);
   Budget budget;
-  Matcher matcher(source, budget, Micros{500}, &rule);
+  const ReplayClock clock(1);
+  Matcher matcher(source, budget, clock, Micros{500}, &rule);
   matcher.rewind();
   Written written;
   while (written.used < text.size()) {

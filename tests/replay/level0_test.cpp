@@ -42,6 +42,39 @@ TEST(Level0, IdenticalWritesFollowExactPositions) {
   EXPECT_EQ(rig.report->from_driver_matched, 9U);
 }
 
+// Found by seed 118085 of the simulation: a step over a long pause of the device answered a driver that was
+// still writing.
+TEST(Level0, AStepOverAPauseIsNoSilenceOfTheDriver) {
+  const auto tape = MemoryTape()
+                        .write(0, "q1")
+                        .read(10'000, "A")
+                        .read(3'000'000, "B")
+                        .write(3'001'000, "q2")
+                        .read(3'002'000, "C");
+  Rig rig(tape, level0());
+  rig.open().until(100).write("q1q").stand().step(2).wait(60'000'000);
+  EXPECT_EQ(rig.read(), "AB");
+  rig.stand(false).wait(kQuiet - 1);
+  EXPECT_EQ(rig.read(), "");
+  rig.wait(1);
+  EXPECT_EQ(rig.read(), "C");
+}
+TEST(Level0, AStepOverAPauseIsNoPatienceEither) {
+  ReplayClock clock(1);
+  const Engine::Parts parts{.clock = &clock};
+  Rig asked(MemoryTape().write(0, "q").read(10'000, "A"), level0(), true, 64, parts);
+  Rig streams(MemoryTape().read(0, "a").read(60'000'000, "b"), level0(), true, 64, parts);
+  asked.open();
+  streams.open().until(100);
+  asked.until(100);
+  streams.stand().step(2).stand(false);
+  EXPECT_EQ(streams.read(), "ab");
+  asked.wait(kPatience - 1);
+  EXPECT_EQ(asked.read(), "");
+  asked.wait(1);
+  EXPECT_EQ(asked.read(), "A");
+}
+
 TEST(Level0, OtherBytesOpenAGateByTheirNumber) {
   Rig rig(three_questions(), level0());
   rig.open().until(100).write("xyz").until(10'099);

@@ -11,6 +11,7 @@
 #include "libport/replay/hint.hpp"
 #include "libport/replay/lateness.hpp"
 #include "libport/replay/matcher.hpp"
+#include "libport/replay/replay_clock.hpp"
 #include "libport/replay/timeline.hpp"
 #include "libport/replay/write_stream.hpp"
 #include "tests/support/memory_tape.hpp"
@@ -137,7 +138,8 @@ TEST(MatcherTest, TellsWhenEachPieceOfABlockWasComplete) {
   const MemoryTape tape = MemoryTape().write(1, "abcdef");
   MemorySource source(tape, MemorySource::Select::writes_only, 2);
   Budget budget;
-  Matcher matcher(source, budget, Micros{500});
+  const ReplayClock clock(1);
+  Matcher matcher(source, budget, clock, Micros{500});
   matcher.rewind();
   (void)matcher.write(at_ns(1), as_bytes("abc"));
   (void)matcher.write(at_ns(2), as_bytes("def"));
@@ -152,7 +154,8 @@ TEST(MatcherTest, MemoryIsBoundedForADriverFarAhead) {
   for (int i = 0; i < 20'000; ++i) tape.write(i, "x");
   MemorySource source(tape, MemorySource::Select::writes_only);
   Budget budget;
-  Matcher matcher(source, budget, Micros{500});
+  const ReplayClock clock(1);
+  Matcher matcher(source, budget, clock, Micros{500});
   matcher.rewind();
   for (int i = 0; i < 20'000; ++i) {
     budget.refill();
