@@ -590,7 +590,7 @@ Result<void> BlockingPort::set_line(unsigned baud) {
   if (!now && !plays_tape()) return make_error(Errc::usage, port_->name() + " has no baud rate");
   const SeenSettings known = now ? SeenSettings::of(*now) : SeenSettings{};
   const SeenSettings wanted = SeenSettings{.baud = baud}.over(known);
-  if (open_) port_->peer_set(wanted, SettingsOrder::exact);
+  if (open_) port_->tell(line::Settings{wanted});
   return now ? port_->apply(wanted.over(*now)) : Result<void>();
 }
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "libport/base/bytes.hpp"
-#include "libport/base/line_fault.hpp"
+#include "libport/line/line_fault.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
 

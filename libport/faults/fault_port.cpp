@@ -35,7 +35,7 @@ FaultPort::FaultPort(const PortContext& context, std::unique_ptr<Port> inner, Fa
 }
 
 Result<void> FaultPort::prepare() {
-  inner().faulted(plan_);
+  inner().tell(plan_);
   if (Result<void> prepared = FilterPort::prepare(); !prepared) return prepared;
   context_.log->warn("{}: this line has faults made on purpose: {}; seed {}", name(), plan_.spec.for_line(),
                      options_.seed);
@@ -75,7 +75,7 @@ void FaultPort::close() {
 void FaultPort::on_up() {
   ++lines_;
   up_ = true;
-  tell(plan_);
+  made(plan_);
   if (!zero_) {
     zero_ = now();
     do_timed_breaks();
@@ -99,7 +99,7 @@ void FaultPort::pass(LineDir dir, ByteView data, const std::function<void(ByteVi
   const Instant at = now();
   const FaultStream::Outcome outcome = stream(dir).take(data, at, zero_.value_or(at));
   const unsigned line = lines_;
-  for (const LineFault& fault : outcome.faults) tell(fault);
+  for (const LineFault& fault : outcome.faults) made(fault);
   if (outcome.untouched) return on(data, {});
   for (const FaultStream::Piece& piece : outcome.pieces) {
     if (line != lines_) return;  // closed, by one who got the piece before
@@ -108,7 +108,7 @@ void FaultPort::pass(LineDir dir, ByteView data, const std::function<void(ByteVi
   if (outcome.broken != nullptr && line == lines_) break_line(*outcome.broken);
 }
 
-void FaultPort::tell(const LineFault& fault) {
+void FaultPort::made(const LineFault& fault) {
   if (fault.kind != LineFault::kPlan) {
     ++sum_[fault.kind.raw()];
     if (options_.on_made) options_.on_made(fault);
@@ -116,16 +116,16 @@ void FaultPort::tell(const LineFault& fault) {
       ++untold_;
       return;
     }
-    inner().faulted(fault);
+    inner().tell(fault);
   }
-  listener().on_fault(fault);
+  listener().told(fault);
 }
 
 void FaultPort::tell_sum() {
   if (const std::uint64_t count = std::exchange(untold_, 0); count > 0) {
     const LineFault more{.kind = LineFault::kMore, .count = count};
-    inner().faulted(more);
-    listener().on_fault(more);
+    inner().tell(more);
+    listener().told(more);
   }
   if (const auto sum = std::exchange(sum_, {}); !sum.empty())
     context_.log->info("{}: faults made: {}", name(), text_of(sum));
@@ -142,7 +142,7 @@ void FaultPort::do_timed_breaks() {
       continue;
     }
     each.over = true;
-    tell({.kind = std::string(to_string(each.fault->kind)), .spec = to_text(*each.fault)});
+    made({.kind = std::string(to_string(each.fault->kind)), .spec = to_text(*each.fault)});
     break_line(*each.fault);
   }
   if (next) break_timer_.set(*next);

@@ -28,7 +28,7 @@ struct FaultOptions {
 };
 
 // A port around another whose line has the faults of a plan. They look like the line's own: what is lost is
-// not told as dropped. Each fault is told to the listener (on_fault) and to the inner port (faulted), and the
+// not told as dropped. Each fault is told to the listener and to the inner port, and the
 // plan itself at each session's begin, to the inner port before prepare(). Streams count their bytes, and the
 // clock runs, from the line's first session on to the end of the program.
 class FaultPort final : public FilterPort {
@@ -56,7 +56,7 @@ class FaultPort final : public FilterPort {
 
   FaultStream& stream(LineDir dir);
   void pass(LineDir dir, ByteView data, const std::function<void(ByteView, Instant)>& on);
-  void tell(const LineFault& fault);
+  void made(const LineFault& fault);
   void tell_sum();
   void do_timed_breaks();
   void break_line(const Fault& fault);

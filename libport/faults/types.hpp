@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "libport/base/line_fault.hpp"
+#include "libport/line/line_fault.hpp"
 #include "libport/port/port_type.hpp"
 
 namespace porttape {

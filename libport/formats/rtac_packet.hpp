@@ -5,7 +5,7 @@
 #include <string_view>
 #include <utility>
 
-#include "libport/base/line_signal.hpp"
+#include "libport/line/line_signal.hpp"
 
 namespace porttape::rtac {
 

@@ -2,7 +2,7 @@
 #include <array>
 #include <fmt/format.h>
 
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "libport/formats/sr_format.hpp"
 #include "libport/formats/uart_decoder.hpp"
 #include "libport/formats/uart_waveform.hpp"

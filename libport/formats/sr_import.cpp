@@ -5,7 +5,7 @@
 #include <map>
 #include <utility>
 
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/formats/sr_format.hpp"
 #include "libport/formats/sr_metadata.hpp"

@@ -99,10 +99,10 @@ std::optional<SeenSettings> settings_of(std::string_view argument) {
   return seen;
 }
 
-std::optional<event::Flush::Queue> queue_of(std::string_view argument) {
-  if (argument == "TCIFLUSH") return event::Flush::Queue::in;
-  if (argument == "TCOFLUSH") return event::Flush::Queue::out;
-  if (argument == "TCIOFLUSH") return event::Flush::Queue::both;
+std::optional<FlushQueue> queue_of(std::string_view argument) {
+  if (argument == "TCIFLUSH") return FlushQueue::in;
+  if (argument == "TCOFLUSH") return FlushQueue::out;
+  if (argument == "TCIOFLUSH") return FlushQueue::both;
   return std::nullopt;
 }
 
@@ -111,7 +111,7 @@ std::optional<event::Flush::Queue> queue_of(std::string_view argument) {
 StraceTerminal::Asked StraceTerminal::set(std::string_view request, std::string_view argument) {
   Asked asked;
   const auto seen = settings_of(argument);
-  if (request.starts_with("TCSETSF")) asked.events.emplace_back(event::Flush{event::Flush::Queue::in});
+  if (request.starts_with("TCSETSF")) asked.events.emplace_back(event::Flush{FlushQueue::in});
   if (!seen) asked.problem = "settings are made and not told in words that are known; left out";
   if (seen && !seen->baud)
     asked.problem = "settings are made and their speed is not told (strace -v tells it)";

@@ -4,7 +4,7 @@
 #include <functional>
 
 #include "libport/base/bytes.hpp"
-#include "libport/base/line_settings.hpp"
+#include "libport/line/line_settings.hpp"
 
 namespace porttape {
 

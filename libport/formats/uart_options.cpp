@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/base/whole_number.hpp"
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "libport/base/line_settings.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/base/result.hpp"
 
 namespace porttape {

@@ -5,7 +5,7 @@
 #include <functional>
 
 #include "libport/base/bytes.hpp"
-#include "libport/base/line_settings.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/base/result.hpp"
 
 namespace porttape {

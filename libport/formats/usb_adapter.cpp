@@ -287,7 +287,7 @@ Result<void> UsbAdapter::line_break(Side by, bool on) {
 }
 
 Result<void> UsbAdapter::flush(bool in, bool out) {
-  using Queue = event::Flush::Queue;
+  using Queue = FlushQueue;
   if (!in && !out) return {};
   return to_.event(at_, event::Flush{in && out ? Queue::both : in ? Queue::in : Queue::out});
 }

@@ -33,7 +33,8 @@ StreamPort::StreamPort(const PortContext& context, const CommonOptions& common, 
       given_(std::move(given)),
       was_given_(given_.get() >= 0),
       retry_timer_(*context.loop, [this] { connect(); }),
-      retry_wait_(kFirstRetry, kLongestRetry) {}
+      retry_wait_(kFirstRetry, kLongestRetry),
+      drains_(*context.loop, [this](const line::Sent& sent) { listener().told(sent); }) {}
 
 StreamPort::~StreamPort() {
   if (given_) reset_connection(std::move(given_));  // nobody wanted it
@@ -83,7 +84,7 @@ void StreamPort::close() {
     drop_line(true);
   } else if (line_) {
     dropped(line_->drop_unsent(), "they were not sent");
-    end_drains();
+    drains_.end();
   }
 }
 
@@ -163,7 +164,7 @@ std::optional<std::size_t> StreamPort::unread_by_peer() const { return line_ ? l
 bool StreamPort::discard() {
   if (!line_) return true;
   (void)line_->drop_unsent();
-  end_drains();
+  drains_.end();
   (void)line_->read_away();
   return true;
 }
@@ -193,18 +194,14 @@ void StreamPort::line_data(ByteView data) {
   }
 }
 
-void StreamPort::drain(std::function<void()> done) {
-  if (!congested()) return done();
-  drains_.push_back(std::move(done));
-}
-
-// From the loop, since the caller may be in the midst of closing the line.
-void StreamPort::end_drains() {
-  for (std::function<void()>& done : std::exchange(drains_, {})) context_.loop->post(std::move(done));
+void StreamPort::tell(const LineEvent& event) {
+  const auto* const drain = std::get_if<line::Drain>(&event);
+  if (drain == nullptr || !congested()) return Port::tell(event);
+  drains_.add(*drain);
 }
 
 void StreamPort::line_drained() {
-  end_drains();
+  drains_.end();
   if (line_->hangs_up_when_sent()) {
     hang_up(true);
   } else if (up_) {
@@ -255,7 +252,7 @@ void StreamPort::line_over(const LineDown& down) {
 
 void StreamPort::drop_line(bool orderly) {
   if (!line_) return;
-  end_drains();
+  drains_.end();
   // The rest goes on the next turn of the loop, since one of its callbacks may be running.
   const std::shared_ptr<StreamLine> line(std::move(line_));
   line->close(orderly);
@@ -263,7 +260,7 @@ void StreamPort::drop_line(bool orderly) {
 }
 
 void StreamPort::dropped(std::uint64_t bytes, const char* why) {
-  if (bytes > 0) listener().on_dropped(bytes, why);
+  if (bytes > 0) listener().told(line::Dropped{bytes, why});
 }
 
 }  // namespace porttape

@@ -13,6 +13,7 @@
 #include "libport/net/stream_line.hpp"
 #include "libport/net/stream_listener.hpp"
 #include "libport/net/tcp_peer.hpp"
+#include "libport/net/waiting_drains.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
 #include "libport/port/port_options.hpp"
@@ -46,7 +47,7 @@ struct StreamOptions {
 // half-closed one and nobody's arrival cuts it short; the log says so once.
 //
 // Closing is orderly (FIN after the bytes); hang_up(false) resets. What was not sent or not read is told by
-// on_dropped.
+// line::Dropped.
 class StreamPort : public Port,
                    private WaitingCalls,
                    private ConnectionSource,
@@ -65,8 +66,8 @@ class StreamPort : public Port,
   [[nodiscard]] WaitingCalls* waiting() override { return this; }
   [[nodiscard]] ConnectionSource* connections() override { return passive() ? this : nullptr; }
   [[nodiscard]] bool keeps_datagrams() const override { return false; }
-  // When the kernel has it all.
-  void drain(std::function<void()> done) override;
+  // A drain ends when the kernel has it all.
+  void tell(const LineEvent& event) override;
   bool end_writing() override;
   // Not where the next session writes on the same connection.
   [[nodiscard]] bool has_half_close() const override { return !always_open(); }
@@ -114,14 +115,13 @@ class StreamPort : public Port,
   [[nodiscard]] std::size_t most_connections() const override { return stream_.most_connections; }
   StreamListener::Inside inside() override;
   void let_in(UniqueFd fd, const std::string& who) override;
-  void refused(std::uint64_t bytes) override { listener().on_refused(bytes); }
+  void refused(std::uint64_t bytes) override { listener().told(line::Refused{bytes}); }
 
   void connect();
   void connected(Result<UniqueFd> result);
   void come_up(UniqueFd fd);
   void begin_line(UniqueFd fd);
   void drop_line(bool orderly);
-  void end_drains();
   void retry_later();
   [[nodiscard]] bool keeps_trying() const { return stream_.wait || always_open(); }
   [[nodiscard]] bool always_open() const { return common_.always_open && !passive(); }
@@ -137,7 +137,7 @@ class StreamPort : public Port,
   Timer retry_timer_;   // the next connection attempt
   Backoff retry_wait_;  // a peer that closes at once is not called at once again
   Instant line_began_{};
-  std::vector<std::function<void()>> drains_;  // while the line is congested
+  WaitingDrains drains_;
   bool opened_ = false;
   bool up_ = false;           // on_up was told, on_down not yet
   bool interrupted_ = false;  // on_interrupted was told, on_resumed not yet

@@ -66,6 +66,7 @@ UdpPort::UdpPort(const PortContext& context, const CommonOptions& common, UdpOpt
       common_(common),
       options_(std::move(options)),
       from_peer_(only_peer(context, options_)),
+      drains_(*context.loop, [this](const line::Sent& sent) { listener().told(sent); }),
       rest_timer_(*context.loop, [this] {
         if (opened_ && !up_) watch_->watch_readable(true);
       }) {}
@@ -202,7 +203,7 @@ void UdpPort::tell_losses() {
 void UdpPort::tell_lost(std::uint64_t datagrams, const char* how) {
   const std::string text = fmt::format("{} {}", datagrams, how);
   context_.log->warn("{}: {}", name(), text);
-  listener().on_dropped(0, text);
+  listener().told(line::Dropped{0, text});
 }
 
 std::optional<std::size_t> UdpPort::unread_by_peer() const {
@@ -214,14 +215,14 @@ std::optional<std::size_t> UdpPort::unread_by_peer() const {
 void UdpPort::queue_gone() {
   const std::size_t bytes = *unread_by_peer();
   queue_.clear();
-  end_drains();
+  drains_.end();
   if (watch_) watch_->watch_writable(false);
-  if (bytes > 0) listener().on_dropped(bytes, "they were not sent");
+  if (bytes > 0) listener().told(line::Dropped{bytes, "they were not sent"});
 }
 
 void UdpPort::write(ByteView data) {
   if (!peer_ || !common_.writes) {
-    listener().on_dropped(data.size(), peer_ ? "the port is for reading only" : "the line is not up");
+    listener().told(line::Dropped{data.size(), peer_ ? "the port is for reading only" : "the line is not up"});
     return;
   }
   for (; !data.empty(); data = data.subspan(std::min(kLargestDatagram, data.size()))) {
@@ -245,7 +246,7 @@ bool UdpPort::send_one(ByteView datagram) {
     context_.log->warn("{}: a datagram of {} bytes to {} is dropped: {}", name(), datagram.size(),
                        peer_->text(), errno_text(error));
   }
-  listener().on_dropped(datagram.size(), "a datagram could not be sent");
+  listener().told(line::Dropped{datagram.size(), "a datagram could not be sent"});
   return true;
 }
 
@@ -253,23 +254,19 @@ void UdpPort::on_writable() {
   while (!queue_.empty() && send_one(queue_.front())) queue_.pop_front();
   if (!queue_.empty()) return;
   watch_->watch_writable(false);
-  end_drains();
+  drains_.end();
   if (up_) listener().on_drained();
 }
 
-void UdpPort::drain(std::function<void()> done) {
-  if (queue_.empty()) return done();
-  drains_.push_back(std::move(done));
-}
-
-// From the loop, since the caller may be in the midst of closing the line.
-void UdpPort::end_drains() {
-  for (std::function<void()>& done : std::exchange(drains_, {})) context_.loop->post(std::move(done));
+void UdpPort::tell(const LineEvent& event) {
+  const auto* const drain = std::get_if<line::Drain>(&event);
+  if (drain == nullptr || !congested()) return Port::tell(event);
+  drains_.add(*drain);
 }
 
 bool UdpPort::discard() {
   queue_.clear();
-  end_drains();
+  drains_.end();
   watch_->watch_writable(false);
   (void)read_away();
   return true;
@@ -317,7 +314,7 @@ bool UdpPort::receive_one() {
   if (size == 0) {
     ++empty_;
   } else if (!common_.reads) {
-    listener().on_dropped(static_cast<std::uint64_t>(size), "the port is for writing only");
+    listener().told(line::Dropped{static_cast<std::uint64_t>(size), "the port is for writing only"});
   } else {
     listener().on_data(ByteView(buffer).first(static_cast<std::size_t>(size)));
   }
@@ -372,7 +369,7 @@ void UdpPort::hang_up(bool) {
   watch_->watch_readable(false);
   // What waits was meant for this line; left there, it would open the next one.
   if (const Waiting waiting = read_away(); waiting.bytes > 0)
-    listener().on_dropped(waiting.bytes, "the line was hung up");
+    listener().told(line::Dropped{waiting.bytes, "the line was hung up"});
   context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
     if (alive.expired()) return;
     listener().on_down({.reason = LineDown::Reason::hung_up, .error = {}});

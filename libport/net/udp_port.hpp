@@ -15,6 +15,7 @@
 #include "libport/loop/timer.hpp"
 #include "libport/net/name_lookup.hpp"
 #include "libport/net/socket_address.hpp"
+#include "libport/net/waiting_drains.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
 #include "libport/port/port_options.hpp"
@@ -40,8 +41,8 @@ struct UdpOptions {
 // `from=peer` the first, until the line goes down). UDP has no close: it is up until close() or hang_up().
 //
 // Empty datagrams are dropped (a tape cannot hold them), the kernel drops what comes faster than it is read;
-// on_dropped tells both, without bytes. Datagrams that the system does not take (too large, no route) are
-// dropped and told by on_dropped; the line stays up. That nobody listens at the destination is not seen. More
+// line::Dropped tells both, without bytes. Datagrams that the system does not take (too large, no route) are
+// dropped and told as dropped; the line stays up. That nobody listens at the destination is not seen. More
 // than 65507 bytes in one write(), which no datagram can hold, go as several.
 class UdpPort final : public Port, private WaitingCalls {
  public:
@@ -54,8 +55,8 @@ class UdpPort final : public Port, private WaitingCalls {
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return !queue_.empty(); }
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;  // what waits to be sent
-  // When the kernel has it all.
-  void drain(std::function<void()> done) override;
+  // A drain ends when the kernel has it all.
+  void tell(const LineEvent& event) override;
   bool end_writing() override { return false; }
   [[nodiscard]] WaitingCalls* waiting() override { return this; }
   void set_reading(bool on) override;
@@ -93,7 +94,6 @@ class UdpPort final : public Port, private WaitingCalls {
   void send_or_queue(ByteView datagram);
   bool send_one(ByteView datagram);  // false: later
   void queue_gone();
-  void end_drains();
   void look_for_overflow(msghdr& message);
   void ask_for_overflow();
   void note_overflow(std::uint32_t count);
@@ -111,7 +111,7 @@ class UdpPort final : public Port, private WaitingCalls {
   std::unique_ptr<NameLookup> lookup_;
   std::optional<SocketAddress> peer_;
   std::deque<Bytes> queue_;
-  std::vector<std::function<void()>> drains_;  // while something waits there
+  WaitingDrains drains_;
   std::set<int> told_errors_;                  // each once a session
   std::uint64_t empty_ = 0;                    // datagrams dropped since open()
   std::uint64_t foreign_ = 0;                  // datagrams of others than the peer, dropped since open()

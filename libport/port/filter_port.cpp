@@ -130,24 +130,9 @@ void FilterPort::on_resumed() {
   out_.run();
 }
 
-void FilterPort::on_flush(FlushQueue queue) {
-  in_.put([this, queue] { ForwardingPort::on_flush(queue); });
-}
-
-void FilterPort::on_settings(const SeenSettings& settings, SettingsOrder order) {
-  in_.put([this, settings, order] { ForwardingPort::on_settings(settings, order); });
-}
-
-void FilterPort::on_signal(const LineSignal& signal) {
-  in_.put([this, signal] { ForwardingPort::on_signal(signal); });
-}
-
-void FilterPort::on_drain(std::function<void()> done) {
-  in_.put([this, done = std::move(done)] { ForwardingPort::on_drain(done); });
-}
-
-void FilterPort::on_ask(const LineRequest& request, TakeAnswer done) {
-  in_.put([this, request, done = std::move(done)] { ForwardingPort::on_ask(request, done); });
+void FilterPort::told(const LineEvent& event) {
+  if (!keeps_place(event)) return ForwardingPort::told(event);
+  in_.put([this, event] { ForwardingPort::told(event); });
 }
 
 // A replay that is over has its last bytes behind what is held; a tape that must not fail has no time.
@@ -175,24 +160,9 @@ void FilterPort::send(ByteView data, Instant due) {
   out_.put(data, due);
 }
 
-void FilterPort::peer_flushed(FlushQueue queue) {
-  out_.put([this, queue] { ForwardingPort::peer_flushed(queue); });
-}
-
-void FilterPort::peer_set(const SeenSettings& settings, SettingsOrder order) {
-  out_.put([this, settings, order] { ForwardingPort::peer_set(settings, order); });
-}
-
-void FilterPort::signal(const LineSignal& signal) {
-  out_.put([this, signal] { ForwardingPort::signal(signal); });
-}
-
-void FilterPort::drain(std::function<void()> done) {
-  out_.put([this, done = std::move(done)] { ForwardingPort::drain(done); });
-}
-
-void FilterPort::ask(const LineRequest& request, TakeAnswer done) {
-  out_.put([this, request, done = std::move(done)] { ForwardingPort::ask(request, done); });
+void FilterPort::tell(const LineEvent& event) {
+  if (!keeps_place(event)) return ForwardingPort::tell(event);
+  out_.put([this, event] { ForwardingPort::tell(event); });
 }
 
 void FilterPort::on_drained() {
@@ -245,7 +215,7 @@ void FilterPort::apply_waiting() {
   settings_waiting_.pop_front();
   if (ForwardingPort::apply(settings)) return;
   if (const std::optional<LineSettings> kept = this->settings())
-    ForwardingPort::on_settings(SeenSettings::of(*kept), SettingsOrder::exact);
+    ForwardingPort::told(line::Settings{SeenSettings::of(*kept)});
 }
 
 std::optional<std::size_t> FilterPort::unread_by_peer() const {

@@ -20,8 +20,8 @@ namespace porttape {
 // deliver() and send(), now or later, which keep the order.
 //
 // What is held back:
-// - Events of the line, and flushes, signals and drains of either side, keep their place among the bytes: it
-//   goes down after the last one. Drops alone are told at once.
+// - Events of the line, of either side, keep their place among the bytes, as far as they have one (keeps_place): it goes
+//   down after the last one.
 // - It is congested while a write is held, since a session closes a line that is not: with delayed writes a
 //   caller has one on its way at a time.
 // - An end of writing, a hang-up and new settings wait for no `due`, and held writes go out before them: at
@@ -50,17 +50,13 @@ class FilterPort : public ForwardingPort {
   bool end_writing() final;
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const final;
   // Settings that wait behind held writes count as the line's. If the inner port refuses them later,
-  // on_settings() gives those that it has kept.
+  // a line::Settings tells those that it has kept.
   [[nodiscard]] std::optional<LineSettings> settings() const final;
   Result<void> apply(const LineSettings& settings) final;
-  void signal(const LineSignal& signal) final;
-  void drain(std::function<void()> done) final;
-  void ask(const LineRequest& request, TakeAnswer done) final;
+  void tell(const LineEvent& event) final;
   void set_reading(bool on) final;
   void hang_up(bool after_reading) final;
   void read_pending() final;
-  void peer_flushed(FlushQueue queue) final;
-  void peer_set(const SeenSettings& settings, SettingsOrder order) final;
   void finish() final;
   // Always: bytes may be held here.
   [[nodiscard]] WaitingCalls* waiting() final { return this; }
@@ -73,7 +69,7 @@ class FilterPort : public ForwardingPort {
   void deliver(ByteView arrival, Instant due = {});
   void send(ByteView data, Instant due = {});
   // Bytes that will not be delivered or sent.
-  void drop(std::uint64_t bytes, std::string_view why) { ForwardingPort::on_dropped(bytes, why); }
+  void drop(std::uint64_t bytes, std::string_view why) { ForwardingPort::told(line::Dropped{bytes, why}); }
   // So many held bytes go with the line.
   virtual void lose_held(std::uint64_t bytes, std::string_view why) { drop(bytes, why); }
 
@@ -96,11 +92,7 @@ class FilterPort : public ForwardingPort {
   [[nodiscard]] std::optional<std::size_t> unread() const final;
   void on_interrupted(const LineDown& down) final;
   void on_resumed() final;
-  void on_flush(FlushQueue queue) final;
-  void on_settings(const SeenSettings& settings, SettingsOrder order) final;
-  void on_signal(const LineSignal& signal) final;
-  void on_drain(std::function<void()> done) final;
-  void on_ask(const LineRequest& request, TakeAnswer done) final;
+  void told(const LineEvent& event) final;
   void on_finished(int exit_status) final;
 
   std::size_t write_some(ByteView data) final;

@@ -21,23 +21,12 @@ bool ForwardingPort::has_half_close() const { return inner_->has_half_close(); }
 std::optional<std::size_t> ForwardingPort::unread_by_peer() const { return inner_->unread_by_peer(); }
 std::optional<LineSettings> ForwardingPort::settings() const { return inner_->settings(); }
 Result<void> ForwardingPort::apply(const LineSettings& settings) { return inner_->apply(settings); }
-void ForwardingPort::signal(const LineSignal& signal) { inner_->signal(signal); }
+void ForwardingPort::tell(const LineEvent& event) { inner_->tell(event); }
 void ForwardingPort::watch_signals(bool on) { inner_->watch_signals(on); }
 bool ForwardingPort::shows_signals() const { return inner_->shows_signals(); }
-void ForwardingPort::drain(std::function<void()> done) { inner_->drain(std::move(done)); }
-void ForwardingPort::ask(const LineRequest& request, TakeAnswer done) {
-  inner_->ask(request, std::move(done));
-}
 void ForwardingPort::set_reading(bool on) { inner_->set_reading(on); }
 void ForwardingPort::hang_up(bool after_reading) { inner_->hang_up(after_reading); }
 void ForwardingPort::read_pending() { inner_->read_pending(); }
-void ForwardingPort::peer_flushed(FlushQueue queue) { inner_->peer_flushed(queue); }
-void ForwardingPort::peer_left_unread(std::uint64_t bytes) { inner_->peer_left_unread(bytes); }
-void ForwardingPort::peer_refused(std::uint64_t bytes) { inner_->peer_refused(bytes); }
-void ForwardingPort::peer_set(const SeenSettings& settings, SettingsOrder order) {
-  inner_->peer_set(settings, order);
-}
-void ForwardingPort::faulted(const LineFault& fault) { inner_->faulted(fault); }
 void ForwardingPort::finish() { inner_->finish(); }
 WaitingCalls* ForwardingPort::waiting() { return inner_->waiting() == nullptr ? nullptr : this; }
 Recorder* ForwardingPort::recorder() { return inner_->recorder(); }
@@ -65,22 +54,7 @@ std::optional<std::size_t> ForwardingPort::unread() const { return listener().un
 bool ForwardingPort::wants_rest() { return listener().wants_rest(); }
 void ForwardingPort::on_interrupted(const LineDown& down) { listener().on_interrupted(down); }
 void ForwardingPort::on_resumed() { listener().on_resumed(); }
-void ForwardingPort::on_flush(FlushQueue queue) { listener().on_flush(queue); }
-void ForwardingPort::on_settings(const SeenSettings& settings, SettingsOrder order) {
-  listener().on_settings(settings, order);
-}
-void ForwardingPort::on_signal(const LineSignal& signal) { listener().on_signal(signal); }
-void ForwardingPort::on_drain(std::function<void()> done) { listener().on_drain(std::move(done)); }
-void ForwardingPort::on_ask(const LineRequest& request, TakeAnswer done) {
-  listener().on_ask(request, std::move(done));
-}
-void ForwardingPort::on_left_unread(std::uint64_t bytes) { listener().on_left_unread(bytes); }
-void ForwardingPort::on_refused(std::uint64_t bytes) { listener().on_refused(bytes); }
-void ForwardingPort::on_dropped(std::uint64_t bytes, std::string_view why) {
-  listener().on_dropped(bytes, why);
-}
-
-void ForwardingPort::on_fault(const LineFault& fault) { listener().on_fault(fault); }
+void ForwardingPort::told(const LineEvent& event) { listener().told(event); }
 
 std::size_t ForwardingPort::write_some(ByteView data) {
   if (WaitingCalls* const calls = inner_->waiting()) return calls->write_some(data);

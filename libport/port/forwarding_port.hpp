@@ -32,19 +32,12 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
   [[nodiscard]] std::optional<LineSettings> settings() const override;
   Result<void> apply(const LineSettings& settings) override;
-  void signal(const LineSignal& signal) override;
+  void tell(const LineEvent& event) override;
   void watch_signals(bool on) override;
   [[nodiscard]] bool shows_signals() const override;
-  void drain(std::function<void()> done) override;
-  void ask(const LineRequest& request, TakeAnswer done) override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;
-  void peer_flushed(FlushQueue queue) override;
-  void peer_set(const SeenSettings& settings, SettingsOrder order) override;
-  void peer_left_unread(std::uint64_t bytes) override;
-  void peer_refused(std::uint64_t bytes) override;
-  void faulted(const LineFault& fault) override;
   void finish() override;
   // This, where the inner port has it.
   [[nodiscard]] WaitingCalls* waiting() override;
@@ -77,15 +70,7 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   bool wants_rest() override;
   void on_interrupted(const LineDown& down) override;
   void on_resumed() override;
-  void on_flush(FlushQueue queue) override;
-  void on_settings(const SeenSettings& settings, SettingsOrder order) override;
-  void on_signal(const LineSignal& signal) override;
-  void on_drain(std::function<void()> done) override;
-  void on_ask(const LineRequest& request, TakeAnswer done) override;
-  void on_left_unread(std::uint64_t bytes) override;
-  void on_refused(std::uint64_t bytes) override;
-  void on_dropped(std::uint64_t bytes, std::string_view why) override;
-  void on_fault(const LineFault& fault) override;
+  void told(const LineEvent& event) override;
 
   // Where the inner port has none of them: what WaitingCalls says of such a port.
   std::size_t write_some(ByteView data) override;

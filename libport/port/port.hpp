@@ -11,13 +11,11 @@
 #include <utility>
 
 #include "libport/base/bytes.hpp"
-#include "libport/base/line_fault.hpp"
-#include "libport/base/line_request.hpp"
-#include "libport/base/line_settings.hpp"
-#include "libport/base/line_signal.hpp"
 #include "libport/base/port_identity.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
+#include "libport/line/line_event.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/port/port_place.hpp"
 #include "libport/port/supervised_line.hpp"
 
@@ -35,9 +33,6 @@ struct LineDown {
   Error error;                 // what, where and what to do, for failed and lost
   bool after_reading = false;  // to be given to hang_up() of the session's other port
 };
-
-// Which bytes a flush drops, as the one who flushes sees them.
-enum class FlushQueue { in, out, both };
 
 // Calls `take` with each arrival, see PortListener::on_arrivals().
 template <class Take>
@@ -92,33 +87,9 @@ class PortListener {
   // nothing should be written until on_resumed(). Also between close() and open().
   virtual void on_interrupted(const LineDown&) {}
   virtual void on_resumed() {}
-  // The peer dropped bytes of its own line (tcflush): what had come to it and was not read, what it had
-  // written and was not sent, or both.
-  virtual void on_flush(FlushQueue) {}
-  // The peer has changed the settings of its line, or took others than apply() asked for.
-  virtual void on_settings(const SeenSettings&, SettingsOrder) {}
-  // The peer has changed a signal of the line, behind all that came before. From a device's port also how
-  // each of its own stands when the line comes up, if it has any.
-  virtual void on_signal(const LineSignal&) {}
-  // The peer waits until all that it wrote has left the session's other port (its drain()); `done` is called
-  // then, once.
-  virtual void on_drain(std::function<void()> done) { done(); }
-  // The peer asks what only the session's other port can answer (its ask()).
-  virtual void on_ask(const LineRequest& request, TakeAnswer done) {
-    (void)request;
-    done(std::nullopt);
-  }
-  // The peer has gone and left so many bytes unread; only where that is known. on_down() follows.
-  virtual void on_left_unread(std::uint64_t bytes) { (void)bytes; }
-  // Another peer came while one was there, and was turned away with so many bytes that it had written.
-  virtual void on_refused(std::uint64_t bytes) { (void)bytes; }
-  // So many bytes, taken by write() or come from the peer, reached nobody.
-  virtual void on_dropped(std::uint64_t bytes, std::string_view why) {
-    (void)bytes;
-    (void)why;
-  }
-  // This was done to the line on purpose, by a wrapper of the port; the bytes concerned come next, if any do.
-  virtual void on_fault(const LineFault&) {}
+  // Something else has happened on the line, where the peer is: see LineEvent. Events come in their order among the bytes.
+  // A line::Drain and a line::Ask are to be answered, by tell() of the port that told of them.
+  virtual void told(const LineEvent& event) { (void)event; }
 
  protected:
   ~PortListener() = default;
@@ -287,28 +258,28 @@ class Port {
   [[nodiscard]] virtual std::optional<LineSettings> settings() const { return std::nullopt; }
   // Changes them, before prepare() or at any time after it. Errc::usage where there are none; on an error
   // they stay. A line that is not up takes them when it comes up, or keeps the last that it took; one that is
-  // up may take them only when what was written before has gone. What it took otherwise than asked for,
-  // on_settings() tells then. On a driver's port they are what the driver finds there: a pty shows them, and
+  // up may take them only when what was written before has gone. What it took otherwise than asked for, a
+  // line::Settings tells then. On a driver's port they are what the driver finds there: a pty shows them, and
   // is not made raw again.
   virtual Result<void> apply(const LineSettings&) {
     return make_error(Errc::usage, name() + " has no line settings");
   }
-  // Changes a signal of the line as its peer sees it: on a device's port dtr, rts and break, behind all that
-  // was written; on a driver's port what the device drives. What it does not
-  // drive is what its peer is shown instead of a device's. A line without such a thing, or that is not up,
-  // ignores it.
-  virtual void signal(const LineSignal&) {}
-  // Whether the peer's signals come by on_signal(), and signal() reaches it.
+  // Something has happened at the line's other end, behind all that was written; the peer is to see it as far as the line
+  // can show it, and a port with a tape notes it, or compares it:
+  // - LineSignal: a signal changes as the peer sees it; on a device's port dtr, rts and break, on a driver's port what
+  //   the device drives. What it does not drive is what its peer is shown instead of a device's. A line without
+  //   such a thing, or that is not up, ignores it.
+  // - line::Drain: line::Sent follows, from within or later: when all that was written has left for the device, or
+  //   cannot any more, as the line is down. line::Ask: the device is asked, and line::Answer follows. Every port
+  //   answers both, the line up or not, as long as it is there.
+  // - line::Sent, line::Answer: the answers to what this port has told.
+  // - line::Settings: the program at the other end has made its line so. Whether the device's line follows is
+  //   apply()'s.
+  // - All others are for a port with a tape, or one that plays one.
+  virtual void tell(const LineEvent& event);
+  // Whether the peer's signals are told, and it is shown those of the other end.
   [[nodiscard]] virtual bool shows_signals() const { return false; }
-  // Calls `done` once, from within or later: when all that was written has left for the device, or cannot any
-  // more, as the line is down.
-  virtual void drain(std::function<void()> done) { done(); }
-  // Asks the device, behind all that was written, set and signalled; calls `done` once, from within or later.
-  virtual void ask(const LineRequest& request, TakeAnswer done) {
-    (void)request;
-    done(std::nullopt);
-  }
-  // Whether on_signal() of what the device drives is wanted; at any time. Where it is, and the line has such
+  // Whether signals that the device drives are to be told; at any time. Where they are, and the line has such
   // signals, they are told when it comes up (or is resumed), before any bytes, and whenever they change.
   virtual void watch_signals(bool on) { (void)on; }
   // Whether on_data may come: false is backpressure to the peer.
@@ -321,22 +292,6 @@ class Port {
   // Passes on what has come in by now and was not read yet, as far as reading is on; a passive port finds a
   // peer that nothing has told of yet. For the end of a session.
   virtual void read_pending() = 0;
-
-  // The program at the line's other end has dropped bytes of its own line. For a port with a tape, and one
-  // that plays one.
-  virtual void peer_flushed(FlushQueue) {}
-  // The same program has made its line so, as far as that is seen. Whether the device's line follows is
-  // apply()'s. For a port with a tape, and one that plays one.
-  virtual void peer_set(const SeenSettings&, SettingsOrder) {}
-
-  // The program at the line's other end has gone, and has not read so many bytes. For a port that plays a
-  // tape.
-  virtual void peer_left_unread(std::uint64_t bytes) { (void)bytes; }
-  // Another program came to the line's other end and was turned away, with so many bytes that it had written.
-  // For a port that plays a tape.
-  virtual void peer_refused(std::uint64_t bytes) { (void)bytes; }
-  // A wrapper of this port does so to the line, see PortListener::on_fault(). For a port that plays a tape.
-  virtual void faulted(const LineFault&) {}
 
   // The end of the program is near: completes what belongs to the session (tape, report). on_complete()
   // follows once, from within or later; a disk that does not answer delays it 10 s at most. The port may not

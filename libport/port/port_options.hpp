@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "libport/base/line_settings.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
 #include "libport/port/port_type.hpp"

@@ -4,9 +4,9 @@
 #include <functional>
 #include <optional>
 
-#include "libport/base/line_request.hpp"
-#include "libport/base/line_settings.hpp"
-#include "libport/base/line_signal.hpp"
+#include "libport/line/line_request.hpp"
+#include "libport/line/line_settings.hpp"
+#include "libport/line/line_signal.hpp"
 #include "libport/base/tty_device.hpp"
 
 namespace porttape {

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "libport/base/line_settings.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/base/time.hpp"
 #include "libport/tape/event.hpp"
 

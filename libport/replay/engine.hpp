@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "libport/base/bytes.hpp"
-#include "libport/base/line_signal.hpp"
+#include "libport/line/line_signal.hpp"
 #include "libport/base/time.hpp"
 #include "libport/replay/answer_source.hpp"
 #include "libport/replay/expectation.hpp"

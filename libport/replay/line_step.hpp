@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "libport/base/line_settings.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/tape/event.hpp"
 
 namespace porttape {
@@ -13,7 +13,7 @@ struct LineStep {
   enum class Kind : std::uint8_t { open, close, settings, flush, signal };
   Kind kind = Kind::open;
   SeenSettings settings{};                     // that it makes its line; what it leaves alone is absent
-  std::optional<event::Flush::Queue> queue{};  // that it drops; nothing: not known
+  std::optional<FlushQueue> queue{};  // that it drops; nothing: not known
   LineSignal signal{};                         // that it changes
 
   friend bool operator==(const LineStep&, const LineStep&) = default;

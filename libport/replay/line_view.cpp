@@ -4,7 +4,7 @@
 #include <string_view>
 #include <utility>
 
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 
 namespace porttape {
 namespace {

@@ -4,8 +4,8 @@
 #include <string>
 
 #include "libport/base/json_object.hpp"
-#include "libport/base/line_settings.hpp"
-#include "libport/base/line_signal.hpp"
+#include "libport/line/line_settings.hpp"
+#include "libport/line/line_signal.hpp"
 
 namespace porttape {
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "libport/base/signal_queue.hpp"
+#include "libport/line/signal_queue.hpp"
 #include "libport/base/time.hpp"
 #include "libport/replay/arrivals.hpp"
 #include "libport/replay/driver_line.hpp"

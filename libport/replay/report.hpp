@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "libport/base/bytes.hpp"
-#include "libport/base/line_fault.hpp"
+#include "libport/line/line_fault.hpp"
 #include "libport/base/time.hpp"
 #include "libport/replay/diagnosis.hpp"
 #include "libport/replay/excerpt.hpp"

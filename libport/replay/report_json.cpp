@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "libport/base/json_object.hpp"
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "libport/replay/context.hpp"
 #include "libport/replay/faults_report.hpp"
 #include "libport/replay/report.hpp"

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/replay/context.hpp"
 #include "libport/replay/diff_text.hpp"

@@ -104,7 +104,7 @@ void Schedule::pass(bool expected) {
 
 void Schedule::pass_event(const Event* event) {
   const auto* flush = event == nullptr ? nullptr : std::get_if<event::Flush>(event);
-  if (flush == nullptr || flush->queue == event::Flush::Queue::in) return;
+  if (flush == nullptr || flush->queue == FlushQueue::in) return;
   output_flushes_.add(passed_.writes);
 }
 

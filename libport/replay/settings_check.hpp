@@ -5,8 +5,8 @@
 #include <optional>
 #include <vector>
 
-#include "libport/base/line_settings.hpp"
-#include "libport/base/line_signal.hpp"
+#include "libport/line/line_settings.hpp"
+#include "libport/line/line_signal.hpp"
 #include "libport/base/time.hpp"
 #include "libport/replay/line_view.hpp"
 #include "libport/tape/record.hpp"

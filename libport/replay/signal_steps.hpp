@@ -6,7 +6,7 @@
 #include <optional>
 #include <set>
 
-#include "libport/base/line_signal.hpp"
+#include "libport/line/line_signal.hpp"
 #include "libport/base/time.hpp"
 
 namespace porttape {

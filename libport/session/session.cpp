@@ -46,15 +46,7 @@ struct Session::DriverSide final : PortListener {
   void on_down(const LineDown& down) override { session.driver_down(down); }
   void on_finished(int exit_status) override { session.finished(exit_status); }
   void on_complete(int) override { session.driver_complete(); }
-  void on_flush(FlushQueue queue) override { session.driver_flushed(queue); }
-  void on_settings(const SeenSettings& seen, SettingsOrder order) override {
-    session.driver_settings(seen, order);
-  }
-  void on_signal(const LineSignal& signal) override { session.driver_signalled(signal); }
-  void on_drain(std::function<void()> done) override { session.driver_drains(std::move(done)); }
-  void on_ask(const LineRequest& request, TakeAnswer done) override {
-    session.driver_asks(request, std::move(done));
-  }
+  void told(const LineEvent& event) override { session.driver_told(event); }
   Answers on_ended() override { return session.driver_ended(); }
   [[nodiscard]] bool half_closes() const override { return session.device_->has_half_close(); }
   bool wants_rest() override {
@@ -64,11 +56,6 @@ struct Session::DriverSide final : PortListener {
   void on_resumed() override {
     session.driver_interrupted_ = false;
     session.read_device();
-  }
-  void on_left_unread(std::uint64_t bytes) override { session.device_->peer_left_unread(bytes); }
-  void on_refused(std::uint64_t bytes) override { session.device_->peer_refused(bytes); }
-  void on_dropped(std::uint64_t bytes, std::string_view why) override {
-    session.dropped_by_driver(bytes, why);
   }
   Session& session;
   Gate gate;
@@ -94,13 +81,7 @@ struct Session::DeviceSide final : PortListener {
   [[nodiscard]] std::optional<std::size_t> unread() const override {
     return session.driver_up_ ? session.driver_->unread_by_peer() : 0;
   }
-  void on_settings(const SeenSettings&, SettingsOrder) override {
-    session.show_settings();
-  }  // it took others than asked for
-  void on_signal(const LineSignal& signal) override {
-    if (session.driver_up_) session.driver_->signal(signal);
-  }
-  void on_dropped(std::uint64_t bytes, std::string_view why) override { session.dropped(bytes, why); }
+  void told(const LineEvent& event) override { session.device_told(event); }
   Session& session;
   Gate gate;
 };
@@ -166,29 +147,31 @@ void Session::open_device_now() {
   }
   device_->watch_signals(driver_->shows_signals());
   device_->open();
-  pass_early_settings();  // for a line that is to come up with them
+  pass_early_state();  // for a line that is to come up with them
 }
 
-void Session::pass_early_settings() {
-  if (const auto early = std::exchange(early_settings_, std::nullopt); early && driver_up_)
-    driver_settings(early->seen, early->order);
-  if (const auto early = std::exchange(early_flush_, std::nullopt); early && driver_up_)
-    driver_flushed(*early);
+// What a line takes before it is up.
+void Session::pass_early_state() {
+  const std::vector<LineEvent> early = early_.take([](const LineEvent& event) {
+    return std::holds_alternative<line::Settings>(event) || std::holds_alternative<line::Flush>(event);
+  });
+  for (const LineEvent& event : early) {
+    if (driver_up_) driver_told(event);
+  }
 }
 
+// Drains last, since they wait for the bytes.
 void Session::device_up() {
   device_state_ = DeviceState::up;
   failures_.up(context_.loop->now());
   context_.log->debug("{}: up", device_->name());
-  pass_early_settings();
-  for (EarlyRequest& early : std::exchange(early_requests_, {})) {
-    for (const LineSignal& signal : early.signals) device_->signal(signal);
-    device_->ask(early.request, std::move(early.done));
-  }
-  for (const LineSignal& signal : early_signals_.take()) device_->signal(signal);
+  pass_early_state();
+  const std::vector<LineEvent> early =
+      early_.take([](const LineEvent& event) { return !std::holds_alternative<line::Drain>(event); });
+  for (const LineEvent& event : early) device_->tell(event);
   read_driver();
   read_device();
-  for (std::function<void()>& done : std::exchange(early_drains_, {})) device_->drain(std::move(done));
+  for (const LineEvent& event : early_.take_all()) device_->tell(event);
 }
 
 Session::State Session::state() const {
@@ -375,8 +358,6 @@ void Session::driver_down(const LineDown& down) {
   context_.log->log(about_driver(), "{}: {}", driver_->name(),
                     down.reason == LineDown::Reason::hung_up ? "hung up" : "the driver has closed it");
   driver_up_ = driver_interrupted_ = false;
-  early_settings_.reset();
-  early_flush_.reset();
   drop_early();
   if (end_.step() == SessionEnd::Step::leaving) {
     end();
@@ -592,17 +573,61 @@ void Session::show_settings() {
   if (const auto settings = device_->settings()) (void)driver_->apply(*settings);
 }
 
+// Whether the device is told of it only once it is open, or its line is up.
+bool Session::waits_for_device(const LineEvent& event) const {
+  const bool is_state =
+      std::holds_alternative<line::Settings>(event) || std::holds_alternative<line::Flush>(event);
+  if (is_state) return device_opens_later();
+  return keeps_place(event) &&
+         (device_state_ == DeviceState::opening || device_state_ == DeviceState::draining);
+}
+
+void Session::driver_told(const LineEvent& event) {
+  if (waits_for_device(event)) return early_.put(event);
+  std::visit(LineVisitor{
+                 [this](const line::Settings& settings) { driver_set(settings); },
+                 [this](const line::Dropped& lost) { dropped_by_driver(lost.bytes, lost.why); },
+                 [this](const line::Flush& flush) {
+                   if (device_state_ != DeviceState::closed) device_->tell(flush);
+                 },
+                 [this](const LineSignal& signal) {
+                   if (device_has_line()) device_->tell(signal);
+                 },
+                 [this](const line::Drain& drain) {
+                   if (device_has_line()) return device_->tell(drain);
+                   driver_->tell(line::Sent{drain.number});
+                 },
+                 [this](const line::Ask& question) {
+                   if (device_has_line()) return device_->tell(question);
+                   driver_->tell(line::Answer{question.number, std::nullopt});
+                 },
+                 [](const LineFault&) {},  // of the driver's port, which no tape is around
+                 [this](const auto& other) { device_->tell(other); },
+             },
+             event);
+}
+
+void Session::device_told(const LineEvent& event) {
+  std::visit(LineVisitor{
+                 [this](const line::Settings&) { show_settings(); },  // it took others than asked for
+                 [this](const line::Dropped& lost) { dropped(lost.bytes, lost.why); },
+                 [this](const LineSignal& signal) {
+                   if (driver_up_) driver_->tell(signal);
+                 },
+                 [this](const line::Sent& sent) { driver_->tell(sent); },
+                 [this](const line::Answer& answer) { driver_->tell(answer); },
+                 [](const auto&) {},
+             },
+             event);
+}
+
 // The device's line follows the driver's. One that does not is shown to it.
-void Session::driver_settings(const SeenSettings& seen, SettingsOrder order) {
-  if (device_opens_later()) {
-    early_settings_ = {seen, order};
-    return;
-  }
+void Session::driver_set(const line::Settings& settings) {
   if (device_state_ == DeviceState::closed && !end_.running()) return;  // it is opened for no next driver
-  device_->peer_set(seen, order);
+  device_->tell(settings);
   const std::optional<LineSettings> now = device_->settings();
-  if (!now || seen.over(*now) == *now) return;
-  if (const Result<void> set = device_->apply(seen.over(*now)); !set) {
+  if (!now || settings.seen.over(*now) == *now) return;
+  if (const Result<void> set = device_->apply(settings.seen.over(*now)); !set) {
     const bool told = std::exchange(refusal_told_, true);
     context_.log->log(told ? spdlog::level::debug : spdlog::level::warn, "{}; the device keeps its settings",
                       set.error().message);
@@ -610,46 +635,12 @@ void Session::driver_settings(const SeenSettings& seen, SettingsOrder order) {
   }
 }
 
-void Session::driver_signalled(const LineSignal& signal) {
-  if (device_state_ == DeviceState::opening || device_state_ == DeviceState::draining) {
-    early_signals_.put(signal);
-  } else if (device_has_line()) {
-    device_->signal(signal);
-  }
-}
-
-void Session::driver_drains(std::function<void()> done) {
-  if (device_state_ == DeviceState::opening || device_state_ == DeviceState::draining) {
-    early_drains_.push_back(std::move(done));
-  } else if (device_has_line()) {
-    device_->drain(std::move(done));
-  } else {
-    done();
-  }
-}
-
-void Session::driver_asks(const LineRequest& request, TakeAnswer done) {
-  if (device_state_ == DeviceState::opening || device_state_ == DeviceState::draining) {
-    early_requests_.push_back({early_signals_.take(), request, std::move(done)});
-  } else if (device_has_line()) {
-    device_->ask(request, std::move(done));
-  } else {
-    done(std::nullopt);
-  }
-}
-
 // The line that they were for is over.
 void Session::drop_early() {
-  early_signals_.clear();
-  for (const EarlyRequest& early : std::exchange(early_requests_, {})) early.done(std::nullopt);
-  for (const std::function<void()>& done : std::exchange(early_drains_, {})) done();
-}
-
-void Session::driver_flushed(FlushQueue queue) {
-  if (device_opens_later()) {
-    early_flush_ = early_flush_.value_or(queue) == queue ? queue : FlushQueue::both;
-  } else if (device_state_ != DeviceState::closed) {
-    device_->peer_flushed(queue);
+  for (const LineEvent& event : early_.take_all()) {
+    if (const auto* drain = std::get_if<line::Drain>(&event)) driver_->tell(line::Sent{drain->number});
+    if (const auto* question = std::get_if<line::Ask>(&event))
+      driver_->tell(line::Answer{question->number, std::nullopt});
   }
 }
 

@@ -8,12 +8,12 @@
 #include <utility>
 #include <vector>
 
-#include "libport/base/signal_queue.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
 #include "libport/session/channel.hpp"
 #include "libport/session/drop_tally.hpp"
+#include "libport/session/early_events.hpp"
 #include "libport/session/failures.hpp"
 #include "libport/session/session_end.hpp"
 
@@ -88,18 +88,6 @@ class Session final : public Channel {
   [[nodiscard]] Port& device() { return *device_; }
 
  private:
-  // Settings from a driver for which the device is not opened yet, see device_opens_later().
-  struct EarlySettings {
-    SeenSettings seen;
-    SettingsOrder order;
-  };
-
-  struct EarlyRequest {
-    std::vector<LineSignal> signals;  // that the driver has changed before, since its last request
-    LineRequest request;
-    TakeAnswer done;
-  };
-
   enum class DeviceState { closed, opening, up, interrupted, down, draining };
 
   struct Gate;
@@ -133,18 +121,17 @@ class Session final : public Channel {
   void note_gap();
   void tell_dropped();
   void open_device_now();
-  void pass_early_settings();
+  void pass_early_state();
   void device_works();
   void device_failed(const LineDown& down, spdlog::level::level_enum level, std::string_view then);
   [[nodiscard]] spdlog::level::level_enum about_driver() const;
   void tell_failures();
   void finished(int exit_status);
-  void driver_flushed(FlushQueue queue);
   void on_drain_timer();
-  void driver_settings(const SeenSettings& seen, SettingsOrder order);
-  void driver_signalled(const LineSignal& signal);
-  void driver_drains(std::function<void()> done);
-  void driver_asks(const LineRequest& request, TakeAnswer done);
+  void driver_told(const LineEvent& event);
+  void driver_set(const line::Settings& settings);
+  void device_told(const LineEvent& event);
+  [[nodiscard]] bool waits_for_device(const LineEvent& event) const;
   void drop_early();
   void show_settings();
   void device_complete(int exit_status);
@@ -172,11 +159,7 @@ class Session final : public Channel {
   Timer drain_timer_;
   Instant drain_until_{};
   std::optional<std::size_t> left_at_look_;  // that the device had not taken
-  std::optional<EarlySettings> early_settings_;
-  std::optional<FlushQueue> early_flush_;  // the same
-  SignalQueue early_signals_;  // for a device that is being opened; since the last of early_requests_
-  std::vector<std::function<void()>> early_drains_;  // the same
-  std::vector<EarlyRequest> early_requests_;         // the same
+  EarlyEvents early_;
   Timer open_timer_;                                 // for a device that has just failed
   Failures failures_;
   Counters counters_;

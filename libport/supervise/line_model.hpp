@@ -4,7 +4,7 @@
 #include <string_view>
 #include <vector>
 
-#include "libport/base/line_signal.hpp"
+#include "libport/line/line_signal.hpp"
 #include "libport/base/result.hpp"
 
 namespace porttape {

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <sys/ioctl.h>
 
-#include "libport/base/line_settings.hpp"
+#include "libport/line/line_settings.hpp"
 
 // What the requests TCSETS… of a program carry. Not to be included with <termios.h>.
 namespace porttape {

@@ -47,7 +47,7 @@ class TappedLine::Driver final : public Port {
     if (std::exchange(up_, false)) listener().on_down({.reason = LineDown::Reason::closed, .error = {}});
   }
   [[nodiscard]] bool up() const { return up_; }
-  [[nodiscard]] PortListener& told() const { return listener(); }
+  [[nodiscard]] PortListener& hears() const { return listener(); }
 
  private:
   TappedLine* line_;
@@ -86,9 +86,10 @@ class TappedLine::Device final : public Port {
     return line_ != nullptr ? std::optional(line_->settings_) : std::nullopt;
   }
   Result<void> apply(const LineSettings&) override { return {}; }  // the driver has done so
-  void drain(std::function<void()> done) override {
-    if (!up_) return done();
-    drains_.push_back(std::move(done));
+  void tell(const LineEvent& event) override {
+    const auto* const drain = std::get_if<line::Drain>(&event);
+    if (drain == nullptr || !up_) return Port::tell(event);
+    drains_.push_back(drain->number);
   }
   void set_reading(bool) override {}
   void hang_up(bool) override {}
@@ -104,14 +105,14 @@ class TappedLine::Device final : public Port {
   }
 
   [[nodiscard]] bool up() const { return up_; }
-  [[nodiscard]] PortListener& told() const { return listener(); }
+  [[nodiscard]] PortListener& hears() const { return listener(); }
   // At once, or when it is asked to open: the driver has it by then.
-  void tell(const std::function<void(PortListener&)>& say) {
+  void say(const std::function<void(PortListener&)>& say) {
     if (up_) return say(listener());
     if (line_ != nullptr && line_->open_ && !line_->lost_) early_.push_back(say);
   }
   void end_drains() {
-    for (const std::function<void()>& done : std::exchange(drains_, {})) done();
+    for (const RequestNumber number : std::exchange(drains_, {})) listener().told(line::Sent{number});
   }
   void lose(const std::string& why) {
     up_ = false;
@@ -121,7 +122,7 @@ class TappedLine::Device final : public Port {
 
  private:
   TappedLine* line_;
-  std::vector<std::function<void()>> drains_;
+  std::vector<RequestNumber> drains_;
   std::vector<std::function<void(PortListener&)>> early_;
   bool up_ = false;
 };
@@ -159,36 +160,36 @@ void TappedLine::closed() {
 }
 
 void TappedLine::wrote(ByteView data) {
-  if (driver_ != nullptr && driver_->up()) driver_->told().on_data(data);
+  if (driver_ != nullptr && driver_->up()) driver_->hears().on_data(data);
 }
 
 void TappedLine::got(ByteView data) {
   if (device_ == nullptr) return;
-  if (device_->up()) return device_->told().on_data(data);
-  device_->tell([bytes = Bytes(data.begin(), data.end())](PortListener& told) { told.on_data(bytes); });
+  if (device_->up()) return device_->hears().on_data(data);
+  device_->say([bytes = Bytes(data.begin(), data.end())](PortListener& hears) { hears.on_data(bytes); });
 }
 
 void TappedLine::made(const LineSettings& settings) {
   settings_ = settings;
   if (driver_ != nullptr && driver_->up())
-    driver_->told().on_settings(SeenSettings::of(settings), SettingsOrder::exact);
+    driver_->hears().told(line::Settings{SeenSettings::of(settings)});
 }
 
 void TappedLine::flushed(FlushQueue queue) {
-  if (driver_ != nullptr && driver_->up()) driver_->told().on_flush(queue);
+  if (driver_ != nullptr && driver_->up()) driver_->hears().told(line::Flush{queue});
 }
 
 void TappedLine::driver_signalled(const LineSignal& signal) {
-  if (driver_ != nullptr && driver_->up()) driver_->told().on_signal(signal);
+  if (driver_ != nullptr && driver_->up()) driver_->hears().told(signal);
 }
 
 void TappedLine::device_signalled(const LineSignal& signal) {
-  if (device_ != nullptr) device_->tell([signal](PortListener& told) { told.on_signal(signal); });
+  if (device_ != nullptr) device_->say([signal](PortListener& hears) { hears.told(signal); });
 }
 
 std::function<void()> TappedLine::drains() {
   if (driver_ == nullptr || !driver_->up()) return [] {};
-  driver_->told().on_drain([] {});
+  driver_->hears().told(line::Drain{++drains_});
   return [this] {
     if (device_ != nullptr) device_->end_drains();
   };
@@ -197,7 +198,7 @@ std::function<void()> TappedLine::drains() {
 void TappedLine::lost(const std::string& why) {
   if (!open_ || lost_ || device_ == nullptr) return;
   const std::string text = device_name() + ": " + why;
-  if (!device_->up()) device_->tell([device = device_, text](PortListener&) { device->lose(text); });
+  if (!device_->up()) device_->say([device = device_, text](PortListener&) { device->lose(text); });
   lost_ = true;
   if (device_->up()) device_->lose(text);
 }

@@ -5,8 +5,8 @@
 #include <string>
 
 #include "libport/base/bytes.hpp"
-#include "libport/base/line_settings.hpp"
-#include "libport/base/line_signal.hpp"
+#include "libport/line/line_settings.hpp"
+#include "libport/line/line_signal.hpp"
 #include "libport/port/port.hpp"
 
 namespace porttape {
@@ -58,7 +58,8 @@ class TappedLine {
   std::string name_;  // that it was opened by
   LineSettings settings_;
   bool open_ = false;
-  bool lost_ = false;  // since it was opened
+  bool lost_ = false;         // since it was opened
+  RequestNumber drains_ = 0;  // of the driver, so far
 };
 
 }  // namespace porttape

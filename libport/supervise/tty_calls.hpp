@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "libport/base/line_settings.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/port/supervised_line.hpp"
 #include "libport/supervise/line_model.hpp"
 #include "libport/supervise/supervisor.hpp"

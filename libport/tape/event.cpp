@@ -14,7 +14,7 @@
 #include <boost/json/value.hpp>
 
 #include "libport/base/json_object.hpp"
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "libport/tape/json_line.hpp"
 
 namespace porttape {
@@ -299,7 +299,7 @@ void take(const json::object& line, event::Settings& settings) {
               value_of<SettingsOrder>(text_of(line, "order"), kOrders)};
 }
 void take(const json::object& line, event::Flush& flush) {
-  flush.queue = value_of<event::Flush::Queue>(text_of(line, "queue"), kQueues);
+  flush.queue = value_of<FlushQueue>(text_of(line, "queue"), kQueues);
 }
 void take(const json::object& line, event::Modem& modem) {
   modem = {value_of<LineSignal::Name>(text_of(line, "line"), kModemLines),

@@ -6,11 +6,9 @@
 #include <string_view>
 #include <variant>
 
-#include "libport/base/line_fault.hpp"
-#include "libport/base/line_settings.hpp"
-#include "libport/base/line_signal.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
+#include "libport/line/line_event.hpp"
 #include "libport/tape/payload_totals.hpp"
 #include "libport/tape/tape_header.hpp"
 
@@ -73,8 +71,7 @@ struct Settings {
 
 struct Flush {
   static constexpr std::string_view kName = "flush";
-  enum class Queue : std::uint8_t { in, out, both };
-  std::optional<Queue> queue;
+  std::optional<FlushQueue> queue;
   friend bool operator==(const Flush&, const Flush&) = default;
 };
 

@@ -3,7 +3,7 @@
 #include <chrono>
 #include <optional>
 
-#include "libport/base/line_settings.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/base/time.hpp"
 #include "libport/port/port.hpp"
 #include "libport/tape/event.hpp"

@@ -9,7 +9,7 @@
 
 #include <spdlog/spdlog.h>
 
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/loop/file_events.hpp"
 #include "libport/replay/pieces.hpp"
@@ -244,7 +244,33 @@ bool ReplayPort::discard() {
   return true;
 }
 
-void ReplayPort::peer_flushed(FlushQueue queue) {
+void ReplayPort::tell(const LineEvent& event) {
+  const auto tell_engine = [this](const auto& tell) {
+    tell(context_.loop->now());
+    pump();
+  };
+  std::visit(LineVisitor{
+                 [this](const line::Flush& flush) { driver_flushed(flush.queue); },
+                 [&](const line::Settings& settings) {
+                   tell_engine([&](Instant now) { engine_->on_settings(now, settings.seen); });
+                 },
+                 [&](const LineSignal& signal) {
+                   if (!is_output(signal.name) && signal.name != LineSignal::Name::brk) return;  // shown to the driver only
+                   tell_engine([&](Instant now) { engine_->on_signal(now, signal); });
+                 },
+                 [this](const line::Drain& drain) { begin_drain(drain.number); },
+                 [this](const line::LeftUnread& left) { left_unread_ = left.bytes; },
+                 [this](const line::Refused& refused) {
+                   ++refused_;
+                   refused_bytes_ += refused.bytes;
+                 },
+                 [this](const LineFault& fault) { note_fault(fault); },
+                 [this](const auto& other) { Port::tell(other); },
+             },
+             event);
+}
+
+void ReplayPort::driver_flushed(FlushQueue queue) {
   if (!schedule_->has_events()) return;
   if (queue != FlushQueue::in) output_flushes_.add(written_);
   if (queue == FlushQueue::out) return;
@@ -252,36 +278,26 @@ void ReplayPort::peer_flushed(FlushQueue queue) {
   pump();
 }
 
-void ReplayPort::peer_set(const SeenSettings& settings, SettingsOrder) {
-  engine_->on_settings(context_.loop->now(), settings);
-  pump();
-}
-
-void ReplayPort::signal(const LineSignal& signal) {
-  if (!is_output(signal.name) && signal.name != LineSignal::Name::brk) return;  // shown to the driver only
-  engine_->on_signal(context_.loop->now(), signal);
-  pump();
-}
-
 void ReplayPort::watch_signals(bool on) {
   if (engine_) engine_->show_signals(on);
 }
 
-void ReplayPort::drain(std::function<void()> done) {
+void ReplayPort::begin_drain(RequestNumber number) {
   const std::vector<Micros>& recorded = line_.drains();
   const std::size_t index = drains_begun_++;
-  if (index >= recorded.size() || options_.config.timing == Timing::none) return done();
+  if (index >= recorded.size() || options_.config.timing == Timing::none)
+    return listener().told(line::Sent{number});
   const std::chrono::duration<double, std::micro> lasts = recorded[index] / options_.config.rate;
-  drains_.push_back(std::move(done));
+  drains_.push_back(number);
   drain_timer_.set_after(std::chrono::duration_cast<Nanos>(lasts));
 }
 
 void ReplayPort::end_drains() {
   drain_timer_.cancel();
-  for (const std::function<void()>& done : std::exchange(drains_, {})) done();
+  for (const RequestNumber number : std::exchange(drains_, {})) listener().told(line::Sent{number});
 }
 
-void ReplayPort::faulted(const LineFault& fault) {
+void ReplayPort::note_fault(const LineFault& fault) {
   if (fault.kind == LineFault::kPlan) {
     faults_ = {.plan = fault.spec.raw(), .seed = fault.seed.value_or(0)};
   } else if (faults_) {
@@ -298,7 +314,7 @@ Result<void> ReplayPort::apply(const LineSettings& settings) {
                                                to_text(SeenSettings::of(settings))));
   }
   settings_ = answer ? answer->over(settings) : settings;
-  if (settings_ != settings) listener().on_settings(SeenSettings::of(*settings_), SettingsOrder::exact);
+  if (settings_ != settings) listener().told(line::Settings{SeenSettings::of(*settings_)});
   return {};
 }
 
@@ -416,7 +432,7 @@ void ReplayPort::deliver(const ReplayActions& actions) {
   };
   for (const ReplayActions::Signal& each : actions.signals) {
     deliver_to(each.behind);
-    listener().on_signal(each.signal);
+    listener().told(each.signal);
   }
   if (actions.signals.empty() && !all.empty() && !dropping_)
     return listener().on_arrivals(all, actions.block_ends);
@@ -452,7 +468,7 @@ void ReplayPort::open_line() {
   last_heard_ = context_.loop->now();
   line_open_ = coming_up_ = blocked_ = true;
   const bool sets = own_settings_ && !options_.keeps_line;
-  if (sets) listener().on_settings(SeenSettings::of(*own_settings_), SettingsOrder::exact);
+  if (sets) listener().told(line::Settings{SeenSettings::of(*own_settings_)});
   listener().on_up();
   watch_silence();
 }
@@ -464,23 +480,18 @@ void ReplayPort::close_line(LineDown::Reason reason) {
 }
 
 void ReplayPort::do_step(const LineStep& step) {
-  using Queue = event::Flush::Queue;
   switch (step.kind) {
     case LineStep::Kind::open:
       return open_line();
     case LineStep::Kind::close:
       return close_line(LineDown::Reason::closed);
     case LineStep::Kind::settings:
-      return listener().on_settings(step.settings, SettingsOrder::exact);
+      return listener().told(line::Settings{step.settings});
     case LineStep::Kind::signal:
-      return listener().on_signal(step.signal);
+      return listener().told(step.signal);
     case LineStep::Kind::flush:
-      break;
+      return listener().told(line::Flush{step.queue.value_or(FlushQueue::both)});
   }
-  const Queue queue = step.queue.value_or(Queue::both);
-  listener().on_flush(queue == Queue::in    ? FlushQueue::in
-                      : queue == Queue::out ? FlushQueue::out
-                                            : FlushQueue::both);
 }
 
 void ReplayPort::hang_up(bool) {

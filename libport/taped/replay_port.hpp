@@ -68,25 +68,18 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   [[nodiscard]] bool has_half_close() const override { return true; }
   // A driver that writes on while the tape is read on to where it writes.
   [[nodiscard]] bool congested() const override { return congested_; }
-  // A driver that flushes what came to it: what is due counts as read, if the tape is stamped at arrival. A
-  // tape of another recorder (without events) holds what its driver read, and nothing that was flushed. A
-  // flush on the tape has no effect: the driver makes its own.
-  void peer_flushed(FlushQueue queue) override;
   // As the tape's device has its line: its own when the session begins, then what the driver asks for, where
   // the tape does not tell that it took something else, or refused. None where the tape tells of none.
   [[nodiscard]] std::optional<LineSettings> settings() const override { return settings_; }
   Result<void> apply(const LineSettings& settings) override;
-  void peer_set(const SeenSettings& settings, SettingsOrder order) override;
-  void signal(const LineSignal& signal) override;
+  // - A driver that flushes what came to it: what is due counts as read, if the tape is stamped at arrival. A
+  //   tape of another recorder (without events) holds what its driver read, and nothing that was flushed. A
+  //   flush on the tape has no effect: the driver makes its own.
+  // - A drain lasts as long as the one did that has its place on the tape, by the replay's rate; where the
+  //   tape has none, no time.
+  // - Each run's report has what was done to its line.
+  void tell(const LineEvent& event) override;
   void watch_signals(bool on) override;
-  // Each lasts as long as the one did that has its place on the tape, by the replay's rate; where the tape
-  // has none, no time.
-  void drain(std::function<void()> done) override;
-  void peer_left_unread(std::uint64_t bytes) override { left_unread_ = bytes; }
-  void peer_refused(std::uint64_t bytes) override {
-    ++refused_;
-    refused_bytes_ += bytes;
-  }
   [[nodiscard]] WaitingCalls* waiting() override { return this; }
   [[nodiscard]] Playback* playback_control() override { return this; }
   Result<void> request(const PlaybackRequest& what) override;
@@ -99,8 +92,6 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   void set_reading(bool on) override;
   // The device of a tape has no line to break; the driver of one has, when its device has ended it.
   void hang_up(bool after_reading) override;
-  // Each run's report has what was done to its line.
-  void faulted(const LineFault& fault) override;
   // Ends the run; the status is that of the worst verdict, and where no driver has come, or none that did
   // more than look, that of `incomplete`. Takes 5 s at most: what is not known or not written then is told.
   void finish() override;
@@ -116,7 +107,7 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
     return data.size();
   }
   [[nodiscard]] std::size_t unsent() override { return 0; }
-  // As peer_flushed(), but only where answers follow their questions: a tape that plays by a clock may lag
+  // As a flush by the driver, but only where answers follow their questions: a tape that plays by a clock may lag
   // behind a slow reader.
   bool discard() override;
   [[nodiscard]] std::string awaits() override;
@@ -124,6 +115,9 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
     return engine_ ? engine_->next_deadline() : std::nullopt;
   }
 
+  void driver_flushed(FlushQueue queue);
+  void begin_drain(RequestNumber number);
+  void note_fault(const LineFault& fault);
   [[nodiscard]] bool drives() const { return options_.config.writer == Writer::device; }
   void open_line();
   void close_line(LineDown::Reason reason);
@@ -179,7 +173,7 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   std::optional<std::uint64_t> left_unread_;  // by the driver that has just gone
   std::optional<FaultsReport> faults_;        // of the run that goes on
   std::optional<Instant> run_begun_;
-  std::vector<std::function<void()>> drains_;  // that last
+  std::vector<RequestNumber> drains_;  // that last
   std::size_t drains_begun_ = 0;               // in this run
   Timer drain_timer_;
   std::optional<Timer> finish_timer_;

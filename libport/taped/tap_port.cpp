@@ -1,7 +1,6 @@
 #include "libport/taped/tap_port.hpp"
 
 #include <algorithm>
-#include <array>
 #include <utility>
 
 #include <spdlog/spdlog.h>
@@ -50,25 +49,24 @@ Result<void> TapPort::prepare() {
 void TapPort::open() {
   tell_passed();
   open_ = true;
-  session_ = std::make_shared<int>();
   writing_ended_ = false;
   repeats_.begin_session();
-  tell([now = loop_->now()](LineObserver& observer) { observer.opened(now); });
+  tell_observers([now = loop_->now()](LineObserver& observer) { observer.opened(now); });
   ForwardingPort::open();
 }
 
 void TapPort::on_up() {
-  tell([now = loop_->now()](LineObserver& observer) { observer.came_up(now); });
+  tell_observers([now = loop_->now()](LineObserver& observer) { observer.came_up(now); });
   note_device_settings();
   ForwardingPort::on_up();
 }
 
 void TapPort::close() {
   tell_passed();
-  session_.reset();
+  drains_.clear();  // one that only the end of the line has ended was none
   ForwardingPort::close();
   if (!std::exchange(open_, false)) return;
-  tell([now = loop_->now()](LineObserver& observer) { observer.closed(now); });
+  tell_observers([now = loop_->now()](LineObserver& observer) { observer.closed(now); });
 }
 
 // The time is that before it goes out: the answer must not be stamped earlier.
@@ -114,15 +112,38 @@ void TapPort::read_pending() {
   ForwardingPort::read_pending();
 }
 
-void TapPort::peer_flushed(FlushQueue queue) {
+void TapPort::tell(const LineEvent& event) {
   tell_passed();
-  note_flush(queue);
-  ForwardingPort::peer_flushed(queue);
+  std::visit(LineVisitor{
+                 [this](const line::Flush& flush) { note_flush(flush.queue); },
+                 [this](const line::Settings& settings) { note_settings(Side::driver, settings); },
+                 [this](const LineSignal& signal) {
+                   const bool by_driver = is_output(signal.name) || signal.name == LineSignal::Name::brk;
+                   note_signal(by_driver ? Side::driver : Side::device, signal);
+                 },
+                 [this](const line::Drain& drain) {
+                   if (open_) drains_.emplace(drain.number, loop_->now());
+                 },
+                 [](const auto&) {},
+             },
+             event);
+  ForwardingPort::tell(event);
 }
 
-void TapPort::peer_set(const SeenSettings& settings, SettingsOrder order) {
-  note_settings(Side::driver, settings, order);
-  ForwardingPort::peer_set(settings, order);
+void TapPort::told(const LineEvent& event) {
+  std::visit(LineVisitor{
+                 [this](const line::Settings& settings) { note_settings(Side::device, settings); },
+                 [this](const LineSignal& signal) { note_signal(Side::device, signal); },
+                 [this](const line::Sent& sent) {
+                   if (const auto drain = drains_.extract(sent.number))
+                     note(event::Drain{std::chrono::duration_cast<Micros>(loop_->now() - drain.mapped())});
+                 },
+                 [this](const line::Dropped& lost) { note_gap(lost.bytes, lost.why); },
+                 [this](const LineFault& fault) { note(event::Fault{fault}); },
+                 [](const auto&) {},
+             },
+             event);
+  ForwardingPort::told(event);
 }
 
 // A device that refuses has settings that the driver did not ask for.
@@ -131,33 +152,6 @@ Result<void> TapPort::apply(const LineSettings& settings) {
   Result<void> applied = ForwardingPort::apply(settings);
   if (!applied && open_) note_device_settings();
   return applied;
-}
-
-void TapPort::on_settings(const SeenSettings& settings, SettingsOrder order) {
-  note_settings(Side::device, settings, order);
-  ForwardingPort::on_settings(settings, order);
-}
-
-void TapPort::signal(const LineSignal& signal) {
-  tell_passed();
-  const bool by_driver = is_output(signal.name) || signal.name == LineSignal::Name::brk;
-  note(signal_event({by_driver ? Side::driver : Side::device, signal}));
-  ForwardingPort::signal(signal);
-}
-
-// One that only the line's end has ended was none.
-void TapPort::drain(std::function<void()> done) {
-  tell_passed();
-  ForwardingPort::drain(
-      [this, session = std::weak_ptr<int>(session_), begin = loop_->now(), done = std::move(done)] {
-        if (!session.expired()) note(event::Drain{std::chrono::duration_cast<Micros>(loop_->now() - begin)});
-        done();
-      });
-}
-
-void TapPort::on_signal(const LineSignal& signal) {
-  note(signal_event({Side::device, signal}));
-  ForwardingPort::on_signal(signal);
 }
 
 void TapPort::note_gap(std::uint64_t bytes, std::string_view why) {
@@ -198,20 +192,10 @@ void TapPort::on_resumed() {
   ForwardingPort::on_resumed();
 }
 
-void TapPort::on_dropped(std::uint64_t bytes, std::string_view why) {
-  note_gap(bytes, why);
-  ForwardingPort::on_dropped(bytes, why);
-}
-
-void TapPort::on_fault(const LineFault& fault) {
-  note(event::Fault{fault});
-  ForwardingPort::on_fault(fault);
-}
-
 Result<void> TapPort::request(const RecorderRequest& what) {
   bool taken = false;
   std::optional<Error> refused;
-  tell([&, now = loop_->now()](LineObserver& observer) {
+  tell_observers([&, now = loop_->now()](LineObserver& observer) {
     const Result<bool> answer = observer.request(now, what);
     if (answer) {
       taken = taken || *answer;
@@ -302,7 +286,7 @@ void TapPort::tell_passed() {
 }
 
 template <class Tell>
-void TapPort::tell(const Tell& what) {
+void TapPort::tell_observers(const Tell& what) {
   tell_passed();
   if (over_) return;
   for (const Observer& each : observers_) what(*each.observer);
@@ -311,7 +295,7 @@ void TapPort::tell(const Tell& what) {
 void TapPort::tell_blocks(const Blocks& blocks) {
   if (!blocks.data.empty()) repeats_.on_bytes();
   if (over_) late_bytes_ += blocks.data.size();
-  tell([&blocks](LineObserver& observer) {
+  tell_observers([&blocks](LineObserver& observer) {
     const auto tell_block = [&](ByteView data) {
       if (!data.empty()) observer.block(blocks.direction, blocks.at, data);
     };
@@ -324,24 +308,24 @@ void TapPort::tell_blocks(const Blocks& blocks) {
 }
 
 void TapPort::note(const Event& event) {
-  tell([now = loop_->now(), event](LineObserver& observer) { observer.note(now, event); });
+  tell_observers([now = loop_->now(), event](LineObserver& observer) { observer.note(now, event); });
 }
 
 void TapPort::note_flush(FlushQueue queue) {
   tell_passed();
   if (!repeats_.is_new(queue, loop_->now())) return;
-  using Queue = event::Flush::Queue;
-  constexpr std::array queues = {Queue::in, Queue::out, Queue::both};
-  note(event::Flush{queues.at(static_cast<std::size_t>(queue))});
+  note(event::Flush{queue});
 }
 
-void TapPort::note_settings(Side by, const SeenSettings& settings, SettingsOrder order) {
+void TapPort::note_signal(Side by, const LineSignal& signal) { note(signal_event({by, signal})); }
+
+void TapPort::note_settings(Side by, const line::Settings& settings) {
   tell_passed();
-  if (repeats_.is_new(by, settings)) note(event::Settings{by, settings, order});
+  if (repeats_.is_new(by, settings.seen)) note(event::Settings{by, settings.seen, settings.order});
 }
 
 void TapPort::note_device_settings() {
-  if (const auto own = settings()) note_settings(Side::device, SeenSettings::of(*own), SettingsOrder::exact);
+  if (const auto own = settings()) note_settings(Side::device, {SeenSettings::of(*own)});
 }
 
 void TapPort::note_lost(const LineDown& down, bool hung_up) {

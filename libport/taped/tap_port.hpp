@@ -2,7 +2,7 @@
 
 #include <chrono>
 #include <cstdint>
-#include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -42,11 +42,8 @@ class TapPort final : public ForwardingPort, private Recorder {
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;
-  void peer_flushed(FlushQueue queue) override;
-  void peer_set(const SeenSettings& settings, SettingsOrder order) override;
   Result<void> apply(const LineSettings& settings) override;
-  void signal(const LineSignal& signal) override;
-  void drain(std::function<void()> done) override;
+  void tell(const LineEvent& event) override;
   void finish() override;
   [[nodiscard]] Recorder* recorder() override { return this; }
 
@@ -65,10 +62,7 @@ class TapPort final : public ForwardingPort, private Recorder {
   Answers on_ended() override;
   void on_interrupted(const LineDown& down) override;
   void on_resumed() override;
-  void on_settings(const SeenSettings& settings, SettingsOrder order) override;
-  void on_signal(const LineSignal& signal) override;
-  void on_dropped(std::uint64_t bytes, std::string_view why) override;
-  void on_fault(const LineFault& fault) override;
+  void told(const LineEvent& event) override;
 
   struct Blocks;
   struct Observer {
@@ -85,11 +79,12 @@ class TapPort final : public ForwardingPort, private Recorder {
   void pass(const Blocks& blocks, const PassOn& pass_on);
   void tell_passed();
   template <class Tell>
-  void tell(const Tell& what);
+  void tell_observers(const Tell& what);
   void tell_blocks(const Blocks& blocks);
   void note(const Event& event);
   void note_flush(FlushQueue queue);
-  void note_settings(Side by, const SeenSettings& settings, SettingsOrder order);
+  void note_signal(Side by, const LineSignal& signal);
+  void note_settings(Side by, const line::Settings& settings);
   void note_device_settings();
   void note_lost(const LineDown& down, bool hung_up);
 
@@ -106,7 +101,7 @@ class TapPort final : public ForwardingPort, private Recorder {
   bool open_ = false;
   bool writing_ended_ = false;  // in this session
   RepeatFilter repeats_;
-  std::shared_ptr<int> session_;  // from open() to close(), for drains that end later
+  std::map<RequestNumber, Instant> drains_;  // of this session, that have begun
 };
 
 }  // namespace porttape

@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "libport/base/line_settings.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/base/result.hpp"
 #include "libport/replay/device_line.hpp"
 #include "libport/replay/engine.hpp"

@@ -4,8 +4,8 @@
 #include <memory>
 #include <optional>
 
-#include "libport/base/line_request.hpp"
-#include "libport/base/line_signal.hpp"
+#include "libport/line/line_request.hpp"
+#include "libport/line/line_signal.hpp"
 #include "libport/base/time.hpp"
 
 namespace porttape {

@@ -5,7 +5,7 @@
 #include <memory>
 #include <optional>
 
-#include "libport/base/line_signal.hpp"
+#include "libport/line/line_signal.hpp"
 #include "libport/loop/loop.hpp"
 #include "libport/tty/line_calls.hpp"
 

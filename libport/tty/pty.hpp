@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "libport/base/line_settings.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/file_events.hpp"

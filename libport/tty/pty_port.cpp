@@ -51,7 +51,7 @@ PtyPort::Line::Line(PtyPort& port, Pty made)
           [&port] {
             if (port.up_) port.listener().on_drained();
           },
-          [&port](int, std::size_t lost) { port.listener().on_dropped(lost, "they could not be sent"); }) {
+          [&port](int, std::size_t lost) { port.listener().told(line::Dropped{lost, "they could not be sent"}); }) {
   pty.on_events([&port] { port.on_event(); });
 }
 
@@ -156,7 +156,7 @@ void PtyPort::look_at_settings(bool moved_on) {
 
 void PtyPort::tell_settings(const SeenSettings& seen, SettingsOrder order) {
   watch_settings();  // where one change is, another may follow
-  listener().on_settings(seen, order);
+  listener().told(line::Settings{seen, order});
 }
 
 void PtyPort::watch_settings() {
@@ -234,18 +234,18 @@ void PtyPort::drop_rest(std::string_view why) {
     size = ::read(line_->pty.master(), buffer.data(), buffer.size());
     if (size > 1 && buffer.front() == TIOCPKT_DATA) bytes += static_cast<std::uint64_t>(size - 1);
   }
-  if (bytes > 0) listener().on_dropped(bytes, why);
+  if (bytes > 0) listener().told(line::Dropped{bytes, why});
 }
 
 void PtyPort::drop_unsent() {
   const std::size_t bytes = line_->outbox.pending();
   line_->outbox.discard();
-  if (bytes > 0) listener().on_dropped(bytes, "the driver did not take them");
+  if (bytes > 0) listener().told(line::Dropped{bytes, "the driver did not take them"});
 }
 
 void PtyPort::drop_held() {
   if (held_.size() > 1 && held_.front() == TIOCPKT_DATA)
-    listener().on_dropped(held_.size() - 1, "the line ended before they could be passed on");
+    listener().told(line::Dropped{held_.size() - 1, "the line ended before they could be passed on"});
   held_.clear();
 }
 
@@ -254,7 +254,7 @@ void PtyPort::write(ByteView data) {
     line_->outbox.write(data);
     context_.loop->sampler().touch(this);
   } else {
-    listener().on_dropped(data.size(), "no driver had it open");
+    listener().told(line::Dropped{data.size(), "no driver had it open"});
   }
 }
 
@@ -332,7 +332,7 @@ void PtyPort::peer_left() {
   drop_unsent();
   if (Result<void> settled = line_->pty.settle(home_); settled) {
     line_->settings.assume(home_);
-    if (const auto left = line_->pty.left_unread()) listener().on_left_unread(*left + unsent);
+    if (const auto left = line_->pty.left_unread()) listener().told(line::LeftUnread{*left + unsent});
   } else {
     if (Result<void> made = make_line(); made) {
       context_.log->log(std::exchange(told_replaced_, true) ? spdlog::level::debug : spdlog::level::info,
@@ -484,7 +484,7 @@ void PtyPort::driver_flushed(bool in, bool out) {
     line_->pty.drop_backlog(was_congested);
     if (was_congested && up_) listener().on_drained();
   }
-  if (in || out) listener().on_flush(in && out ? FlushQueue::both : in ? FlushQueue::in : FlushQueue::out);
+  if (in || out) listener().told(line::Flush{in && out ? FlushQueue::both : in ? FlushQueue::in : FlushQueue::out});
 }
 
 void PtyPort::supervise(LineSupervisor* supervisor) {
@@ -504,7 +504,7 @@ bool PtyPort::catch_up() {
 
 void PtyPort::made(const LineSettings& settings, SettingsOrder order) {
   if (line_) line_->settings.take_as_known();
-  if (up_) listener().on_settings(SeenSettings::of(settings), order);
+  if (up_) listener().told(line::Settings{SeenSettings::of(settings), order});
 }
 
 void PtyPort::flushed(bool in, bool out) {
@@ -513,7 +513,7 @@ void PtyPort::flushed(bool in, bool out) {
 
 void PtyPort::signalled(const LineSignal& signal) {
   if (up_) {
-    listener().on_signal(signal);
+    listener().told(signal);
   } else {
     early_signals_.put(signal);
   }
@@ -521,16 +521,24 @@ void PtyPort::signalled(const LineSignal& signal) {
 
 void PtyPort::wait_until_sent(std::function<void()> done) {
   if (!up_) return done();
-  listener().on_drain(std::move(done));
+  listener().told(line::Drain{drains_.keep(std::move(done))});
 }
 
 void PtyPort::ask(const LineRequest& request, TakeAnswer done) {
   if (!up_) return done(std::nullopt);
-  listener().on_ask(request, std::move(done));
+  listener().told(line::Ask{questions_.keep(std::move(done)), request});
 }
 
-void PtyPort::signal(const LineSignal& signal) {
-  if (supervisor_ != nullptr) supervisor_->line_signalled(signal);
+void PtyPort::tell(const LineEvent& event) {
+  if (const auto* signal = std::get_if<LineSignal>(&event)) {
+    if (supervisor_ != nullptr) supervisor_->line_signalled(*signal);
+  } else if (const auto* sent = std::get_if<line::Sent>(&event)) {
+    if (const auto done = drains_.take(sent->number)) (*done)();
+  } else if (const auto* answer = std::get_if<line::Answer>(&event)) {
+    if (const auto done = questions_.take(answer->number)) (*done)(answer->answer);
+  } else {
+    Port::tell(event);
+  }
 }
 
 void PtyPort::read_pending() {

@@ -8,7 +8,8 @@
 #include <sys/types.h>
 #include <vector>
 
-#include "libport/base/signal_queue.hpp"
+#include "libport/line/signal_queue.hpp"
+#include "libport/line/waiting_requests.hpp"
 #include "libport/base/tty_device.hpp"
 #include "libport/loop/backoff.hpp"
 #include "libport/loop/fd_watch.hpp"
@@ -70,7 +71,7 @@ class PtyPort final : public Port, private SupervisedLine {
   void open() override;
   void close() override;
   Result<void> apply(const LineSettings& settings) override;
-  void signal(const LineSignal& signal) override;
+  void tell(const LineEvent& event) override;
   [[nodiscard]] bool shows_signals() const override { return supervisor_ != nullptr; }
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
@@ -160,6 +161,8 @@ class PtyPort final : public Port, private SupervisedLine {
   Pty::Access access_;
   PtyNames names_;
   LineSupervisor* supervisor_ = nullptr;
+  WaitingRequests<std::function<void()>> drains_;
+  WaitingRequests<TakeAnswer> questions_;
   SignalQueue early_signals_;         // of a driver that has opened the line, until the listener knows it
   std::optional<LineSettings> home_;  // what the next driver finds; none: what the last one left
   std::unique_ptr<Line> line_;        // null before prepare(), and while no new pty can be made

@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include "libport/base/line_settings.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/base/result.hpp"
 #include "libport/tty/tty.hpp"
 

@@ -97,7 +97,7 @@ SerialPort::Line::Line(SerialPort& port, UniqueFd opened)
       outbox(
           fd.get(), Outbox::Kind::file, watch, [this] { changes.outbox_drained(); },
           [&port](int error_number, std::size_t lost) {
-            port.listener().on_dropped(lost, "they could not be sent");
+            port.listener().told(line::Dropped{lost, "they could not be sent"});
             // From within a write of the caller's, who must not see the line vanish under it.
             port.context_.loop->post([&port, error_number, alive = std::weak_ptr<int>(port.alive_)] {
               if (!alive.expired()) port.lost(error_number);
@@ -217,7 +217,7 @@ void SerialPort::try_open() {
     if (opened_ && up_) tell_signals();
   }
   if (opened_ && !up_ && line_) come_up();
-  if (std::exchange(untold_, false)) listener().on_settings(SeenSettings::of(current_), SettingsOrder::exact);
+  if (std::exchange(untold_, false)) listener().told(line::Settings{SeenSettings::of(current_)});
 }
 
 Result<void> SerialPort::check_free() const {
@@ -333,7 +333,7 @@ std::vector<LineSettings> SerialPort::settings_to_leave() const {
 
 void SerialPort::discard_unsent() {
   if (const std::size_t bytes = line_->changes.pending(); bytes > 0)
-    listener().on_dropped(bytes, "they were not sent");
+    listener().told(line::Dropped{bytes, "they were not sent"});
   line_->changes.discard();
 }
 
@@ -377,12 +377,12 @@ void SerialPort::close_elsewhere(Line& left, std::vector<LineSettings> to_make) 
   line->waits = false;
   leave(*line);
   if (unsent > 0) {
-    listener().on_dropped(unsent, "no thread was to be had to wait until the device has sent them");
+    listener().told(line::Dropped{unsent, "no thread was to be had to wait until the device has sent them"});
   }
 }
 
 void SerialPort::closed(std::size_t lost) {
-  if (lost > 0) listener().on_dropped(lost, "the device did not take them before it was closed");
+  if (lost > 0) listener().told(line::Dropped{lost, "the device did not take them before it was closed"});
   if (--closing_ > 0) return;
   if (!line_) lock_.reset();
   if (std::exchange(open_waits_, false)) try_open();
@@ -392,7 +392,7 @@ void SerialPort::write(ByteView data) {
   if (line_ && !!common_.writes) {
     line_->changes.write(data);
   } else {
-    listener().on_dropped(data.size(), line_ ? "the device is open for reading only" : "the line is not up");
+    listener().told(line::Dropped{data.size(), line_ ? "the device is open for reading only" : "the line is not up"});
   }
 }
 
@@ -441,7 +441,7 @@ void SerialPort::change_made(const LineSettings& wanted, const Result<TakenSetti
     context_.log->warn("{}; the device keeps its settings (told once)", in_device(taken.error()).message);
   }
   if (current_ != wanted && line_->changes.settings() == current_)
-    listener().on_settings(SeenSettings::of(current_), SettingsOrder::exact);
+    listener().told(line::Settings{SeenSettings::of(current_)});
 }
 
 void SerialPort::tell_not_taken(const std::string& what) {

@@ -45,7 +45,7 @@ struct SerialOptions {
 // Settings. apply() changes the line in turn with what is written (SettingsQueue). The settings of `options`
 // return at close().
 //
-// Signals. signal() drives dtr, rts and the break in turn with both. What the device does with its own is
+// Signals. A LineSignal that it is told drives dtr, rts and the break in turn with both. What the device does with its own is
 // told where that is wanted (ModemWatch); where it has none (a pty), nothing is, and what it is to drive is
 // ignored. A break that the driver leaves on ends at close(). What a driver makes of the UART and of RS-485
 // (ask()) stays, as the kernel has it.
@@ -72,9 +72,7 @@ class SerialPort final : public Port, private WaitingCalls {
     return line_ ? line_->changes.settings() : untried_.value_or(current_);
   }
   Result<void> apply(const LineSettings& settings) override;
-  void signal(const LineSignal& signal) override;
-  void drain(std::function<void()> done) override;
-  void ask(const LineRequest& request, TakeAnswer done) override;
+  void tell(const LineEvent& event) override;
   void watch_signals(bool on) override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
@@ -100,6 +98,9 @@ class SerialPort final : public Port, private WaitingCalls {
 
   void change_made(const LineSettings& wanted, const Result<TakenSettings>& taken);
   void tell_not_taken(const std::string& what);
+  void drive(const LineSignal& signal);
+  void drain(RequestNumber number);
+  void ask(const line::Ask& question);
   void signal_made(const LineSignal& signal, int error_number);
   void signalled(const LineSignal& signal);
   void drive_again();

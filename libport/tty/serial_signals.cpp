@@ -11,7 +11,17 @@
 
 namespace porttape {
 
-void SerialPort::signal(const LineSignal& signal) {
+void SerialPort::tell(const LineEvent& event) {
+  if (const auto* signal = std::get_if<LineSignal>(&event)) {
+    drive(*signal);
+  } else if (const auto* drained = std::get_if<line::Drain>(&event)) {
+    drain(drained->number);
+  } else if (const auto* question = std::get_if<line::Ask>(&event)) {
+    ask(*question);
+  }
+}
+
+void SerialPort::drive(const LineSignal& signal) {
   const bool ours = is_output(signal.name) || signal.name == LineSignal::Name::brk;
   if (ours && opened_) driven_[signal.name] = signal.on;
   if (line_ && ours) line_->changes.signal(signal);
@@ -52,23 +62,23 @@ void SerialPort::signal_made(const LineSignal& signal, int error_number) {
     context_.log->log(is_no_line ? spdlog::level::info : spdlog::level::warn, "{}", text);
 }
 
-void SerialPort::drain(std::function<void()> done) {
-  if (line_) {
-    line_->changes.drain(std::move(done));
-  } else {
-    done();
-  }
+void SerialPort::drain(RequestNumber number) {
+  if (!line_) return listener().told(line::Sent{number});
+  line_->changes.drain([this, number, alive = std::weak_ptr<int>(alive_)] {
+    if (!alive.expired()) listener().told(line::Sent{number});
+  });
 }
 
-void SerialPort::ask(const LineRequest& request, TakeAnswer done) {
-  if (!line_) return done(LineAnswer{.error = EIO});
-  const bool makes =
-      request.kind == LineRequest::Kind::set_serial || request.kind == LineRequest::Kind::set_rs485;
-  if (!makes) return line_->changes.ask(request, std::move(done));
-  line_->changes.ask(request, [this, request, done = std::move(done),
-                               alive = std::weak_ptr<int>(alive_)](const std::optional<LineAnswer>& answer) {
-    if (!alive.expired() && opened_ && answer && answer->error == 0) made_[request.kind] = request;
-    done(answer);
+void SerialPort::ask(const line::Ask& question) {
+  if (!line_) return listener().told(line::Answer{question.number, LineAnswer{.error = EIO}});
+  line_->changes.ask(question.request, [this, question, alive = std::weak_ptr<int>(alive_)](
+                                           const std::optional<LineAnswer>& answer) {
+    if (alive.expired()) return;
+    const LineRequest& request = question.request;
+    const bool makes =
+        request.kind == LineRequest::Kind::set_serial || request.kind == LineRequest::Kind::set_rs485;
+    if (makes && opened_ && answer && answer->error == 0) made_[request.kind] = request;
+    listener().told(line::Answer{question.number, answer});
   });
 }
 
@@ -96,7 +106,7 @@ void SerialPort::signalled(const LineSignal& signal) {
     line_->lines = signal.on ? others | bit : others;
   }
   if (common_.reads) on_readable();
-  if (line_ && up_) listener().on_signal(signal);
+  if (line_ && up_) listener().told(signal);
 }
 
 // A break reads as a zero.
@@ -108,7 +118,7 @@ void SerialPort::look_for_break(ByteView data) {
 void SerialPort::tell_signals() {
   if (!line_ || !line_->lines) return;
   tell_modem_lines(std::nullopt, *line_->lines, [this](const LineSignal& signal) {
-    if (line_ && up_) listener().on_signal(signal);
+    if (line_ && up_) listener().told(signal);
   });
 }
 

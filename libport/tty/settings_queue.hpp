@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "libport/base/bytes.hpp"
-#include "libport/base/line_request.hpp"
-#include "libport/base/line_settings.hpp"
-#include "libport/base/line_signal.hpp"
+#include "libport/line/line_request.hpp"
+#include "libport/line/line_settings.hpp"
+#include "libport/line/line_signal.hpp"
 #include "libport/base/workers.hpp"
 #include "libport/loop/loop.hpp"
 #include "libport/loop/outbox.hpp"

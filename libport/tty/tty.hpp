@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "libport/base/line_settings.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
 

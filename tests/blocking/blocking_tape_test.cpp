@@ -10,7 +10,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/tape/tape_reader.hpp"

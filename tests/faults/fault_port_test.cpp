@@ -23,7 +23,10 @@ class ToldPort final : public ForwardingPort {
  public:
   ToldPort(MemoryPort::Peer& peer, std::vector<LineFault>& told)
       : ForwardingPort(std::make_unique<MemoryPort>(peer)), told_(&told) {}
-  void faulted(const LineFault& fault) override { told_->push_back(fault); }
+  void tell(const LineEvent& event) override {
+    if (const auto* fault = std::get_if<LineFault>(&event)) return told_->push_back(*fault);
+    ForwardingPort::tell(event);
+  }
 
  private:
   std::vector<LineFault>* told_;
@@ -36,7 +39,10 @@ class Listener final : public ForwardingPort {
   std::vector<std::size_t> arrivals;
 
  private:
-  void on_fault(const LineFault& fault) override { faults_->push_back(fault); }
+  void told(const LineEvent& event) override {
+    if (const auto* fault = std::get_if<LineFault>(&event)) return faults_->push_back(*fault);
+    ForwardingPort::told(event);
+  }
   void on_data(ByteView data) override {
     arrivals.push_back(data.size());
     ForwardingPort::on_data(data);

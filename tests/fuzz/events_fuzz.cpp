@@ -42,7 +42,7 @@ class Maker {
       case 5:
         return event::Zero{zero()};
       case 6:
-        return event::Flush{word<event::Flush::Queue>(3)};
+        return event::Flush{word<FlushQueue>(3)};
       case 7:
         return event::Mark{text()};
       case 8:

@@ -333,14 +333,14 @@ TEST_F(ListeningPort, IsDrainedOnceTheKernelHasItAll) {
   make_listening();
   int done = 0;
   const auto count = [&done] { ++done; };
-  port->drain(count);
+  log.drain(*port, count);
   EXPECT_EQ(done, 1) << "there is no line";
   Socket peer = up();
-  port->drain(count);
+  log.drain(*port, count);
   EXPECT_EQ(done, 2) << "nothing was written";
   const std::string much(std::size_t{16} << 20, 'x');
   port->write(as_bytes(much));
-  port->drain(count);
+  log.drain(*port, count);
   run_ready();
   EXPECT_EQ(done, 2);
   until_got(peer, much);
@@ -355,7 +355,7 @@ TEST_F(ListeningPort, IsDrainedWhenTheLineIsOver) {
   for (int line = 1; line <= 2; ++line) {
     Socket peer = up();
     port->write(as_bytes(much));
-    port->drain(count);
+    log.drain(*port, count);
     line == 1 ? peer.close() : port->close();
     run_until(loop, [&] { return done == line; });
   }

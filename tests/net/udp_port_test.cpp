@@ -61,7 +61,7 @@ TEST_F(UdpPortTest, IsDrainedOnceTheKernelHasItAll) {
   make_sending();
   port->write(as_bytes("x"));
   bool done = false;
-  port->drain([&done] { done = true; });
+  log.drain(*port, [&done] { done = true; });
   run_until(loop, [&done] { return done; });
   EXPECT_EQ(one(peer), "x");
 }

@@ -117,7 +117,7 @@ TEST_F(UdpQueueTest, WhileTheKernelTakesNothingNothingIsDrained) {
   send_refused = EAGAIN;
   port->write(as_bytes("one"));
   bool done = false;
-  port->drain([&done] { done = true; });
+  log.drain(*port, [&done] { done = true; });
   for (int n = 0; n < 10; ++n) turn();
   EXPECT_FALSE(done);
   EXPECT_EQ(log.events, "up ");
@@ -130,7 +130,7 @@ TEST_F(UdpQueueTest, WhileTheKernelTakesNothingNothingIsDrained) {
 TEST_F(UdpQueueTest, ADrainOfNothingIsDoneAtOnce) {
   make_sending();
   bool done = false;
-  port->drain([&done] { done = true; });
+  log.drain(*port, [&done] { done = true; });
   EXPECT_TRUE(done);
 }
 
@@ -153,7 +153,7 @@ TEST_F(UdpQueueTest, WhatIsQueuedAtTheCloseIsTold) {
   send_refused = EAGAIN;
   port->write(as_bytes("x"));
   bool done = false;
-  port->drain([&done] { done = true; });
+  log.drain(*port, [&done] { done = true; });
   port->close();
   EXPECT_FALSE(done) << "not from within the call";
   send_refused = 0;
@@ -186,7 +186,7 @@ TEST_F(UdpQueueTest, ADiscardTakesWhatIsQueuedAndWhatHasCome) {
   send_refused = EAGAIN;
   port->write(as_bytes("queued"));
   bool done = false;
-  port->drain([&done] { done = true; });
+  log.drain(*port, [&done] { done = true; });
   EXPECT_TRUE(port->waiting()->discard());
   send_refused = 0;
   settle(loop);

@@ -44,6 +44,7 @@ class FilterPortTest : public testing::Test {
  protected:
   FilterPortTest() : port({&loop, book.log()}, std::make_unique<MemoryPort>(device)) {
     port.listen(log);
+    log.answers_to = &port;
     port.open();
     log.events.clear();
   }
@@ -117,7 +118,7 @@ TEST_F(FilterPortTest, FlushesAndSettingsKeepTheirPlace) {
   device.flush(FlushQueue::in);
   device.set({});
   port.write(as_bytes("b"));
-  port.peer_flushed(FlushQueue::in);
+  port.tell(line::Flush{FlushQueue::in});
   device.calls.clear();
   EXPECT_EQ(log.events + device.calls, "");
   port.read_pending();
@@ -592,8 +593,8 @@ TEST_F(FilterPortTest, SignalsAndDrainsKeepTheirPlaceEitherWay) {
   device.signal({LineSignal::Name::cts, true});
   device.wait_until_sent([&sent] { ++sent; });
   port.write(as_bytes("b"));
-  port.signal({LineSignal::Name::rts, false});
-  port.drain([&sent] { ++sent; });
+  port.tell(LineSignal{LineSignal::Name::rts, false});
+  log.drain(port, [&sent] { ++sent; });
   EXPECT_EQ(log.events + device.calls, "");
   port.read_pending();
   EXPECT_EQ(log.events, "cts+ drain ");
@@ -608,8 +609,8 @@ TEST_F(FilterPortTest, SignalsAndDrainsKeepTheirPlaceEitherWay) {
 
 TEST_F(FilterPortTest, SignalsAndDrainsWithNothingHeldGoOnAtOnce) {
   device.calls.clear();
-  port.signal({LineSignal::Name::dtr, true});
-  port.drain([] {});
+  port.tell(LineSignal{LineSignal::Name::dtr, true});
+  log.drain(port, [] {});
   device.signal({LineSignal::Name::ri, true});
   EXPECT_EQ(device.calls, "dtr_on drain ");
   EXPECT_EQ(log.events, "ri+ ");
@@ -623,7 +624,7 @@ TEST_F(FilterPortTest, QuestionsKeepTheirPlaceEitherWay) {
   device.send("a");
   device.ask(take);
   port.write(as_bytes("b"));
-  port.ask({}, take);
+  log.ask(port, {}, take);
   EXPECT_EQ(answers, 0);
   EXPECT_EQ(device.calls, "");
   port.read_pending();
@@ -637,7 +638,7 @@ TEST_F(FilterPortTest, QuestionsKeepTheirPlaceEitherWay) {
 TEST_F(FilterPortTest, ADrainThatIsHeldWhenTheLineGoesDownReachesTheInnerPortOnce) {
   port.out = hours(1);
   port.write(as_bytes("a"));
-  port.drain([] {});
+  log.drain(port, [] {});
   device.calls.clear();
   device.down(LineDown::Reason::lost);
   EXPECT_EQ(device.calls, "drain ");
@@ -648,7 +649,7 @@ TEST_F(FilterPortTest, ADrainThatIsHeldWhenTheLineGoesDownReachesTheInnerPortOnc
 TEST_F(FilterPortTest, ADrainThatIsHeldAtACloseReachesTheInnerPortOnce) {
   port.out = hours(1);
   port.write(as_bytes("a"));
-  port.drain([] {});
+  log.drain(port, [] {});
   device.calls.clear();
   port.close();
   EXPECT_EQ(device.calls, "close drain ");

@@ -33,23 +33,15 @@ class ToldPort final : public Port, private WaitingCalls, private Recorder, priv
     say("apply " + std::to_string(settings.baud));
     return {};
   }
-  void signal(const LineSignal& signal) override { say("signal " + std::string(name_of(signal.name))); }
+  void tell(const LineEvent& event) override {
+    say("tell " + std::to_string(event.index()));
+    Port::tell(event);
+  }
   void watch_signals(bool on) override { say(on ? "watch signals" : "watch none"); }
   [[nodiscard]] bool shows_signals() const override { return true; }
-  void drain(std::function<void()> done) override {
-    say("drain");
-    done();
-  }
-  void ask(const LineRequest&, TakeAnswer done) override {
-    say("ask");
-    done(LineAnswer{.error = 9});
-  }
   void set_reading(bool on) override { say(on ? "reading" : "not reading"); }
   void hang_up(bool after_reading) override { say(after_reading ? "hang up later" : "hang up"); }
   void read_pending() override { say("read pending"); }
-  void peer_flushed(FlushQueue) override { say("peer flushed"); }
-  void peer_set(const SeenSettings&, SettingsOrder) override { say("peer set"); }
-  void faulted(const LineFault& fault) override { say("faulted " + fault.kind.raw()); }
   void finish() override { say("finish"); }
   [[nodiscard]] WaitingCalls* waiting() override { return this; }
   [[nodiscard]] Recorder* recorder() override { return this; }
@@ -95,26 +87,23 @@ TEST_F(ForwardingPortTest, PassesOnEveryCallToTheInnerPort) {
   wrapper.write(as_bytes("x"));
   EXPECT_TRUE(wrapper.apply({.baud = 300}).has_value());
   wrapper.watch_signals(true);
-  wrapper.signal({LineSignal::Name::rts, true});
+  wrapper.tell(LineSignal{LineSignal::Name::rts, true});
   bool sent = false;
-  wrapper.drain([&sent] { sent = true; });
+  log.drain(wrapper, [&sent] { sent = true; });
   EXPECT_TRUE(sent);
-  int error = 0;
-  wrapper.ask({}, [&error](const std::optional<LineAnswer>& answer) { error = answer->error; });
-  EXPECT_EQ(error, 9);
+  std::optional<LineAnswer> answer = LineAnswer{};
+  log.ask(wrapper, {}, [&answer](const std::optional<LineAnswer>& given) { answer = given; });
+  EXPECT_EQ(answer, std::nullopt);
   EXPECT_TRUE(wrapper.shows_signals());
   wrapper.set_reading(false);
   wrapper.hang_up(true);
   wrapper.read_pending();
-  wrapper.peer_flushed(FlushQueue::in);
-  wrapper.peer_set({}, SettingsOrder::exact);
-  wrapper.faulted({.kind = "drop"});
+  wrapper.tell(line::Flush{FlushQueue::in});
   wrapper.close();
   wrapper.finish();
   EXPECT_EQ(calls, (std::vector<std::string>{"prepare", "open", "write x", "apply 300", "watch signals",
-                                             "signal rts", "drain", "ask", "not reading", "hang up later",
-                                             "read pending", "peer flushed", "peer set", "faulted drop",
-                                             "close", "finish"}));
+                                             "tell 2", "tell 3", "tell 5", "not reading", "hang up later",
+                                             "read pending", "tell 0", "close", "finish"}));
   EXPECT_TRUE(wrapper.congested());
   EXPECT_TRUE(wrapper.end_writing());
   EXPECT_TRUE(wrapper.has_half_close());
@@ -150,13 +139,7 @@ class WholeLog final : public PortListener {
   [[nodiscard]] std::optional<std::size_t> unread() const override { return 8; }
   void on_interrupted(const LineDown&) override { calls.emplace_back("interrupted"); }
   void on_resumed() override { calls.emplace_back("resumed"); }
-  void on_flush(FlushQueue) override { calls.emplace_back("flush"); }
-  void on_settings(const SeenSettings&, SettingsOrder) override { calls.emplace_back("settings"); }
-  void on_signal(const LineSignal&) override { calls.emplace_back("signal"); }
-  void on_drain(std::function<void()>) override { calls.emplace_back("drain"); }
-  void on_ask(const LineRequest&, TakeAnswer) override { calls.emplace_back("ask"); }
-  void on_dropped(std::uint64_t, std::string_view) override { calls.emplace_back("dropped"); }
-  void on_fault(const LineFault&) override { calls.emplace_back("fault"); }
+  void told(const LineEvent& event) override { calls.push_back("told " + std::to_string(event.index())); }
   std::vector<std::string> calls;
 };
 
@@ -177,16 +160,12 @@ TEST(ForwardingPort, PassesOnEveryCallToTheListener) {
   told.on_complete(0);
   told.on_interrupted({});
   told.on_resumed();
-  told.on_flush(FlushQueue::both);
-  told.on_settings({}, SettingsOrder::exact);
-  told.on_signal({});
-  told.on_drain([] {});
-  told.on_ask({}, {});
-  told.on_dropped(1, "why");
-  told.on_fault({});
+  told.told(line::Flush{FlushQueue::both});
+  told.told(LineSignal{});
+  told.told(line::Dropped{1, "why"});
   EXPECT_EQ(log.calls, (std::vector<std::string>{"up", "data", "arrivals", "drained", "down", "finished",
-                                                 "complete", "interrupted", "resumed", "flush", "settings",
-                                                 "signal", "drain", "ask", "dropped", "fault"}));
+                                                 "complete", "interrupted", "resumed", "told 0", "told 2",
+                                                 "told 9"}));
   EXPECT_EQ(told.on_ended(), PortListener::Answers::until_hang_up);
   EXPECT_TRUE(told.half_closes());
   EXPECT_TRUE(told.wants_rest());

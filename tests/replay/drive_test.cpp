@@ -205,7 +205,7 @@ TEST(Drive, SettingsAndFlushesOfTheDriverAreMadeInTheirPlace) {
               .write(1'000, "ask")
               .read(2'000, "ok")
               .event(3'000, event::Settings{Side::driver, fast, SettingsOrder::exact})
-              .event(4'000, event::Flush{event::Flush::Queue::in})
+              .event(4'000, event::Flush{FlushQueue::in})
               .write(5'000, "go")
               .read(6'000, "fine")
               .close(7'000),
@@ -217,7 +217,7 @@ TEST(Drive, SettingsAndFlushesOfTheDriverAreMadeInTheirPlace) {
   EXPECT_EQ(rig.line_steps[0].first, 10'000);
   EXPECT_EQ(rig.line_steps[0].second.settings, fast);
   EXPECT_EQ(rig.line_steps[1].first, 11'000);
-  EXPECT_EQ(rig.line_steps[1].second.queue, event::Flush::Queue::in);
+  EXPECT_EQ(rig.line_steps[1].second.queue, FlushQueue::in);
   rig.until(12'000).write("fine").wait(1'000'000);
   EXPECT_EQ(rig.verdict(), Verdict::pass);
 }

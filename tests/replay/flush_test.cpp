@@ -67,7 +67,7 @@ TEST(Flush, OneOnTheTapeDropsNothing) {
   Rig rig(MemoryTape()
               .write(0, "ask")
               .read(1'000, "one")
-              .event(1'500, event::Flush{event::Flush::Queue::in})
+              .event(1'500, event::Flush{FlushQueue::in})
               .read(2'000, "two"));
   rig.open().write("ask").until(5'000);
   EXPECT_EQ(rig.delivered, "onetwo");

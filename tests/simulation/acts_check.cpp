@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 
 namespace porttape::simulation {
 namespace {

@@ -117,29 +117,9 @@ void CheckedPort::on_resumed() {
   ForwardingPort::on_resumed();
 }
 
-void CheckedPort::on_flush(FlushQueue queue) {
-  expect_up("on_flush()");
-  ForwardingPort::on_flush(queue);
-}
-
-void CheckedPort::on_settings(const SeenSettings& settings, SettingsOrder order) {
-  expect_up("on_settings()");
-  ForwardingPort::on_settings(settings, order);
-}
-
-void CheckedPort::on_signal(const LineSignal& signal) {
-  expect_up("on_signal()");
-  ForwardingPort::on_signal(signal);
-}
-
-void CheckedPort::on_drain(std::function<void()> done) {
-  expect_up("on_drain()");
-  ForwardingPort::on_drain(std::move(done));
-}
-
-void CheckedPort::on_ask(const LineRequest& request, TakeAnswer done) {
-  expect_up("on_ask()");
-  ForwardingPort::on_ask(request, std::move(done));
+void CheckedPort::told(const LineEvent& event) {
+  if (keeps_place(event)) expect_up("told() of what has its place among the bytes");
+  ForwardingPort::told(event);
 }
 
 }  // namespace porttape::simulation

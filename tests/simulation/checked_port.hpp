@@ -35,11 +35,7 @@ class CheckedPort final : public ForwardingPort {
   Answers on_ended() override;
   void on_interrupted(const LineDown& down) override;
   void on_resumed() override;
-  void on_flush(FlushQueue queue) override;
-  void on_settings(const SeenSettings& settings, SettingsOrder order) override;
-  void on_signal(const LineSignal& signal) override;
-  void on_drain(std::function<void()> done) override;
-  void on_ask(const LineRequest& request, TakeAnswer done) override;
+  void told(const LineEvent& event) override;
 
   // Reports `what` unless it is `allowed`.
   void expect(bool allowed, const char* what);

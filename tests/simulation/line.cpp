@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "tests/simulation/line_port.hpp"
 
 namespace porttape::simulation {

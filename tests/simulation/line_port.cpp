@@ -4,7 +4,7 @@
 #include <cerrno>
 #include <utility>
 
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 
 namespace porttape::simulation {
 namespace {
@@ -100,7 +100,7 @@ void LinePort::leave() {
   if (line_->kind_.always_open) soon();
   if (rest > 0 && !line_->kind_.is_device) {
     line_->bytes_dropped += rest;
-    listener().on_dropped(rest, "they were not read when the line was closed");
+    listener().told(line::Dropped{rest, "they were not read when the line was closed"});
   }
   if (!line_->kind_.is_device) {
     line_->bytes_unread += unread_by_peer().value_or(0);
@@ -118,7 +118,7 @@ void LinePort::drop_unsent() {
   const std::size_t bytes = line_->to_far_.keep(line_->kind_.capacity);
   if (bytes == 0) return;
   line_->bytes_dropped += bytes;
-  listener().on_dropped(bytes, "they were not sent");
+  listener().told(line::Dropped{bytes, "they were not sent"});
 }
 
 void LinePort::write(ByteView data) {
@@ -130,7 +130,7 @@ void LinePort::write(ByteView data) {
   if (interrupted_) world_->wrong("{}: bytes are written to it while it is interrupted", line_->name_);
   if (!up_ || interrupted_) {
     line_->bytes_dropped += data.size();
-    listener().on_dropped(data.size(), "the line is not up");
+    listener().told(line::Dropped{data.size(), "the line is not up"});
     return;
   }
   line_->to_far_.put(data);
@@ -180,7 +180,21 @@ void LinePort::make(const LineSettings& settings) {
   line_->reach_acts();
 }
 
-void LinePort::signal(const LineSignal& signal) {
+void LinePort::tell(const LineEvent& event) {
+  std::visit(LineVisitor{
+                 [this](const LineSignal& signal) { tell_signal(signal); },
+                 [this](const line::Drain& drain) { tell_drain(drain); },
+                 [this](const line::Ask& question) { tell_question(question); },
+                 [this](const line::Flush& flush) { tell_flush(flush.queue); },
+                 [this](const line::Settings& settings) { tell_settings(settings); },
+                 [this](const line::Sent& sent) { line_->drained(sent.number); },
+                 [this](const line::Answer& answer) { line_->answered(answer.number, answer.answer); },
+                 [](const auto&) {},
+             },
+             event);
+}
+
+void LinePort::tell_signal(const LineSignal& signal) {
   log({.what = What::signal, .signal = signal});
   if (!up_ || interrupted_) return;
   if (!line_->kind_.is_device) {
@@ -191,27 +205,30 @@ void LinePort::signal(const LineSignal& signal) {
   }
 }
 
-void LinePort::drain(std::function<void()> done) {
+void LinePort::tell_drain(const line::Drain& drain) {
   const std::uint64_t number = world_->next_number();
-  world_->trace("{}: drain() no. {}", line_->name_, number);
+  world_->trace("{}: drain no. {}", line_->name_, number);
   log({.what = What::drain, .number = number});
-  drains_[number] = std::move(done);
+  drains_[number] = [this, drain] { listener().told(line::Sent{drain.number}); };
   if (!up_ || interrupted_) return answer_all();
   line_->to_far_.put({.what = What::drain, .number = number});
   line_->reach_acts();
 }
 
-void LinePort::ask(const LineRequest& request, TakeAnswer done) {
+void LinePort::tell_question(const line::Ask& question) {
   const std::uint64_t number = world_->next_number();
-  world_->trace("{}: ask() no. {}", line_->name_, number);
-  log({.what = What::ask, .number = number, .request = request});
+  world_->trace("{}: question no. {}", line_->name_, number);
+  log({.what = What::ask, .number = number, .request = question.request});
+  const auto answer = [this, asked = question.number](const std::optional<LineAnswer>& given) {
+    listener().told(line::Answer{asked, given});
+  };
   if (!line_->kind_.serial) {
     log({.to_listener = true, .what = What::answered, .number = number});
-    return done(std::nullopt);
+    return answer(std::nullopt);
   }
-  questions_[number] = std::move(done);
+  questions_[number] = answer;
   if (!up_ || interrupted_) return answer_all();
-  line_->to_far_.put({.what = What::ask, .number = number, .request = request});
+  line_->to_far_.put({.what = What::ask, .number = number, .request = question.request});
   line_->reach_acts();
 }
 
@@ -253,16 +270,16 @@ void LinePort::answer_all() {
 
 void LinePort::watch_signals(bool on) { watching_ = on; }
 
-void LinePort::peer_flushed(FlushQueue queue) {
-  world_->trace("{}: peer_flushed({})", line_->name_, name_of(queue));
+void LinePort::tell_flush(FlushQueue queue) {
+  world_->trace("{}: its peer has flushed {}", line_->name_, name_of(queue));
   log({.what = What::flush, .queue = queue});
   line_->on_peer_flushed(queue);
 }
 
-void LinePort::peer_set(const SeenSettings& settings, SettingsOrder order) {
-  world_->trace("{}: peer_set({})", line_->name_, to_text(settings));
-  log({.what = What::peer_set, .settings = settings, .order = order});
-  line_->on_peer_set(settings, order);
+void LinePort::tell_settings(const line::Settings& settings) {
+  world_->trace("{}: its peer has set {}", line_->name_, to_text(settings.seen));
+  log({.what = What::peer_set, .settings = settings.seen, .order = settings.order});
+  line_->on_peer_set(settings.seen, settings.order);
 }
 
 void LinePort::set_reading(bool on) {
@@ -337,7 +354,7 @@ void LinePort::go_down(LineDown::Reason reason, bool after_reading) {
   if (const std::size_t rest = line_->unsent(); rest > 0) {
     line_->bytes_dropped += rest;
     line_->to_near_.clear();
-    listener().on_dropped(rest, "the line ended before them");
+    listener().told(line::Dropped{rest, "the line ended before them"});
   }
   if (passive()) line_->broken();
   log({.to_listener = true, .what = What::down, .reason = reason});
@@ -396,32 +413,29 @@ void LinePort::tell_act(const Passed& act) {
   switch (act.what) {
     case What::signal:
       if (line_->kind_.is_device && !watching_) return;
-      world_->trace("{}: on_signal({} {})", line_->name_, porttape::name_of(act.signal.name),
+      world_->trace("{}: told of signal {} {}", line_->name_, porttape::name_of(act.signal.name),
                     state_text(act.signal));
       log(act);
-      return listener().on_signal(act.signal);
+      return listener().told(act.signal);
     case What::settings:
-      world_->trace("{}: on_settings({})", line_->name_, to_text(act.settings));
+      world_->trace("{}: told of settings {}", line_->name_, to_text(act.settings));
       log(act);
       line_->unseen_settings_ = false;
-      return listener().on_settings(act.settings, act.order);
+      return listener().told(line::Settings{act.settings, act.order});
     case What::flush:
-      world_->trace("{}: on_flush({})", line_->name_, name_of(act.queue));
+      world_->trace("{}: told of a flush of {}", line_->name_, name_of(act.queue));
       log(act);
-      return listener().on_flush(act.queue);
+      return listener().told(line::Flush{act.queue});
     case What::drain:
-      world_->trace("{}: on_drain() no. {}", line_->name_, act.number);
+      world_->trace("{}: told of drain no. {}", line_->name_, act.number);
       log(act);
       line_->told_.insert(act.number);
-      return listener().on_drain([line = line_, number = act.number] { line->drained(number); });
+      return listener().told(line::Drain{act.number});
     case What::ask:
-      world_->trace("{}: on_ask() no. {}", line_->name_, act.number);
+      world_->trace("{}: told of question no. {}", line_->name_, act.number);
       log(act);
       line_->told_.insert(act.number);
-      return listener().on_ask(act.request,
-                               [line = line_, number = act.number](const std::optional<LineAnswer>& answer) {
-                                 line->answered(number, answer);
-                               });
+      return listener().told(line::Ask{act.number, act.request});
     default:
       return;
   }

@@ -30,23 +30,24 @@ class LinePort final : public Port {
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
   [[nodiscard]] std::optional<LineSettings> settings() const override;
   Result<void> apply(const LineSettings& settings) override;
-  void signal(const LineSignal& signal) override;
+  void tell(const LineEvent& event) override;
   [[nodiscard]] bool shows_signals() const override { return line_->kind_.supervised; }
-  void drain(std::function<void()> done) override;
-  void ask(const LineRequest& request, TakeAnswer done) override;
   void watch_signals(bool on) override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;
   void finish() override;
-  void peer_flushed(FlushQueue queue) override;
-  void peer_set(const SeenSettings& settings, SettingsOrder order) override;
   [[nodiscard]] bool passive() const override { return line_->kind_.passive; }
   [[nodiscard]] bool keeps_datagrams() const override { return line_->kind_.datagrams; }
   [[nodiscard]] std::string name() const override { return line_->name_; }
 
  private:
   friend class Line;
+  void tell_signal(const LineSignal& signal);
+  void tell_drain(const line::Drain& drain);
+  void tell_question(const line::Ask& question);
+  void tell_flush(FlushQueue queue);
+  void tell_settings(const line::Settings& settings);
   void soon();
   void look();
   void deliver(std::size_t most);

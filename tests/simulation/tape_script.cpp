@@ -118,7 +118,7 @@ void TapeScript::write_tape(World& world, const std::string& name, const std::st
         tape->event(at, event::DeviceLost{"simulated", true});
         break;
       case Kind::flush:
-        tape->event(at, event::Flush{event::Flush::Queue::in});
+        tape->event(at, event::Flush{FlushQueue::in});
         break;
       case Kind::mark:
         tape->event(at, event::Mark{"a note"});

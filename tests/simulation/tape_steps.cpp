@@ -165,7 +165,7 @@ class ExpectedSteps {
   }
 
   void put_flush(const Passed& passed) {
-    using Queue = event::Flush::Queue;
+    using Queue = FlushQueue;
     constexpr std::array queues = {Queue::in, Queue::out, Queue::both};
     const Wanted wanted = flushes_.take(passed.queue, passed.at);
     // A disk that stalls comes between the tape's moment and the port's.

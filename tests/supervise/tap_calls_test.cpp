@@ -23,7 +23,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "libport/loop/fd_watch.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/supervise/caller_rights.hpp"
@@ -89,17 +89,16 @@ class TappedEvents {
     }
     void on_finished(int) override {}
     void on_complete(int) override {}
-    void on_flush(FlushQueue queue) override {
-      events_->say(queue == FlushQueue::in    ? "flush in"
-                   : queue == FlushQueue::out ? "flush out"
-                                              : "flush both");
-    }
-    void on_signal(const LineSignal& signal) override {
-      events_->say(std::string(name_of(signal.name)) + (signal.on ? " on" : " off"));
-    }
-    void on_drain(std::function<void()> done) override {
-      events_->say("drain");
-      done();
+    void told(const LineEvent& event) override {
+      if (const auto* flush = std::get_if<line::Flush>(&event)) {
+        events_->say(flush->queue == FlushQueue::in    ? "flush in"
+                     : flush->queue == FlushQueue::out ? "flush out"
+                                                       : "flush both");
+      } else if (const auto* signal = std::get_if<LineSignal>(&event)) {
+        events_->say(std::string(name_of(signal->name)) + (signal->on ? " on" : " off"));
+      } else if (std::holds_alternative<line::Drain>(event)) {
+        events_->say("drain");
+      }
     }
 
    private:

@@ -22,7 +22,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "libport/supervise/caller_rights.hpp"
 #include "libport/supervise/supervised_command.hpp"
 #include "libport/supervise/uart_model.hpp"

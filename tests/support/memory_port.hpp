@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "libport/line/waiting_requests.hpp"
 #include "libport/port/port.hpp"
 
 namespace porttape {
@@ -41,14 +42,18 @@ class MemoryPort final : public Port, private Recorder {
     bool shows_signals = false;
     std::vector<std::function<void()>> drains;  // that the test ends
     std::vector<TakeAnswer> questions;          // that the test answers
-    std::vector<FlushQueue> flushes;            // of peer_flushed()
-    std::vector<SettingsOrder> orders;          // of peer_set()
-    std::vector<std::uint64_t> left_unread;     // of peer_left_unread()
-    std::vector<std::uint64_t> refused;         // of peer_refused()
+    std::vector<FlushQueue> flushes;            // that it was told
+    std::vector<SettingsOrder> orders;          // of the settings that it was told
+    std::vector<std::uint64_t> left_unread;     // that it was told
+    std::vector<std::uint64_t> refused;         // the same
     std::string gap_why;                        // of the last note_gap()
     int status = 0;
     Result<void> requested;  // what it answers to a request
 
+    WaitingRequests<std::function<void()>> waiting_drains;  // of the peer
+    WaitingRequests<TakeAnswer> waiting_questions;
+
+    void tell(const LineEvent& event) { port->listener().told(event); }
     void up() { port->listener().on_up(); }
     void send(std::string_view text) { port->listener().on_data(as_bytes(text)); }
     void drain() {
@@ -68,20 +73,20 @@ class MemoryPort final : public Port, private Recorder {
     bool wants_rest() { return port->listener().wants_rest(); }
     void interrupt() { port->listener().on_interrupted({.reason = LineDown::Reason::lost, .error = {}}); }
     void resume() { port->listener().on_resumed(); }
-    void drop(std::uint64_t bytes) { port->listener().on_dropped(bytes, "a test wants it"); }
+    void drop(std::uint64_t bytes) { tell(line::Dropped{bytes, "a test wants it"}); }
     void arrive(std::string_view text, std::vector<std::size_t> ends) {
       port->listener().on_arrivals(as_bytes(text), ends);
     }
-    void leave_unread(std::uint64_t bytes) { port->listener().on_left_unread(bytes); }
-    void refuse(std::uint64_t bytes) { port->listener().on_refused(bytes); }
-    void fault(const LineFault& fault) { port->listener().on_fault(fault); }
-    void flush(FlushQueue queue) { port->listener().on_flush(queue); }
+    void leave_unread(std::uint64_t bytes) { tell(line::LeftUnread{bytes}); }
+    void refuse(std::uint64_t bytes) { tell(line::Refused{bytes}); }
+    void fault(const LineFault& fault) { tell(fault); }
+    void flush(FlushQueue queue) { tell(line::Flush{queue}); }
     void set(const SeenSettings& seen, SettingsOrder order = SettingsOrder::exact) {
-      port->listener().on_settings(seen, order);
+      tell(line::Settings{seen, order});
     }
-    void signal(const LineSignal& signal) { port->listener().on_signal(signal); }
-    void wait_until_sent(std::function<void()> done) { port->listener().on_drain(std::move(done)); }
-    void ask(TakeAnswer done) { port->listener().on_ask({}, std::move(done)); }
+    void signal(const LineSignal& signal) { tell(signal); }
+    void wait_until_sent(std::function<void()> done) { tell(line::Drain{waiting_drains.keep(std::move(done))}); }
+    void ask(TakeAnswer done) { tell(line::Ask{waiting_questions.keep(std::move(done)), {}}); }
     void finish(int exit_status) { port->listener().on_finished(exit_status); }
     void complete() { port->listener().on_complete(status); }
   };
@@ -122,37 +127,19 @@ class MemoryPort final : public Port, private Recorder {
     peer_->settings = settings;
     return {};
   }
-  void signal(const LineSignal& signal) override {
-    peer_->calls += std::string(name_of(signal.name)) + (signal.on ? "_on " : "_off ");
+  void tell(const LineEvent& event) override {
+    std::visit([this](const auto& each) { note(each); }, event);
   }
   void watch_signals(bool on) override {
     if (on) peer_->calls += "watch_signals ";
   }
   [[nodiscard]] bool shows_signals() const override { return peer_->shows_signals; }
-  void drain(std::function<void()> done) override {
-    peer_->calls += "drain ";
-    peer_->drains.push_back(std::move(done));
-  }
-  void ask(const LineRequest&, TakeAnswer done) override {
-    peer_->calls += "ask ";
-    peer_->questions.push_back(std::move(done));
-  }
   void hang_up(bool after_reading) override {
     peer_->calls += after_reading ? "hang_up_after_reading " : "hang_up ";
   }
   void read_pending() override {
     if (peer_->pending) peer_->pending();
   }
-  void peer_flushed(FlushQueue queue) override {
-    peer_->calls += "peer_flushed ";
-    peer_->flushes.push_back(queue);
-  }
-  void peer_set(const SeenSettings&, SettingsOrder order) override {
-    peer_->calls += "peer_set ";
-    peer_->orders.push_back(order);
-  }
-  void peer_left_unread(std::uint64_t bytes) override { peer_->left_unread.push_back(bytes); }
-  void peer_refused(std::uint64_t bytes) override { peer_->refused.push_back(bytes); }
   void finish() override {
     peer_->calls += "finish ";
     if (peer_->completes) listener().on_complete(peer_->status);
@@ -161,6 +148,38 @@ class MemoryPort final : public Port, private Recorder {
   [[nodiscard]] std::string name() const override { return peer_->name; }
 
  private:
+  void note(const LineSignal& signal) {
+    peer_->calls += std::string(name_of(signal.name)) + (signal.on ? "_on " : "_off ");
+  }
+  void note(const line::Drain& drain) {
+    peer_->calls += "drain ";
+    peer_->drains.push_back([this, drain] { listener().told(line::Sent{drain.number}); });
+  }
+  void note(const line::Ask& question) {
+    peer_->calls += "ask ";
+    peer_->questions.push_back([this, number = question.number](const std::optional<LineAnswer>& answer) {
+      listener().told(line::Answer{number, answer});
+    });
+  }
+  void note(const line::Sent& sent) {
+    if (const auto done = peer_->waiting_drains.take(sent.number)) (*done)();
+  }
+  void note(const line::Answer& answer) {
+    if (const auto done = peer_->waiting_questions.take(answer.number)) (*done)(answer.answer);
+  }
+  void note(const line::Flush& flush) {
+    peer_->calls += "peer_flushed ";
+    peer_->flushes.push_back(flush.queue);
+  }
+  void note(const line::Settings& settings) {
+    peer_->calls += "peer_set ";
+    peer_->orders.push_back(settings.order);
+  }
+  void note(const line::LeftUnread& left) { peer_->left_unread.push_back(left.bytes); }
+  void note(const line::Refused& other) { peer_->refused.push_back(other.bytes); }
+  void note(const line::Dropped&) {}
+  void note(const LineFault&) {}
+
   Result<void> request(const RecorderRequest& what) override {
     peer_->calls += what.kind == RecorderRequest::Kind::mark ? "mark:" + what.text + " " : "next_tape ";
     return peer_->requested;

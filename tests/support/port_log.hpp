@@ -11,6 +11,7 @@
 
 #include <gtest/gtest.h>
 
+#include "libport/line/waiting_requests.hpp"
 #include "libport/loop/fd_watch.hpp"
 #include "libport/loop/loop.hpp"
 #include "libport/loop/timer.hpp"
@@ -52,31 +53,17 @@ class PortLog final : public PortListener {
     error = down.error;
   }
   void on_resumed() override { events += "resumed "; }
-  void on_settings(const SeenSettings& seen, SettingsOrder order) override {
-    events += "settings ";
-    settings = seen;
-    settings_order = order;
-    settings_after = data.size();
+  void told(const LineEvent& event) override {
+    std::visit([this](const auto& each) { note(each); }, event);
   }
-  void on_signal(const LineSignal& signal) override {
-    events += std::string(name_of(signal.name)) + (signal.on ? "+ " : "- ");
-    signals_after.push_back(data.size());
-  }
-  void on_drain(std::function<void()> done) override {
-    events += "drain ";
-    done();
-  }
-  void on_dropped(std::uint64_t bytes, std::string_view reason) override {
-    dropped += bytes;
-    why = reason;
-  }
-  void on_left_unread(std::uint64_t bytes) override { left_unread = bytes; }
-  void on_refused(std::uint64_t bytes) override { refused.push_back(bytes); }
   void on_finished(int exit_status) override { events += "finished" + std::to_string(exit_status) + " "; }
 
   void on_complete(int exit_status) override { status = exit_status; }
-  void on_flush(FlushQueue queue) override {
-    events += queue == FlushQueue::in ? "flush_in " : queue == FlushQueue::out ? "flush_out " : "flush_both ";
+
+  // What a peer asks a port for, with who takes the answer.
+  void drain(Port& port, std::function<void()> done) { port.tell(line::Drain{drains.keep(std::move(done))}); }
+  void ask(Port& port, const LineRequest& request, TakeAnswer done) {
+    port.tell(line::Ask{questions.keep(std::move(done)), request});
   }
 
   std::string events;
@@ -84,11 +71,11 @@ class PortLog final : public PortListener {
   std::string data;
   Error error;
   bool after_reading = false;
-  std::string why;        // of the last on_dropped
-  SeenSettings settings;  // the last that on_settings told
+  std::string why;        // of the last line::Dropped
+  SeenSettings settings;  // the last that were told
   SettingsOrder settings_order = SettingsOrder::exact;
   std::size_t settings_after = 0;          // bytes
-  std::vector<std::size_t> signals_after;  // bytes, each of on_signal
+  std::vector<std::size_t> signals_after;  // bytes, each of a signal
   std::uint64_t dropped = 0;
   std::optional<std::uint64_t> left_unread;      // by the last peer
   std::vector<std::uint64_t> refused;            // what each that was turned away had written
@@ -99,6 +86,46 @@ class PortLog final : public PortListener {
   bool peer_half_closes = false;
   bool wanted = false;                       // what wants_rest gives
   std::optional<std::size_t> peer_unread{};  // what unread gives
+  Port* answers_to = nullptr;                // the port whose peer is answered at once
+  WaitingRequests<std::function<void()>> drains;
+  WaitingRequests<TakeAnswer> questions;
+
+ private:
+  void note(const line::Settings& made) {
+    events += "settings ";
+    settings = made.seen;
+    settings_order = made.order;
+    settings_after = data.size();
+  }
+  void note(const LineSignal& signal) {
+    events += std::string(name_of(signal.name)) + (signal.on ? "+ " : "- ");
+    signals_after.push_back(data.size());
+  }
+  void note(const line::Flush& flush) {
+    events += flush.queue == FlushQueue::in    ? "flush_in "
+              : flush.queue == FlushQueue::out ? "flush_out "
+                                               : "flush_both ";
+  }
+  void note(const line::Drain& drain) {
+    events += "drain ";
+    if (answers_to != nullptr) answers_to->tell(line::Sent{drain.number});
+  }
+  void note(const line::Sent& sent) {
+    if (const auto done = drains.take(sent.number)) (*done)();
+  }
+  void note(const line::Ask& question) {
+    if (answers_to != nullptr) answers_to->tell(line::Answer{question.number, std::nullopt});
+  }
+  void note(const line::Answer& answer) {
+    if (const auto done = questions.take(answer.number)) (*done)(answer.answer);
+  }
+  void note(const line::Dropped& lost) {
+    dropped += lost.bytes;
+    why = lost.why;
+  }
+  void note(const line::LeftUnread& left) { left_unread = left.bytes; }
+  void note(const line::Refused& other) { refused.push_back(other.bytes); }
+  void note(const LineFault&) {}
 };
 
 // A peer that reads whatever comes.

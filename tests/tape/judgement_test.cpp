@@ -281,7 +281,7 @@ Files with_all_kinds() {
            event::Open{},
            event::Settings{Side::driver, {.baud = 9600U, .hw_flow = true}, SettingsOrder::exact},
            event::Modem{LineSignal::Name::cts, true, Side::device}, event::Break{true, Side::driver},
-           event::Drain{Micros{7}}, event::Flush{event::Flush::Queue::in}, event::Mark{"a mark"},
+           event::Drain{Micros{7}}, event::Flush{FlushQueue::in}, event::Mark{"a mark"},
            event::HalfClose{Side::driver}, event::Fault{{.kind = "drop", .spec = "drop:byte=1"}},
            event::DeviceLost{"unplugged", true}, event::DeviceBack{}, event::Unknown{"later"},
            event::Close{}}) {

@@ -161,9 +161,9 @@ TEST_F(TapeDiffTest, TheOrderOfEventsBetweenTwoExchangesDoesNotMatter) {
     return MemoryTape()
         .open(0)
         .event(std::min(flush, mark),
-               flush < mark ? Event(event::Flush{event::Flush::Queue::in}) : Event(event::Mark{"m"}))
+               flush < mark ? Event(event::Flush{FlushQueue::in}) : Event(event::Mark{"m"}))
         .event(std::max(flush, mark),
-               flush < mark ? Event(event::Mark{"m"}) : Event(event::Flush{event::Flush::Queue::in}))
+               flush < mark ? Event(event::Mark{"m"}) : Event(event::Flush{FlushQueue::in}))
         .write(100, "a")
         .event(settings, event::Settings{Side::driver, {.baud = 300}, SettingsOrder::sampled})
         .read(400, "A")

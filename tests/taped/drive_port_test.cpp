@@ -80,7 +80,7 @@ TEST_F(DrivePortTest, TheLineIsSetAsTheRecordedDriverFoundItAndThenAsItSetIt) {
     return encode(tape_time_us(100), event::Settings{by, SeenSettings{.baud = baud}, SettingsOrder::exact});
   };
   make_tape(set(Side::device, 19'200) + set(Side::driver, 115'200) +
-            encode(tape_time_us(200), event::Flush{event::Flush::Queue::in}));
+            encode(tape_time_us(200), event::Flush{FlushQueue::in}));
   start();
   EXPECT_EQ(log.events, "settings up ");
   EXPECT_EQ(log.settings.baud, 19'200U);
@@ -91,7 +91,7 @@ TEST_F(DrivePortTest, TheLineIsSetAsTheRecordedDriverFoundItAndThenAsItSetIt) {
 }
 
 TEST_F(DrivePortTest, TheRecordedDriversFlushesAreOfTheirQueues) {
-  using Queue = event::Flush::Queue;
+  using Queue = FlushQueue;
   const auto flush = [](std::int64_t us, std::optional<Queue> queue) {
     return encode(tape_time_us(us), event::Flush{queue});
   };

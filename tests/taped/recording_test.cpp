@@ -177,8 +177,8 @@ TEST_F(RecordingTest, SettingsStandInTheirPlaceAndANextTapeBeginsWithThoseThatHo
   port->open();
   pass(10);
   port->write(as_bytes("one"));
-  port->peer_set({.baud = 300}, SettingsOrder::exact);
-  port->peer_set({.baud = 600}, SettingsOrder::exact);
+  port->tell(line::Settings{{.baud = 300}, SettingsOrder::exact});
+  port->tell(line::Settings{{.baud = 600}, SettingsOrder::exact});
   pass(40);
   EXPECT_TRUE(port->recorder()->request(RecorderRequest::next_tape()));
   pass(5);
@@ -200,7 +200,7 @@ TEST_F(RecordingTest, SettingsFromBeforeATapeThatComesLaterAreOnIt) {
   ASSERT_TRUE(port->prepare().has_value());
   port->open();
   pass(10);
-  port->peer_set({.baud = 300}, SettingsOrder::exact);
+  port->tell(line::Settings{{.baud = 300}, SettingsOrder::exact});
   pass(10);
   device.up();
   finish();

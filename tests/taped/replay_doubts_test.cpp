@@ -185,10 +185,10 @@ class OutputFlushesOfARun : public ReplayPortTest {
   // Of a driver that writes twice and drops its output behind the writes that the tape has a flush for.
   void record(bool first, bool second) {
     test::MemoryTape tape;
-    tape.open(0).event(1, event::Flush{event::Flush::Queue::both}).write(10, "one");
-    if (first) tape.event(20, event::Flush{event::Flush::Queue::out});
+    tape.open(0).event(1, event::Flush{FlushQueue::both}).write(10, "one");
+    if (first) tape.event(20, event::Flush{FlushQueue::out});
     tape.write(30, "two");
-    if (second) tape.event(40, event::Flush{event::Flush::Queue::both});
+    if (second) tape.event(40, event::Flush{FlushQueue::both});
     tape.close(50);
     test::write_tape(literal_tape(dir / "t.log"), tape, {.device = "d", .driver = "p"});
   }
@@ -196,13 +196,13 @@ class OutputFlushesOfARun : public ReplayPortTest {
   std::vector<std::string> doubts() {
     log.status.reset();
     start();
-    port->peer_flushed(FlushQueue::both);
+    port->tell(line::Flush{FlushQueue::both});
     write("one");
-    port->peer_flushed(FlushQueue::in);
-    port->peer_flushed(FlushQueue::out);
-    port->peer_flushed(FlushQueue::out);
+    port->tell(line::Flush{FlushQueue::in});
+    port->tell(line::Flush{FlushQueue::out});
+    port->tell(line::Flush{FlushQueue::out});
     write("two");
-    port->peer_flushed(FlushQueue::both);
+    port->tell(line::Flush{FlushQueue::both});
     port->close();
     (void)finish();
     EXPECT_EQ(port->report()->verdict, Verdict::pass) << book.text();
@@ -236,7 +236,7 @@ TEST_F(ReplayPortTest, WhoWasTurnedAwayIsADoubt) {
     log.status.reset();
     start();
     write("one");
-    for (const std::uint64_t bytes : others) port->peer_refused(bytes);
+    for (const std::uint64_t bytes : others) port->tell(line::Refused{bytes});
     port->close();
     (void)finish();
     std::string all;
@@ -285,7 +285,7 @@ class UnreadOfATape : public ReplayPortTest {
   void listen_and_leave(std::uint64_t unread) {
     start();
     run_until(loop, [this] { return log.data == "hello"; });
-    port->peer_left_unread(unread);
+    port->tell(line::LeftUnread{unread});
     port->close();
     (void)finish();
   }

@@ -89,7 +89,7 @@ TEST_F(FlushOfATape, AFloodOfThemLogsNothing) {
   test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{})));
   start();
   const std::string before = book.text();
-  for (int i = 0; i < 10'000; ++i) port->peer_flushed(FlushQueue::both);
+  for (int i = 0; i < 10'000; ++i) port->tell(line::Flush{FlushQueue::both});
   EXPECT_EQ(book.text(), before);
 }
 
@@ -99,7 +99,7 @@ TEST_F(ReplayPortTest, AFlushOfATapeWithoutEventsDropsNothingThatItsDriverRead) 
   start();
   port->set_reading(false);
   write("ask");
-  port->peer_flushed(FlushQueue::both);
+  port->tell(line::Flush{FlushQueue::both});
   port->set_reading(true);
   run_until(loop, [this] { return log.data == "old"; });
 }

@@ -41,7 +41,7 @@ class SettingsOfATape : public ReplayPortTest {
   // As a session does it.
   Result<void> set(unsigned baud) {
     const SeenSettings seen{.baud = baud};
-    port->peer_set(seen, SettingsOrder::sampled);
+    port->tell(line::Settings{seen, SettingsOrder::sampled});
     return port->apply(seen.over(*port->settings()));
   }
   unsigned baud() { return port->settings().value().baud; }
@@ -143,11 +143,11 @@ TEST_F(SignalsOfATape, ADrainLastsAsLongAsItsRecordedOne) {
   start();
   const Instant begin = loop.now();
   int sent = 0;
-  port->drain([&sent] { ++sent; });
+  log.drain(*port, [&sent] { ++sent; });
   EXPECT_EQ(sent, 0);
   run_until(loop, [&sent] { return sent > 0; });
   EXPECT_GE(loop.now() - begin, std::chrono::milliseconds(5));
-  port->drain([&sent] { ++sent; });
+  log.drain(*port, [&sent] { ++sent; });
   EXPECT_EQ(sent, 2) << "the tape has no other";
 }
 
@@ -155,7 +155,7 @@ TEST_F(SignalsOfATape, EachRunHasTheRecordedDrainsFromTheFirstOn) {
   start();
   int sent = 0;
   for (const int run : {0, 1}) {
-    port->drain([&sent] { ++sent; });
+    log.drain(*port, [&sent] { ++sent; });
     EXPECT_EQ(sent, run) << "it lasts";
     port->close();
     port->open();
@@ -167,14 +167,14 @@ TEST_F(SignalsOfATape, WithoutTimingADrainIsOverAtOnce) {
   timing = Timing::none;
   start();
   bool sent = false;
-  port->drain([&sent] { sent = true; });
+  log.drain(*port, [&sent] { sent = true; });
   EXPECT_TRUE(sent);
 }
 
 TEST_F(SignalsOfATape, ADrainEndsWithTheLine) {
   start();
   int sent = 0;
-  port->drain([&sent] { ++sent; });
+  log.drain(*port, [&sent] { ++sent; });
   port->close();
   EXPECT_EQ(sent, 1);
 }

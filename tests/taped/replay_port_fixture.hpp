@@ -53,7 +53,7 @@ class ReplayPortTest : public testing::Test {
       loop.post([] {});
       return loop.now() - begin > std::chrono::milliseconds(5);
     });
-    port->peer_flushed(queue);
+    port->tell(line::Flush{queue});
     port->set_reading(true);
     write("more");
     run_until(loop, [this] { return log.data.ends_with("new"); });

@@ -207,9 +207,9 @@ TEST_F(ReplayPortTest, TheReportFileIsThereWhenTheEndIsTold) {
 TEST_F(ReplayPortTest, TheReportHasTheFaultsOfItsRunAndThePlanOfAll) {
   test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
   start(dir / "report.json");
-  port->faulted({.kind = "plan", .spec = "drop:p=1", .seed = 7});
-  port->faulted({.kind = "drop", .spec = "drop:byte=3:dir=r", .dir = LineDir::r, .offset = 3});
-  port->faulted({.kind = "more", .count = 4});
+  port->tell(LineFault{.kind = "plan", .spec = "drop:p=1", .seed = 7});
+  port->tell(LineFault{.kind = "drop", .spec = "drop:byte=3:dir=r", .dir = LineDir::r, .offset = 3});
+  port->tell(LineFault{.kind = "more", .count = 4});
   write("one");
   port->close();
   run_until(loop, [this] { return port->report().has_value(); });

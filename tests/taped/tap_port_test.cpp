@@ -11,7 +11,7 @@
 
 #include <gtest/gtest.h>
 
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "tests/support/memory_port.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
@@ -146,7 +146,7 @@ TEST_F(TapPortTest, EveryObserverIsToldAllThatPasses) {
   tap.write(as_bytes("ask"));
   device.send("answer");
   device.arrive("abc", {1, 3});
-  tap.peer_flushed(FlushQueue::in);
+  tap.tell(line::Flush{FlushQueue::in});
   EXPECT_TRUE(tap.recorder()->request(RecorderRequest::next_tape()));
   tap.close();
   EXPECT_EQ(one.text, "opened up w:ask r:answer r:a r:bc flush next_tape closed ");
@@ -172,8 +172,8 @@ TEST_F(TapPortTest, SettingsAreToldWhenTheLineComesUpAndWhenOneOfThemChangesThem
   tap.open();
   EXPECT_EQ(one.text, "opened up settings[device 9600 baud, 8N1] ");
   one.text.clear();
-  tap.peer_set({.baud = 115200, .stop_bits = 1}, SettingsOrder::sampled);
-  tap.peer_set({.baud = 115200, .stop_bits = 1}, SettingsOrder::sampled);
+  tap.tell(line::Settings{{.baud = 115200, .stop_bits = 1}, SettingsOrder::sampled});
+  tap.tell(line::Settings{{.baud = 115200, .stop_bits = 1}, SettingsOrder::sampled});
   device.set({.baud = 57600});
   EXPECT_EQ(one.text, "settings[driver 115200 baud, 1 stop bit, sampled] settings[device 57600 baud] ");
   EXPECT_EQ(log.settings.baud, 57600U);
@@ -191,10 +191,10 @@ TEST_F(TapPortTest, SignalsAndDrainsHaveTheirPlaceAmongTheBlocks) {
   device.calls.clear();
   device.signal({LineSignal::Name::cts, true});
   tap.write(as_bytes("a"));
-  tap.signal({LineSignal::Name::rts, false});
+  tap.tell(LineSignal{LineSignal::Name::rts, false});
   int sent = 0;
-  tap.drain([&sent] { ++sent; });
-  tap.signal({LineSignal::Name::brk, true});
+  log.drain(tap, [&sent] { ++sent; });
+  tap.tell(LineSignal{LineSignal::Name::brk, true});
   device.drains.at(0)();
   EXPECT_EQ(sent, 1);
   EXPECT_EQ(one.text, "modem[device cts on] w:a modem[driver rts off] break[driver break on] drain ");
@@ -204,7 +204,7 @@ TEST_F(TapPortTest, SignalsAndDrainsHaveTheirPlaceAmongTheBlocks) {
 TEST_F(TapPortTest, ADrainThatTheLinesEndHasEndedIsNotNoted) {
   tap.open();
   int sent = 0;
-  tap.drain([&sent] { ++sent; });
+  log.drain(tap, [&sent] { ++sent; });
   tap.close();
   tap.open();
   one.text.clear();
@@ -218,27 +218,27 @@ TEST_F(TapPortTest, ADeviceThatRefusesIsToldWithWhatItHas) {
   device.takes_settings = false;
   tap.open();
   one.text.clear();
-  tap.peer_set({.baud = 7}, SettingsOrder::exact);
+  tap.tell(line::Settings{{.baud = 7}, SettingsOrder::exact});
   EXPECT_FALSE(tap.apply({.baud = 7}).has_value());
   EXPECT_EQ(one.text, "settings[driver 7 baud] settings[device 9600 baud, 8N1] ");
 }
 
 TEST_F(TapPortTest, ALineWithoutSettingsHasThoseOfItsDriver) {
   tap.open();
-  tap.peer_set({.baud = 7}, SettingsOrder::exact);
+  tap.tell(line::Settings{{.baud = 7}, SettingsOrder::exact});
   EXPECT_EQ(one.text, "opened up settings[driver 7 baud] ");
 }
 
 TEST_F(TapPortTest, AFloodOfFlushesIsTheDevicesToSeeAndToldOnce) {
   const Instant begin = loop.now();
   int flushes = 0;
-  for (; flushes < 10'000; ++flushes) tap.peer_flushed(FlushQueue::in);
+  for (; flushes < 10'000; ++flushes) tap.tell(line::Flush{FlushQueue::in});
   const auto told = static_cast<std::int64_t>(one.text.size() / std::string_view("flush ").size());
   EXPECT_LE(told, 1 + (loop.now() - begin) / RepeatFilter::kFlushes);
   EXPECT_EQ(device.calls.size(), std::string_view("peer_flushed ").size() * 10'000);
   one.text.clear();
   device.send("a");
-  tap.peer_flushed(FlushQueue::in);
+  tap.tell(line::Flush{FlushQueue::in});
   EXPECT_EQ(one.text, "r:a flush ");
 }
 
@@ -248,7 +248,7 @@ TEST_F(TapPortTest, WhatIsWrittenWithinOnDataIsToldBehindIt) {
   busy.within_data = [this] {
     tap.write(as_bytes("more"));
     device.send("at once");
-    tap.peer_flushed(FlushQueue::in);
+    tap.tell(line::Flush{FlushQueue::in});
   };
   device.send("answer");
   device.send("next");

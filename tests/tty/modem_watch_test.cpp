@@ -33,7 +33,7 @@ class ModemWatchTest : public testing::Test {
   }
   void start(std::optional<int> known = 0) {
     watch =
-        ModemWatch::start(loop, line, tty.get(), known, [this](const LineSignal& s) { log.on_signal(s); });
+        ModemWatch::start(loop, line, tty.get(), known, [this](const LineSignal& s) { log.told(s); });
     ASSERT_NE(watch, nullptr);
   }
   void until(const std::string& told) {
@@ -263,7 +263,7 @@ TEST(ModemLines, EachHasItsBitAndTheOthersNone) {
 TEST(ModemLines, AreToldWhereTheyAreOtherwiseThanBefore) {
   const auto told = [](std::optional<int> before, int lines) {
     PortLog log;
-    tell_modem_lines(before, lines, [&log](const LineSignal& signal) { log.on_signal(signal); });
+    tell_modem_lines(before, lines, [&log](const LineSignal& signal) { log.told(signal); });
     return log.events;
   };
   EXPECT_EQ(told(std::nullopt, TIOCM_DSR | TIOCM_RNG), "cts- dsr+ cd- ri+ ");

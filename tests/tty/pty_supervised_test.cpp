@@ -113,8 +113,8 @@ TEST_F(PtySupervised, TheDevicesSettingsAndSignalsAreTold) {
   until("up ");
   ASSERT_TRUE(port.apply({.baud = 2400}).has_value());
   EXPECT_TRUE(port.shows_signals());
-  port.signal({Name::cts, true});
-  port.signal({Name::brk, false});
+  port.tell(LineSignal{Name::cts, true});
+  port.tell(LineSignal{Name::brk, false});
   EXPECT_EQ(told(), "4800 opened 2400 cts+ break- ");
   fd.reset();
   until("up closed ");
@@ -124,7 +124,7 @@ TEST_F(PtySupervised, TheDevicesSettingsAndSignalsAreTold) {
 TEST_F(PtySupervised, WithoutASupervisorASignalIsShownToNobody) {
   start();
   EXPECT_FALSE(port.shows_signals());
-  port.signal({Name::cts, true});
+  port.tell(LineSignal{Name::cts, true});
   EXPECT_EQ(log.events, "");
 }
 
@@ -255,6 +255,7 @@ TEST_F(PtySupervised, ADrainOrAQuestionIsTheListenersWhileTheLineIsUp) {
   EXPECT_EQ(log.events, "") << "there is nobody to wait for";
   const UniqueFd fd = driver();
   until("up ");
+  log.answers_to = &port;
   wait_and_ask();
   EXPECT_EQ(done, 2);
   EXPECT_EQ(log.events, "up drain ");

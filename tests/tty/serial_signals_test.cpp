@@ -52,11 +52,11 @@ class SerialSignalsTest : public SerialPortTest {
     EXPECT_EQ(log.events, wanted);
   }
   void drain(int& done) {
-    port->drain([&done] { ++done; });
+    log.drain(*port, [&done] { ++done; });
   }
   // The device's answer: `- ` for none, else the error and what it has.
   void ask(LineRequest request, std::string& told) {
-    port->ask(request, [&told](const std::optional<LineAnswer>& answer) {
+    log.ask(*port, request, [&told](const std::optional<LineAnswer>& answer) {
       told += answer ? fmt::format("{},{},{} ", answer->error, answer->serial.custom_divisor,
                                    answer->rs485.delay_rts_after_send)
                      : "- ";
@@ -90,10 +90,10 @@ class SerialSignalsTest : public SerialPortTest {
 TEST_F(SerialSignalsTest, AreDrivenInTurnWithTheBytes) {
   start();
   port->write(as_bytes("a"));
-  port->signal({Name::rts, true});
+  port->tell(LineSignal{Name::rts, true});
   port->write(as_bytes("b"));
-  port->signal({Name::rts, false});
-  port->signal({Name::dtr, false});
+  port->tell(LineSignal{Name::rts, false});
+  port->tell(LineSignal{Name::dtr, false});
   port->write(as_bytes("c"));
   until_journal("a[rts+]b[rts-][dtr-]c");
   run_until(loop, [&] { return !port->congested(); });
@@ -103,8 +103,8 @@ TEST_F(SerialSignalsTest, AreDrivenInTurnWithTheBytes) {
 TEST_F(SerialSignalsTest, ABreakBeginsOnceTheBytesAreSent) {
   start();
   port->write(as_bytes("a"));
-  port->signal({Name::brk, true});
-  port->signal({Name::brk, false});
+  port->tell(LineSignal{Name::brk, true});
+  port->tell(LineSignal{Name::brk, false});
   port->write(as_bytes("b"));
   until_journal("a(sent)[break+][break-]b");
 }
@@ -132,7 +132,7 @@ TEST_F(SerialSignalsTest, OneThatCouldNotBeMadeIsToldOnceWithTheReasonAndOneThat
       const std::size_t begin = book.text().size();
       line->error = error;
       start();
-      for (const bool on : {true, false, true, false}) port->signal({name, on});
+      for (const bool on : {true, false, true, false}) port->tell(LineSignal{name, on});
       int done = 0;
       drain(done);
       until_done(done);
@@ -152,10 +152,10 @@ TEST_F(SerialSignalsTest, OneThatCouldNotBeMadeIsToldOnceWithTheReasonAndOneThat
 
 TEST_F(SerialSignalsTest, ChangesOfSettingsKeepTheirPlaceAmongThem) {
   start();
-  port->signal({Name::rts, true});
+  port->tell(LineSignal{Name::rts, true});
   ASSERT_TRUE(port->apply({.baud = 1200}).has_value());
   port->write(as_bytes("a"));
-  port->signal({Name::rts, false});
+  port->tell(LineSignal{Name::rts, false});
   ASSERT_TRUE(port->apply({.baud = 2400}).has_value());
   EXPECT_EQ(port->settings()->baud, 2400U);
   until_journal("[rts+](sent)a[rts-](sent)");
@@ -166,7 +166,7 @@ TEST_F(SerialSignalsTest, WaitForBytesThatTheDeviceHasNotTaken) {
   start();
   const std::string block(4096, 'b');
   while (!port->congested()) port->write(as_bytes(block));
-  port->signal({Name::rts, false});
+  port->tell(LineSignal{Name::rts, false});
   port->write(as_bytes("new"));
   std::string all;
   run_until(loop, [&] { return (all = line->journal()).ends_with("new"); });
@@ -177,8 +177,8 @@ TEST_F(SerialSignalsTest, ABreakBehindBytesThatStandStillIsLeftOutAndTold) {
   start();
   line->moves = false;
   for (int i = 0; i < 2; ++i) {
-    port->signal({Name::brk, true});
-    port->signal({Name::brk, false});
+    port->tell(LineSignal{Name::brk, true});
+    port->tell(LineSignal{Name::brk, false});
   }
   port->write(as_bytes("a"));
   until_journal("[break-][break-]a");
@@ -188,7 +188,7 @@ TEST_F(SerialSignalsTest, ABreakBehindBytesThatStandStillIsLeftOutAndTold) {
 TEST_F(SerialSignalsTest, WhatTheDeviceHasNotIsToldOnce) {
   start();
   line->error = ENOTTY;
-  for (const Name name : {Name::dtr, Name::rts, Name::dtr}) port->signal({name, true});
+  for (const Name name : {Name::dtr, Name::rts, Name::dtr}) port->tell(LineSignal{name, true});
   port->write(as_bytes("a"));
   until_journal("[dtr+][rts+][dtr+]a");
   EXPECT_EQ(times_told(path + ": the device has no modem lines; what the driver does to them is ignored"),
@@ -201,8 +201,8 @@ TEST_F(SerialSignalsTest, ADeviceWithoutBreaksIsAWarning) {
   start();
   line->error = EOPNOTSUPP;
   for (int i = 0; i < 2; ++i) {
-    port->signal({Name::brk, true});
-    port->signal({Name::brk, false});
+    port->tell(LineSignal{Name::brk, true});
+    port->tell(LineSignal{Name::brk, false});
   }
   port->write(as_bytes("a"));
   until_journal("(sent)[break+][break-](sent)[break+][break-]a");
@@ -214,7 +214,7 @@ TEST_F(SerialSignalsTest, ADeviceWithoutBreaksIsAWarning) {
 TEST_F(SerialSignalsTest, OtherTroubleIsAWarning) {
   start();
   line->error = EIO;
-  for (int i = 0; i < 2; ++i) port->signal({Name::rts, true});
+  for (int i = 0; i < 2; ++i) port->tell(LineSignal{Name::rts, true});
   port->write(as_bytes("a"));
   until_journal("[rts+][rts+]a");
   EXPECT_EQ(times_told("[warning] serial:" + path + ": setting rts: Input/output error; check the device"),
@@ -230,7 +230,7 @@ TEST_F(SerialSignalsTest, WhatIsAskedIsAnsweredByTheDeviceInTurnWithTheRest) {
   ask(wanted, told);
   port->write(as_bytes("b"));
   ask(made_rs485(3), told);
-  port->signal({Name::rts, true});
+  port->tell(LineSignal{Name::rts, true});
   ask({.kind = LineRequest::Kind::get_serial}, told);
   port->write(as_bytes("c"));
   until_told(told, "0,7,0 0,7,3 0,7,3 ");
@@ -252,7 +252,7 @@ TEST_F(SerialSignalsTest, ATtyWithoutAnyOfItIsNoneToAsk) {
   std::string told;
   ask({.kind = LineRequest::Kind::get_rs485}, told);
   line->error = ENOTTY;
-  port->signal({Name::brk, true});
+  port->tell(LineSignal{Name::brk, true});
   ask({.kind = LineRequest::Kind::last_break}, told);
   until_told(told, "- - ");
 }
@@ -260,13 +260,13 @@ TEST_F(SerialSignalsTest, ATtyWithoutAnyOfItIsNoneToAsk) {
 TEST_F(SerialSignalsTest, WhetherABreakWasTakenIsKnownBehindIt) {
   start();
   std::string told;
-  port->signal({Name::brk, true});
+  port->tell(LineSignal{Name::brk, true});
   ask({.kind = LineRequest::Kind::last_break}, told);
   until_told(told, "0,0,0 ");
   line->error = EOPNOTSUPP;
-  port->signal({Name::brk, false});
-  port->signal({Name::brk, true});
-  port->signal({Name::brk, false});
+  port->tell(LineSignal{Name::brk, false});
+  port->tell(LineSignal{Name::brk, true});
+  port->tell(LineSignal{Name::brk, false});
   ask({.kind = LineRequest::Kind::last_break}, told);
   until_told(told, fmt::format("0,0,0 {},0,0 ", EOPNOTSUPP));
 }
@@ -287,7 +287,7 @@ TEST_F(SerialSignalsTest, APtyHasNone) {
   ASSERT_TRUE(port->prepare().has_value());
   port->watch_signals(true);
   port->open();
-  for (const Name name : {Name::dtr, Name::brk, Name::rts, Name::cts}) port->signal({name, true});
+  for (const Name name : {Name::dtr, Name::brk, Name::rts, Name::cts}) port->tell(LineSignal{name, true});
   port->write(as_bytes("a"));
   until_journal("a");
   int done = 0;
@@ -299,7 +299,7 @@ TEST_F(SerialSignalsTest, APtyHasNone) {
 
 TEST_F(SerialSignalsTest, WithoutALineTheyAreIgnored) {
   make();
-  port->signal({Name::rts, true});
+  port->tell(LineSignal{Name::rts, true});
   int done = 0;
   drain(done);
   EXPECT_EQ(done, 1);
@@ -316,9 +316,9 @@ TEST_F(SerialSignalsTest, WithoutADescriptorForTheJobItIsDoneAtOnce) {
   int done = 0;
   {
     const test::NoDescriptors none;
-    port->signal({Name::rts, true});
+    port->tell(LineSignal{Name::rts, true});
     EXPECT_EQ(line->journal(), "[rts+]");
-    port->signal({Name::brk, true});
+    port->tell(LineSignal{Name::brk, true});
     EXPECT_EQ(line->journal(), "[rts+][break+]");
     ask(made_rs485(3), told);
     EXPECT_EQ(told, "0,0,3 ");
@@ -337,8 +337,8 @@ TEST_F(SerialSignalsTest, WithoutADescriptorABreakThatWouldHaveToWaitIsLeftOut) 
   std::string told;
   {
     const test::NoDescriptors none;
-    port->signal({Name::brk, true});
-    port->signal({Name::brk, false});
+    port->tell(LineSignal{Name::brk, true});
+    port->tell(LineSignal{Name::brk, false});
     ask({.kind = LineRequest::Kind::last_break}, told);
   }
   EXPECT_EQ(line->journal(), "[break-]");
@@ -386,15 +386,15 @@ TEST_F(SerialSignalsTest, WithoutAThreadTheCloseOfALineThatHasSentAllCostsNothin
 
 TEST_F(SerialSignalsTest, ABreakThatTheDriverLeftEndsWhenItCloses) {
   start({{"baud", "4800"}, {"alwaysopen", "1"}});
-  port->signal({Name::brk, true});
+  port->tell(LineSignal{Name::brk, true});
   port->close();
   until_journal("(sent)[break+][break-]");
 }
 
 TEST_F(SerialSignalsTest, WhatTheDriverLeftIsTakenBackWhereTheLineStaysOpen) {
   start({{"baud", "4800"}, {"alwaysopen", "1"}, {"rts", "off"}});
-  port->signal({Name::dtr, false});
-  port->signal({Name::rts, true});
+  port->tell(LineSignal{Name::dtr, false});
+  port->tell(LineSignal{Name::rts, true});
   port->close();
   until_journal("[dtr-][rts+][dtr+][rts-]");
   port->open();
@@ -409,9 +409,9 @@ TEST_F(SerialSignalsTest, WhatTheDriverDroveIsDrivenAgainWhenTheDeviceComesBack)
   const std::string link = (dir.path() / "ttyBack").string();
   std::filesystem::create_symlink(path, link);
   start({{"device", link}, {"alwaysopen", "1"}, {"baud", "4800"}});
-  port->signal({Name::dtr, true});
-  port->signal({Name::rts, false});
-  port->signal({Name::cts, false});  // which the device drives
+  port->tell(LineSignal{Name::dtr, true});
+  port->tell(LineSignal{Name::rts, false});
+  port->tell(LineSignal{Name::cts, false});  // which the device drives
   std::string told;
   ask(made_rs485(3), told);
   until_journal("[dtr+][rts-][set rs485]");
@@ -422,7 +422,7 @@ TEST_F(SerialSignalsTest, WhatTheDriverDroveIsDrivenAgainWhenTheDeviceComesBack)
   line->device = -1;
   device.reset();
   until_events("up interrupted ");
-  port->signal({Name::dtr, false});
+  port->tell(LineSignal{Name::dtr, false});
   line->device = other.get();
   std::filesystem::remove(link);
   std::filesystem::create_symlink(::ptsname(other.get()), link);
@@ -455,7 +455,7 @@ TEST_F(SerialSignalsTest, ADrainWaitsForTheKernelAndHoldsUpNothing) {
   int done = 0;
   drain(done);
   port->write(as_bytes("a"));
-  port->signal({Name::rts, true});
+  port->tell(LineSignal{Name::rts, true});
   ASSERT_TRUE(port->apply({.baud = 1200}).has_value());
   port->write(as_bytes("b"));
   until_journal("a[rts+](sent)b");
@@ -469,7 +469,7 @@ TEST_F(SerialSignalsTest, DrainsAreDoneInTurn) {
   start();
   std::string order;
   line->queued = 1;
-  for (const char* const name : {"1", "2", "3"}) port->drain([&order, name] { order += name; });
+  for (const char* const name : {"1", "2", "3"}) log.drain(*port, [&order, name] { order += name; });
   line->queued = 0;
   run_until(loop, [&] { return order.size() == 3; });
   EXPECT_EQ(order, "123");
@@ -553,7 +553,7 @@ TEST_F(SerialSignalsTest, TheDevicesAreNotToldUnlessTheyAreWanted) {
   until_events("up cts+ dsr- cd- ri- ");
   port->watch_signals(false);
   line->change(0);
-  port->signal({Name::rts, true});
+  port->tell(LineSignal{Name::rts, true});
   until_journal("a[rts+]");
   EXPECT_EQ(log.events, "up cts+ dsr- cd- ri- ");
 }

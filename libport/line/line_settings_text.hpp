@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include "libport/base/json_object.hpp"
-#include "libport/base/line_settings.hpp"
+#include "libport/line/line_settings.hpp"
 
 namespace porttape {
 

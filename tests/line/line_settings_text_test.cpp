@@ -1,4 +1,4 @@
-#include "libport/base/line_settings_text.hpp"
+#include "libport/line/line_settings_text.hpp"
 
 #include <gtest/gtest.h>
 

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "libport/base/line_signal.hpp"
+#include "libport/line/line_signal.hpp"
 
 namespace porttape {
 
