@@ -100,7 +100,7 @@ void LastTrouble::log(const spdlog::details::log_msg& message) {
 LineStatus status_of(Session& session) {
   LineStatus line{.state = session.state(),
                   .driver = session.driver().name(),
-                  .driver_node = session.driver().peer_node(),
+                  .driver_node = session.driver().place().node,
                   .device = session.device().name(),
                   .recording = {}};
   if (const Recorder* const recorder = session.device().recorder()) line.recording = recorder->recording();

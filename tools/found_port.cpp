@@ -10,7 +10,7 @@ std::optional<DevicePort> port_to_find(const Supervision& supervision, const Por
                                        spdlog::logger& log) {
   std::optional<PortIdentity> identity = supervision.as;
   if (!identity && supervision.finds && device != nullptr) identity = device->identity();
-  DevicePort port{identity.value_or(PortIdentity()), driver.peer_node()};
+  DevicePort port{identity.value_or(PortIdentity()), driver.place().node};
   if (!identity || port.node.empty()) return std::nullopt;
   const Result<void> possible = can_enter_device_view({port});
   if (possible) return port;

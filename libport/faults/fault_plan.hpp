@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "libport/base/bytes.hpp"
-#include "libport/line/line_fault.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
+#include "libport/line/line_fault.hpp"
 
 namespace porttape {
 

@@ -2,11 +2,11 @@
 #include <array>
 #include <fmt/format.h>
 
-#include "libport/line/line_settings_text.hpp"
 #include "libport/formats/sr_format.hpp"
 #include "libport/formats/uart_decoder.hpp"
 #include "libport/formats/uart_waveform.hpp"
 #include "libport/formats/zip_file.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "libport/tape/part_writer.hpp"
 
 namespace porttape {

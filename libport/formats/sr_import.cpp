@@ -5,12 +5,12 @@
 #include <map>
 #include <utility>
 
-#include "libport/line/line_settings_text.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/formats/sr_format.hpp"
 #include "libport/formats/sr_metadata.hpp"
 #include "libport/formats/uart_listener.hpp"
 #include "libport/formats/zip_file.hpp"
+#include "libport/line/line_settings_text.hpp"
 
 namespace porttape {
 namespace {

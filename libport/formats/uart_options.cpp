@@ -2,9 +2,9 @@
 
 #include <fmt/format.h>
 
-#include "libport/line/line_settings_text.hpp"
 #include "libport/base/printable.hpp"
 #include "libport/base/whole_number.hpp"
+#include "libport/line/line_settings_text.hpp"
 
 namespace porttape {
 namespace {

@@ -4,8 +4,8 @@
 #include <string>
 #include <string_view>
 
-#include "libport/line/line_settings.hpp"
 #include "libport/base/result.hpp"
+#include "libport/line/line_settings.hpp"
 
 namespace porttape {
 

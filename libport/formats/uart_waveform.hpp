@@ -5,8 +5,8 @@
 #include <functional>
 
 #include "libport/base/bytes.hpp"
-#include "libport/line/line_settings.hpp"
 #include "libport/base/result.hpp"
+#include "libport/line/line_settings.hpp"
 
 namespace porttape {
 

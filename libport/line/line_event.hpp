@@ -18,8 +18,8 @@ enum class FlushQueue : std::uint8_t { in, out, both };
 // Joins a request that waits to its answer. The port whose peer asks gives each request another one.
 using RequestNumber = std::uint64_t;
 
-// What can happen on a line besides bytes, coming up, going down, an end of writing and back-pressure. "The peer" is
-// the program or the device at the end of the line where it happened.
+// What can happen on a line besides bytes, coming up, going down, an end of writing and back-pressure. "The
+// peer" is the program or the device at the end of the line where it happened.
 namespace line {
 
 // The peer dropped bytes of its own line (tcflush): what had come to it and was not read, what it had written
@@ -69,7 +69,8 @@ struct Refused {
   friend bool operator==(const Refused&, const Refused&) = default;
 };
 
-// So many bytes, taken to be written or come from the peer, reached nobody. Valid during the call that tells it.
+// So many bytes, taken to be written or come from the peer, reached nobody. Valid during the call that tells
+// it.
 struct Dropped {
   std::uint64_t bytes = 0;
   std::string_view why;
@@ -78,12 +79,12 @@ struct Dropped {
 
 }  // namespace line
 
-// One of them. LineSignal: the peer has changed a signal of the line; of a device also how each of its own stands when
-// the line comes up. LineFault: a wrapper has done this to the line on purpose; the bytes concerned come next,
-// if any do.
+// One of them. LineSignal: the peer has changed a signal of the line; of a device also how each of its own
+// stands when the line comes up. LineFault: a wrapper has done this to the line on purpose; the bytes
+// concerned come next, if any do.
 //
-// A new kind is its struct here, the port that tells it, and whoever acts on it: wrappers, sessions and queues pass on
-// what they do not know.
+// A new kind is its struct here, the port that tells it, and whoever acts on it: wrappers, sessions and
+// queues pass on what they do not know.
 using LineEvent = std::variant<line::Flush, line::Settings, LineSignal, line::Drain, line::Sent, line::Ask,
                                line::Answer, line::LeftUnread, line::Refused, line::Dropped, LineFault>;
 
@@ -95,8 +96,8 @@ struct LineVisitor : Functions... {
 template <class... Functions>
 LineVisitor(Functions...) -> LineVisitor<Functions...>;
 
-// Whether it has its place among the bytes. What has none is told at once, by one who holds bytes back too: a loss, a
-// fault, what is left of a peer that has gone, an answer.
+// Whether it has its place among the bytes. What has none is told at once, by one who holds bytes back too: a
+// loss, a fault, what is left of a peer that has gone, an answer.
 inline bool keeps_place(const LineEvent& event) {
   return std::holds_alternative<line::Flush>(event) || std::holds_alternative<line::Settings>(event) ||
          std::holds_alternative<LineSignal>(event) || std::holds_alternative<line::Drain>(event) ||

@@ -63,18 +63,19 @@ class StreamPort : public Port,
   [[nodiscard]] bool congested() const override { return line_ && line_->congested(); }
   // Once a TCP peer's machine has them all it counts as read.
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
-  [[nodiscard]] WaitingCalls* waiting() override { return this; }
-  [[nodiscard]] ConnectionSource* connections() override { return passive() ? this : nullptr; }
-  [[nodiscard]] bool keeps_datagrams() const override { return false; }
+  [[nodiscard]] PortFacets facets() override {
+    return {.waiting = this, .connections = stream_.listen ? this : nullptr};
+  }
   // A drain ends when the kernel has it all.
   void tell(const LineEvent& event) override;
   bool end_writing() override;
   // Not where the next session writes on the same connection.
-  [[nodiscard]] bool has_half_close() const override { return !always_open(); }
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;
-  [[nodiscard]] bool passive() const override { return stream_.listen; }
+  [[nodiscard]] PortTraits traits() const override {
+    return {.passive = stream_.listen, .has_half_close = !always_open()};
+  }
 
  protected:
   StreamPort(const PortContext& context, const CommonOptions& common, StreamOptions options);
@@ -124,7 +125,7 @@ class StreamPort : public Port,
   void drop_line(bool orderly);
   void retry_later();
   [[nodiscard]] bool keeps_trying() const { return stream_.wait || always_open(); }
-  [[nodiscard]] bool always_open() const { return common_.always_open && !passive(); }
+  [[nodiscard]] bool always_open() const { return common_.always_open && !stream_.listen; }
 
   const CommonOptions common_;
   const StreamOptions stream_;

@@ -222,7 +222,8 @@ void UdpPort::queue_gone() {
 
 void UdpPort::write(ByteView data) {
   if (!peer_ || !common_.writes) {
-    listener().told(line::Dropped{data.size(), peer_ ? "the port is for reading only" : "the line is not up"});
+    listener().told(
+        line::Dropped{data.size(), peer_ ? "the port is for reading only" : "the line is not up"});
     return;
   }
   for (; !data.empty(); data = data.subspan(std::min(kLargestDatagram, data.size()))) {

@@ -58,12 +58,13 @@ class UdpPort final : public Port, private WaitingCalls {
   // A drain ends when the kernel has it all.
   void tell(const LineEvent& event) override;
   bool end_writing() override { return false; }
-  [[nodiscard]] WaitingCalls* waiting() override { return this; }
+  [[nodiscard]] PortFacets facets() override { return {.waiting = this}; }
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;
-  [[nodiscard]] bool passive() const override { return options_.listen; }
-  [[nodiscard]] bool keeps_datagrams() const override { return true; }
+  [[nodiscard]] PortTraits traits() const override {
+    return {.passive = options_.listen, .keeps_datagrams = true};
+  }
   [[nodiscard]] std::string name() const override;
   [[nodiscard]] PortPlace place() const override;
 
@@ -112,10 +113,10 @@ class UdpPort final : public Port, private WaitingCalls {
   std::optional<SocketAddress> peer_;
   std::deque<Bytes> queue_;
   WaitingDrains drains_;
-  std::set<int> told_errors_;                  // each once a session
-  std::uint64_t empty_ = 0;                    // datagrams dropped since open()
-  std::uint64_t foreign_ = 0;                  // datagrams of others than the peer, dropped since open()
-  std::uint32_t overflow_ = 0;                 // datagrams lost in the kernel since bind, as told last
+  std::set<int> told_errors_;   // each once a session
+  std::uint64_t empty_ = 0;     // datagrams dropped since open()
+  std::uint64_t foreign_ = 0;   // datagrams of others than the peer, dropped since open()
+  std::uint32_t overflow_ = 0;  // datagrams lost in the kernel since bind, as told last
   Timer rest_timer_;
   bool opened_ = false;
   bool up_ = false;

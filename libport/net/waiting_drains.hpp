@@ -10,8 +10,8 @@
 
 namespace porttape {
 
-// The drains that wait until a socket has taken all. Their end is told from the loop, since the caller may be in the
-// midst of closing the line, and not at all once this object is gone. Loop thread only.
+// The drains that wait until a socket has taken all. Their end is told from the loop, since the caller may be
+// in the midst of closing the line, and not at all once this object is gone. Loop thread only.
 class WaitingDrains {
  public:
   WaitingDrains(Loop& loop, std::function<void(const line::Sent&)> tell)

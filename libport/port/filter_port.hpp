@@ -20,7 +20,8 @@ namespace porttape {
 // deliver() and send(), now or later, which keep the order.
 //
 // What is held back:
-// - Events of the line, of either side, keep their place among the bytes, as far as they have one (keeps_place): it goes
+// - Events of the line, of either side, keep their place among the bytes, as far as they have one
+// (keeps_place): it goes
 //   down after the last one.
 // - It is congested while a write is held, since a session closes a line that is not: with delayed writes a
 //   caller has one on its way at a time.
@@ -59,7 +60,11 @@ class FilterPort : public ForwardingPort {
   void read_pending() final;
   void finish() final;
   // Always: bytes may be held here.
-  [[nodiscard]] WaitingCalls* waiting() final { return this; }
+  [[nodiscard]] PortFacets facets() final {
+    PortFacets facets = ForwardingPort::facets();
+    facets.waiting = this;
+    return facets;
+  }
 
  protected:
   virtual void incoming(ByteView arrival) { deliver(arrival); }

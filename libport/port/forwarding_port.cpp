@@ -4,10 +4,7 @@
 
 namespace porttape {
 
-ForwardingPort::ForwardingPort(std::unique_ptr<Port> inner) : inner_(std::move(inner)) {}
-
-void ForwardingPort::listen(PortListener& listener) {
-  Port::listen(listener);
+ForwardingPort::ForwardingPort(std::unique_ptr<Port> inner) : inner_(std::move(inner)) {
   inner_->listen(*this);
 }
 
@@ -17,27 +14,25 @@ void ForwardingPort::close() { inner_->close(); }
 void ForwardingPort::write(ByteView data) { inner_->write(data); }
 bool ForwardingPort::congested() const { return inner_->congested(); }
 bool ForwardingPort::end_writing() { return inner_->end_writing(); }
-bool ForwardingPort::has_half_close() const { return inner_->has_half_close(); }
 std::optional<std::size_t> ForwardingPort::unread_by_peer() const { return inner_->unread_by_peer(); }
 std::optional<LineSettings> ForwardingPort::settings() const { return inner_->settings(); }
 Result<void> ForwardingPort::apply(const LineSettings& settings) { return inner_->apply(settings); }
 void ForwardingPort::tell(const LineEvent& event) { inner_->tell(event); }
 void ForwardingPort::watch_signals(bool on) { inner_->watch_signals(on); }
-bool ForwardingPort::shows_signals() const { return inner_->shows_signals(); }
 void ForwardingPort::set_reading(bool on) { inner_->set_reading(on); }
 void ForwardingPort::hang_up(bool after_reading) { inner_->hang_up(after_reading); }
 void ForwardingPort::read_pending() { inner_->read_pending(); }
 void ForwardingPort::finish() { inner_->finish(); }
-WaitingCalls* ForwardingPort::waiting() { return inner_->waiting() == nullptr ? nullptr : this; }
-Recorder* ForwardingPort::recorder() { return inner_->recorder(); }
-Playback* ForwardingPort::playback_control() { return inner_->playback_control(); }
-SupervisedLine* ForwardingPort::supervised() { return inner_->supervised(); }
-bool ForwardingPort::passive() const { return inner_->passive(); }
-bool ForwardingPort::keeps_datagrams() const { return inner_->keeps_datagrams(); }
+PortFacets ForwardingPort::facets() {
+  PortFacets facets = inner_->facets();
+  if (facets.waiting != nullptr) facets.waiting = this;
+  facets.connections = nullptr;
+  return facets;
+}
+PortTraits ForwardingPort::traits() const { return inner_->traits(); }
 std::string ForwardingPort::name() const { return inner_->name(); }
 PortPlace ForwardingPort::place() const { return inner_->place(); }
 std::optional<PortIdentity> ForwardingPort::identity() const { return inner_->identity(); }
-std::string ForwardingPort::peer_node() const { return inner_->peer_node(); }
 
 void ForwardingPort::on_up() { listener().on_up(); }
 void ForwardingPort::on_data(ByteView data) { listener().on_data(data); }

@@ -21,37 +21,28 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
  public:
   explicit ForwardingPort(std::unique_ptr<Port> inner);
 
-  void listen(PortListener& listener) override;
   Result<void> prepare() override;
   void open() override;
   void close() override;
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override;
   bool end_writing() override;
-  [[nodiscard]] bool has_half_close() const override;
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
   [[nodiscard]] std::optional<LineSettings> settings() const override;
   Result<void> apply(const LineSettings& settings) override;
   void tell(const LineEvent& event) override;
   void watch_signals(bool on) override;
-  [[nodiscard]] bool shows_signals() const override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;
   void finish() override;
-  // This, where the inner port has it.
-  [[nodiscard]] WaitingCalls* waiting() override;
-  [[nodiscard]] Recorder* recorder() override;
-  [[nodiscard]] Playback* playback_control() override;
-  [[nodiscard]] SupervisedLine* supervised() override;
-  // What the inner port gives away would not be wrapped.
-  [[nodiscard]] ConnectionSource* connections() override { return nullptr; }
-  [[nodiscard]] bool passive() const override;
-  [[nodiscard]] bool keeps_datagrams() const override;
+  // The calls of waiting programs are this one's, where the inner port has them. Connections that the inner
+  // port gives away would not be wrapped: none are given.
+  [[nodiscard]] PortFacets facets() override;
+  [[nodiscard]] PortTraits traits() const override;
   [[nodiscard]] std::string name() const override;
   [[nodiscard]] PortPlace place() const override;
   [[nodiscard]] std::optional<PortIdentity> identity() const override;
-  [[nodiscard]] std::string peer_node() const override;
 
  protected:
   [[nodiscard]] Port& inner() { return *inner_; }

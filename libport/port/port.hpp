@@ -87,8 +87,9 @@ class PortListener {
   // nothing should be written until on_resumed(). Also between close() and open().
   virtual void on_interrupted(const LineDown&) {}
   virtual void on_resumed() {}
-  // Something else has happened on the line, where the peer is: see LineEvent. Events come in their order among the bytes.
-  // A line::Drain and a line::Ask are to be answered, by tell() of the port that told of them.
+  // Something else has happened on the line, where the peer is: see LineEvent. Events come in their order
+  // among the bytes. A line::Drain and a line::Ask are to be answered, by tell() of the port that told of
+  // them.
   virtual void told(const LineEvent& event) { (void)event; }
 
  protected:
@@ -214,6 +215,24 @@ class ConnectionSource {
   ~ConnectionSource() = default;
 };
 
+// What kind of line a port has.
+struct PortTraits {
+  bool passive = false;          // waits for the next peer by itself when one has closed
+  bool keeps_datagrams = false;  // each write() reaches the peer as one datagram, and each on_data() is one
+  bool has_half_close = false;  // can end in one direction: end_writing() gives true, and on_ended() may come
+  // The peer's signals are told, and it is shown those of the other end. Of a pty since it is supervised.
+  bool shows_signals = false;
+};
+
+// The further interfaces of a port; null where it has nothing to do there.
+struct PortFacets {
+  WaitingCalls* waiting = nullptr;
+  Recorder* recorder = nullptr;
+  Playback* playback = nullptr;
+  ConnectionSource* connections = nullptr;
+  SupervisedLine* supervised = nullptr;
+};
+
 // One end of a line: a pty, a serial device, a socket, a tape, or a port that records another.
 //
 // Drive it: listen(), prepare() once, then open() and close() in turn; finish() before the end. A *passive*
@@ -227,7 +246,7 @@ class Port {
   virtual ~Port() = default;
 
   // Sets the listener, which must outlive the port or be replaced. Call before anything else.
-  virtual void listen(PortListener& listener) { listener_ = &listener; }
+  void listen(PortListener& listener) { listener_ = &listener; }
 
   // Checks what can be checked without touching the device, and brings a passive port into being.
   virtual Result<void> prepare() = 0;
@@ -247,9 +266,6 @@ class Port {
   // True: it will end the line itself (on_down) when it has sent all. False: the line has no half-close.
   virtual bool end_writing() = 0;
 
-  // Whether the line can end in one direction: end_writing() gives true, and on_ended() may come.
-  [[nodiscard]] virtual bool has_half_close() const { return false; }
-
   // Bytes that were taken and that the peer has not read yet, as far as this machine knows; nothing where it
   // cannot be known. May cost a few system calls; after close() the bytes may be taken from the peer, which
   // counts them all.
@@ -264,21 +280,21 @@ class Port {
   virtual Result<void> apply(const LineSettings&) {
     return make_error(Errc::usage, name() + " has no line settings");
   }
-  // Something has happened at the line's other end, behind all that was written; the peer is to see it as far as the line
-  // can show it, and a port with a tape notes it, or compares it:
-  // - LineSignal: a signal changes as the peer sees it; on a device's port dtr, rts and break, on a driver's port what
-  //   the device drives. What it does not drive is what its peer is shown instead of a device's. A line without
-  //   such a thing, or that is not up, ignores it.
-  // - line::Drain: line::Sent follows, from within or later: when all that was written has left for the device, or
-  //   cannot any more, as the line is down. line::Ask: the device is asked, and line::Answer follows. Every port
-  //   answers both, the line up or not, as long as it is there.
+  // Something has happened at the line's other end, behind all that was written; the peer is to see it as far
+  // as the line can show it, and a port with a tape notes it, or compares it:
+  // - LineSignal: a signal changes as the peer sees it; on a device's port dtr, rts and break, on a driver's
+  // port what
+  //   the device drives. What it does not drive is what its peer is shown instead of a device's. A line
+  //   without such a thing, or that is not up, ignores it.
+  // - line::Drain: line::Sent follows, from within or later: when all that was written has left for the
+  // device, or
+  //   cannot any more, as the line is down. line::Ask: the device is asked, and line::Answer follows. Every
+  //   port answers both, the line up or not, as long as it is there.
   // - line::Sent, line::Answer: the answers to what this port has told.
   // - line::Settings: the program at the other end has made its line so. Whether the device's line follows is
   //   apply()'s.
   // - All others are for a port with a tape, or one that plays one.
   virtual void tell(const LineEvent& event);
-  // Whether the peer's signals are told, and it is shown those of the other end.
-  [[nodiscard]] virtual bool shows_signals() const { return false; }
   // Whether signals that the device drives are to be told; at any time. Where they are, and the line has such
   // signals, they are told when it comes up (or is resumed), before any bytes, and whenever they change.
   virtual void watch_signals(bool on) { (void)on; }
@@ -298,19 +314,22 @@ class Port {
   // be opened again. Destroying it sooner gives up what is not complete, and tells that.
   virtual void finish() { listener().on_complete(0); }
 
-  // What only some callers need, and only some ports have; null where it has nothing to do there.
-  [[nodiscard]] virtual WaitingCalls* waiting() { return nullptr; }
-  [[nodiscard]] virtual Recorder* recorder() { return nullptr; }
-  [[nodiscard]] virtual Playback* playback_control() { return nullptr; }
-  [[nodiscard]] virtual ConnectionSource* connections() { return nullptr; }
-  [[nodiscard]] virtual SupervisedLine* supervised() { return nullptr; }
+  // What kind of line it is. While the port lives it changes only where that is said.
+  [[nodiscard]] virtual PortTraits traits() const = 0;
+  [[nodiscard]] bool passive() const { return traits().passive; }
+  [[nodiscard]] bool keeps_datagrams() const { return traits().keeps_datagrams; }
+  [[nodiscard]] bool has_half_close() const { return traits().has_half_close; }
+  [[nodiscard]] bool shows_signals() const { return traits().shows_signals; }
 
-  // Whether it waits for the next peer by itself when one has closed.
-  [[nodiscard]] virtual bool passive() const = 0;
+  // What only some callers need, and only some ports have.
+  [[nodiscard]] virtual PortFacets facets() { return {}; }
+  [[nodiscard]] WaitingCalls* waiting() { return facets().waiting; }
+  [[nodiscard]] Recorder* recorder() { return facets().recorder; }
+  [[nodiscard]] Playback* playback_control() { return facets().playback; }
+  [[nodiscard]] ConnectionSource* connections() { return facets().connections; }
+  [[nodiscard]] SupervisedLine* supervised() { return facets().supervised; }
 
   static constexpr std::size_t kLargestDatagram = 65507;  // bytes in one of IPv4
-  // Whether each write() reaches the peer as one datagram and each on_data() is one.
-  [[nodiscard]] virtual bool keeps_datagrams() const = 0;
 
   // For messages: `serial:/dev/ttyUSB0`.
   [[nodiscard]] virtual std::string name() const = 0;
@@ -320,8 +339,6 @@ class Port {
   // The identity of the device, for programs that list devices; from prepare() on. std::nullopt for a port
   // that is not a device, and for a device whose identity is unknown.
   [[nodiscard]] virtual std::optional<PortIdentity> identity() const { return std::nullopt; }
-  // The device node that its peer opens (a pty's slave, `/dev/pts/3`); empty where there is none.
-  [[nodiscard]] virtual std::string peer_node() const { return {}; }
 
  protected:
   [[nodiscard]] PortListener& listener() const { return *listener_; }

@@ -6,9 +6,9 @@
 #include <string>
 #include <string_view>
 
-#include "libport/line/line_settings.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/port/port_type.hpp"
 
 namespace porttape {

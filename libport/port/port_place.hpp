@@ -10,6 +10,8 @@ struct PortPlace {
   std::string path = {};   // of a tty or a Unix socket; empty for an address
   std::string host = {};   // without brackets
   std::uint16_t port = 0;  // of an address
+  std::string node =
+      {};  // the device node that the peer opens (a pty's slave, `/dev/pts/3`); empty: there is none
 
   // The path, or `HOST:PORT`.
   [[nodiscard]] std::string text() const;

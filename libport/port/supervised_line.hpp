@@ -4,10 +4,10 @@
 #include <functional>
 #include <optional>
 
+#include "libport/base/tty_device.hpp"
 #include "libport/line/line_request.hpp"
 #include "libport/line/line_settings.hpp"
 #include "libport/line/line_signal.hpp"
-#include "libport/base/tty_device.hpp"
 
 namespace porttape {
 

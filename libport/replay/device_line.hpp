@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "libport/line/line_settings.hpp"
 #include "libport/base/time.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/tape/event.hpp"
 
 namespace porttape {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "libport/base/bytes.hpp"
-#include "libport/line/line_signal.hpp"
 #include "libport/base/time.hpp"
+#include "libport/line/line_signal.hpp"
 #include "libport/replay/answer_source.hpp"
 #include "libport/replay/expectation.hpp"
 #include "libport/replay/line_step.hpp"

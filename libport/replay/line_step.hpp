@@ -12,9 +12,9 @@ namespace porttape {
 struct LineStep {
   enum class Kind : std::uint8_t { open, close, settings, flush, signal };
   Kind kind = Kind::open;
-  SeenSettings settings{};                     // that it makes its line; what it leaves alone is absent
+  SeenSettings settings{};            // that it makes its line; what it leaves alone is absent
   std::optional<FlushQueue> queue{};  // that it drops; nothing: not known
-  LineSignal signal{};                         // that it changes
+  LineSignal signal{};                // that it changes
 
   friend bool operator==(const LineStep&, const LineStep&) = default;
 };

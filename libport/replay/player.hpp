@@ -6,8 +6,8 @@
 #include <optional>
 #include <vector>
 
-#include "libport/line/signal_queue.hpp"
 #include "libport/base/time.hpp"
+#include "libport/line/signal_queue.hpp"
 #include "libport/replay/arrivals.hpp"
 #include "libport/replay/driver_line.hpp"
 #include "libport/replay/engine.hpp"

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "libport/base/bytes.hpp"
-#include "libport/line/line_fault.hpp"
 #include "libport/base/time.hpp"
+#include "libport/line/line_fault.hpp"
 #include "libport/replay/diagnosis.hpp"
 #include "libport/replay/excerpt.hpp"
 #include "libport/replay/replay_config.hpp"

@@ -10,8 +10,8 @@
 #include <string_view>
 #include <vector>
 
-#include "libport/line/line_settings_text.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "libport/replay/context.hpp"
 #include "libport/replay/diff_text.hpp"
 #include "libport/replay/faults_report.hpp"

@@ -5,9 +5,9 @@
 #include <optional>
 #include <vector>
 
+#include "libport/base/time.hpp"
 #include "libport/line/line_settings.hpp"
 #include "libport/line/line_signal.hpp"
-#include "libport/base/time.hpp"
 #include "libport/replay/line_view.hpp"
 #include "libport/tape/record.hpp"
 

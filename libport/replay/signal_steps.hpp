@@ -6,8 +6,8 @@
 #include <optional>
 #include <set>
 
-#include "libport/line/line_signal.hpp"
 #include "libport/base/time.hpp"
+#include "libport/line/line_signal.hpp"
 
 namespace porttape {
 

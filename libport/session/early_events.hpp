@@ -10,9 +10,9 @@
 
 namespace porttape {
 
-// What a driver did to its line while its device is being opened: in order, until the device takes it. Of settings the
-// last ones are kept, and all flushes as one; of very many signals the older changes are left out: how each
-// signal stands at a request and at the end is always there. A plain value.
+// What a driver did to its line while its device is being opened: in order, until the device takes it. Of
+// settings the last ones are kept, and all flushes as one; of very many signals the older changes are left
+// out: how each signal stands at a request and at the end is always there. A plain value.
 class EarlyEvents {
  public:
   static constexpr std::size_t kMostSignals = 256;  // behind the last request
@@ -21,7 +21,8 @@ class EarlyEvents {
     if (const auto* flush = std::get_if<line::Flush>(&event)) return put_flush(*flush);
     if (const auto* signal = std::get_if<LineSignal>(&event)) drop_older(*signal);
     if (std::holds_alternative<line::Settings>(event))
-      std::erase_if(events_, [](const LineEvent& each) { return std::holds_alternative<line::Settings>(each); });
+      std::erase_if(events_,
+                    [](const LineEvent& each) { return std::holds_alternative<line::Settings>(each); });
     events_.push_back(event);
   }
 

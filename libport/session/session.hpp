@@ -160,7 +160,7 @@ class Session final : public Channel {
   Instant drain_until_{};
   std::optional<std::size_t> left_at_look_;  // that the device had not taken
   EarlyEvents early_;
-  Timer open_timer_;                                 // for a device that has just failed
+  Timer open_timer_;  // for a device that has just failed
   Failures failures_;
   Counters counters_;
   DropTally untold_;   // in the log

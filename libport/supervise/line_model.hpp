@@ -4,8 +4,8 @@
 #include <string_view>
 #include <vector>
 
-#include "libport/line/line_signal.hpp"
 #include "libport/base/result.hpp"
+#include "libport/line/line_signal.hpp"
 
 namespace porttape {
 

@@ -30,9 +30,7 @@ class TappedLine::Driver final : public Port {
   void set_reading(bool on) override { reading_ = on; }
   void hang_up(bool) override {}
   void read_pending() override {}
-  [[nodiscard]] bool shows_signals() const override { return true; }
-  [[nodiscard]] bool passive() const override { return true; }
-  [[nodiscard]] bool keeps_datagrams() const override { return false; }
+  [[nodiscard]] PortTraits traits() const override { return {.passive = true, .shows_signals = true}; }
   [[nodiscard]] std::string name() const override { return "the command"; }
   [[nodiscard]] PortPlace place() const override {
     return {.path = line_ != nullptr ? line_->device_path_ : std::string()};
@@ -94,9 +92,7 @@ class TappedLine::Device final : public Port {
   void set_reading(bool) override {}
   void hang_up(bool) override {}
   void read_pending() override {}
-  [[nodiscard]] bool shows_signals() const override { return true; }
-  [[nodiscard]] bool passive() const override { return false; }
-  [[nodiscard]] bool keeps_datagrams() const override { return false; }
+  [[nodiscard]] PortTraits traits() const override { return {.shows_signals = true}; }
   [[nodiscard]] std::string name() const override {
     return line_ != nullptr && !line_->name_.empty() ? line_->device_name() : "the command's device";
   }
@@ -171,8 +167,7 @@ void TappedLine::got(ByteView data) {
 
 void TappedLine::made(const LineSettings& settings) {
   settings_ = settings;
-  if (driver_ != nullptr && driver_->up())
-    driver_->hears().told(line::Settings{SeenSettings::of(settings)});
+  if (driver_ != nullptr && driver_->up()) driver_->hears().told(line::Settings{SeenSettings::of(settings)});
 }
 
 void TappedLine::flushed(FlushQueue queue) {

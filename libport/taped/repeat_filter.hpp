@@ -3,8 +3,8 @@
 #include <chrono>
 #include <optional>
 
-#include "libport/line/line_settings.hpp"
 #include "libport/base/time.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/port/port.hpp"
 #include "libport/tape/event.hpp"
 

@@ -9,8 +9,8 @@
 
 #include <spdlog/spdlog.h>
 
-#include "libport/line/line_settings_text.hpp"
 #include "libport/base/printable.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "libport/loop/file_events.hpp"
 #include "libport/replay/pieces.hpp"
 #include "libport/replay/replay_clock.hpp"
@@ -255,7 +255,8 @@ void ReplayPort::tell(const LineEvent& event) {
                    tell_engine([&](Instant now) { engine_->on_settings(now, settings.seen); });
                  },
                  [&](const LineSignal& signal) {
-                   if (!is_output(signal.name) && signal.name != LineSignal::Name::brk) return;  // shown to the driver only
+                   if (!is_output(signal.name) && signal.name != LineSignal::Name::brk)
+                     return;  // shown to the driver only
                    tell_engine([&](Instant now) { engine_->on_signal(now, signal); });
                  },
                  [this](const line::Drain& drain) { begin_drain(drain.number); },

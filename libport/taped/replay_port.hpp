@@ -65,7 +65,6 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   void close() override;
   void write(ByteView data) override;
   bool end_writing() override;
-  [[nodiscard]] bool has_half_close() const override { return true; }
   // A driver that writes on while the tape is read on to where it writes.
   [[nodiscard]] bool congested() const override { return congested_; }
   // As the tape's device has its line: its own when the session begins, then what the driver asks for, where
@@ -80,15 +79,15 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   // - Each run's report has what was done to its line.
   void tell(const LineEvent& event) override;
   void watch_signals(bool on) override;
-  [[nodiscard]] WaitingCalls* waiting() override { return this; }
-  [[nodiscard]] Playback* playback_control() override { return this; }
+  [[nodiscard]] PortFacets facets() override { return {.waiting = this, .playback = this}; }
   Result<void> request(const PlaybackRequest& what) override;
   [[nodiscard]] PlaybackStatus playback() override;
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return std::nullopt; }
   void read_pending() override {}
-  [[nodiscard]] bool passive() const override { return drives(); }
+  [[nodiscard]] PortTraits traits() const override {
+    return {.passive = drives(), .keeps_datagrams = datagrams_, .has_half_close = true};
+  }
   // Each block of a tape of UDP was a datagram.
-  [[nodiscard]] bool keeps_datagrams() const override { return datagrams_; }
   void set_reading(bool on) override;
   // The device of a tape has no line to break; the driver of one has, when its device has ended it.
   void hang_up(bool after_reading) override;
@@ -107,8 +106,8 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
     return data.size();
   }
   [[nodiscard]] std::size_t unsent() override { return 0; }
-  // As a flush by the driver, but only where answers follow their questions: a tape that plays by a clock may lag
-  // behind a slow reader.
+  // As a flush by the driver, but only where answers follow their questions: a tape that plays by a clock may
+  // lag behind a slow reader.
   bool discard() override;
   [[nodiscard]] std::string awaits() override;
   [[nodiscard]] std::optional<Instant> next_due() override {
@@ -174,7 +173,7 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   std::optional<FaultsReport> faults_;        // of the run that goes on
   std::optional<Instant> run_begun_;
   std::vector<RequestNumber> drains_;  // that last
-  std::size_t drains_begun_ = 0;               // in this run
+  std::size_t drains_begun_ = 0;       // in this run
   Timer drain_timer_;
   std::optional<Timer> finish_timer_;
   Instant finish_limit_{};

@@ -45,7 +45,11 @@ class TapPort final : public ForwardingPort, private Recorder {
   Result<void> apply(const LineSettings& settings) override;
   void tell(const LineEvent& event) override;
   void finish() override;
-  [[nodiscard]] Recorder* recorder() override { return this; }
+  [[nodiscard]] PortFacets facets() override {
+    PortFacets facets = ForwardingPort::facets();
+    facets.recorder = this;
+    return facets;
+  }
 
  private:
   std::size_t write_some(ByteView data) override;

@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "libport/line/line_settings.hpp"
 #include "libport/base/result.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/replay/device_line.hpp"
 #include "libport/replay/engine.hpp"
 #include "libport/replay/give_up.hpp"

@@ -4,9 +4,9 @@
 #include <memory>
 #include <optional>
 
+#include "libport/base/time.hpp"
 #include "libport/line/line_request.hpp"
 #include "libport/line/line_signal.hpp"
-#include "libport/base/time.hpp"
 
 namespace porttape {
 

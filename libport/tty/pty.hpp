@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "libport/line/line_settings.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/unique_fd.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/loop/file_events.hpp"
 #include "libport/tty/last_close.hpp"
 

@@ -51,7 +51,9 @@ PtyPort::Line::Line(PtyPort& port, Pty made)
           [&port] {
             if (port.up_) port.listener().on_drained();
           },
-          [&port](int, std::size_t lost) { port.listener().told(line::Dropped{lost, "they could not be sent"}); }) {
+          [&port](int, std::size_t lost) {
+            port.listener().told(line::Dropped{lost, "they could not be sent"});
+          }) {
   pty.on_events([&port] { port.on_event(); });
 }
 
@@ -484,7 +486,8 @@ void PtyPort::driver_flushed(bool in, bool out) {
     line_->pty.drop_backlog(was_congested);
     if (was_congested && up_) listener().on_drained();
   }
-  if (in || out) listener().told(line::Flush{in && out ? FlushQueue::both : in ? FlushQueue::in : FlushQueue::out});
+  if (in || out)
+    listener().told(line::Flush{in && out ? FlushQueue::both : in ? FlushQueue::in : FlushQueue::out});
 }
 
 void PtyPort::supervise(LineSupervisor* supervisor) {
@@ -598,8 +601,11 @@ std::string PtyPort::name() const {
   return path.empty() ? "pty" : "pty:" + path;
 }
 
-PortPlace PtyPort::place() const { return names_.place(peer_node()); }
-
-std::string PtyPort::peer_node() const { return line_ ? line_->pty.slave_path() : std::string(); }
+PortPlace PtyPort::place() const {
+  const std::string node = line_ ? line_->pty.slave_path() : std::string();
+  PortPlace place = names_.place(node);
+  place.node = node;
+  return place;
+}
 
 }  // namespace porttape

@@ -8,9 +8,9 @@
 #include <sys/types.h>
 #include <vector>
 
+#include "libport/base/tty_device.hpp"
 #include "libport/line/signal_queue.hpp"
 #include "libport/line/waiting_requests.hpp"
-#include "libport/base/tty_device.hpp"
 #include "libport/loop/backoff.hpp"
 #include "libport/loop/fd_watch.hpp"
 #include "libport/loop/outbox.hpp"
@@ -72,7 +72,6 @@ class PtyPort final : public Port, private SupervisedLine {
   void close() override;
   Result<void> apply(const LineSettings& settings) override;
   void tell(const LineEvent& event) override;
-  [[nodiscard]] bool shows_signals() const override { return supervisor_ != nullptr; }
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return line_ && line_->outbox.congested(); }
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
@@ -82,13 +81,13 @@ class PtyPort final : public Port, private SupervisedLine {
   void hang_up(bool after_reading) override;
   void read_pending() override;
   void finish() override;
-  [[nodiscard]] SupervisedLine* supervised() override { return this; }
-  [[nodiscard]] bool passive() const override { return true; }
-  [[nodiscard]] bool keeps_datagrams() const override { return false; }
+  [[nodiscard]] PortFacets facets() override { return {.supervised = this}; }
+  [[nodiscard]] PortTraits traits() const override {
+    return {.passive = true, .shows_signals = supervisor_ != nullptr};
+  }
   bool end_writing() override { return false; }
   [[nodiscard]] std::string name() const override;
   [[nodiscard]] PortPlace place() const override;
-  [[nodiscard]] std::string peer_node() const override;
 
  private:
   using Openers = std::optional<int>;  // how many descriptors programs have open; none: unknown

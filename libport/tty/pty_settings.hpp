@@ -2,8 +2,8 @@
 
 #include <optional>
 
-#include "libport/line/line_settings.hpp"
 #include "libport/base/result.hpp"
+#include "libport/line/line_settings.hpp"
 #include "libport/tty/tty.hpp"
 
 namespace porttape {

@@ -392,7 +392,8 @@ void SerialPort::write(ByteView data) {
   if (line_ && !!common_.writes) {
     line_->changes.write(data);
   } else {
-    listener().told(line::Dropped{data.size(), line_ ? "the device is open for reading only" : "the line is not up"});
+    listener().told(
+        line::Dropped{data.size(), line_ ? "the device is open for reading only" : "the line is not up"});
   }
 }
 

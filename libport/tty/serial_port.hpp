@@ -45,10 +45,10 @@ struct SerialOptions {
 // Settings. apply() changes the line in turn with what is written (SettingsQueue). The settings of `options`
 // return at close().
 //
-// Signals. A LineSignal that it is told drives dtr, rts and the break in turn with both. What the device does with its own is
-// told where that is wanted (ModemWatch); where it has none (a pty), nothing is, and what it is to drive is
-// ignored. A break that the driver leaves on ends at close(). What a driver makes of the UART and of RS-485
-// (ask()) stays, as the kernel has it.
+// Signals. A LineSignal that it is told drives dtr, rts and the break in turn with both. What the device does
+// with its own is told where that is wanted (ModemWatch); where it has none (a pty), nothing is, and what it
+// is to drive is ignored. A break that the driver leaves on ends at close(). What a driver makes of the UART
+// and of RS-485 (ask()) stays, as the kernel has it.
 class SerialPort final : public Port, private WaitingCalls {
  public:
   SerialPort(const PortContext& context, const CommonOptions& common, SerialOptions options,
@@ -65,9 +65,8 @@ class SerialPort final : public Port, private WaitingCalls {
   bool end_writing() override { return false; }
   // What has not left this machine.
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
-  [[nodiscard]] WaitingCalls* waiting() override { return this; }
-  [[nodiscard]] bool passive() const override { return false; }
-  [[nodiscard]] bool keeps_datagrams() const override { return false; }
+  [[nodiscard]] PortFacets facets() override { return {.waiting = this}; }
+  [[nodiscard]] PortTraits traits() const override { return {}; }
   [[nodiscard]] std::optional<LineSettings> settings() const override {
     return line_ ? line_->changes.settings() : untried_.value_or(current_);
   }

@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "libport/base/bytes.hpp"
+#include "libport/base/workers.hpp"
 #include "libport/line/line_request.hpp"
 #include "libport/line/line_settings.hpp"
 #include "libport/line/line_signal.hpp"
-#include "libport/base/workers.hpp"
 #include "libport/loop/loop.hpp"
 #include "libport/loop/outbox.hpp"
 #include "libport/loop/timer.hpp"

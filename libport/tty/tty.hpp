@@ -6,9 +6,9 @@
 #include <optional>
 #include <string>
 
-#include "libport/line/line_settings.hpp"
 #include "libport/base/result.hpp"
 #include "libport/base/time.hpp"
+#include "libport/line/line_settings.hpp"
 
 namespace porttape {
 

@@ -10,8 +10,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "libport/line/line_settings_text.hpp"
 #include "libport/base/unique_fd.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/tape/tape_reader.hpp"
 #include "tests/blocking/blocking_rig.hpp"

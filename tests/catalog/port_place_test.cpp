@@ -68,10 +68,13 @@ TEST_F(PortPlaces, WhatTheSystemChoseIsPrintedWhereThatIsWanted) {
 
 TEST_F(PortPlaces, FilesHaveTheirPath) {
   EXPECT_EQ(place_of("unix-listen:" + dir / "socket"), PortPlace{.path = dir / "socket"});
-  EXPECT_EQ(place_of("pty:" + dir / "port"), PortPlace{.path = dir / "port"});
+  const PortPlace linked = place_of("pty:" + dir / "port");
+  EXPECT_EQ(linked.path, dir / "port");
+  EXPECT_EQ(linked.node.substr(0, 9), "/dev/pts/");
   const PortPlace without_link = place_of("pty");
   EXPECT_EQ(without_link.path.substr(0, 9), "/dev/pts/");
   EXPECT_EQ(without_link.text(), without_link.path);
+  EXPECT_EQ(without_link.node, without_link.path);
   EXPECT_EQ(printed, "");
 }
 

@@ -514,9 +514,8 @@ class Eager final : public Port, private WaitingCalls {
   }
   void hang_up(bool) override {}
   void read_pending() override {}
-  [[nodiscard]] WaitingCalls* waiting() override { return this; }
-  [[nodiscard]] bool passive() const override { return false; }
-  [[nodiscard]] bool keeps_datagrams() const override { return false; }
+  [[nodiscard]] PortFacets facets() override { return {.waiting = this}; }
+  [[nodiscard]] PortTraits traits() const override { return {}; }
   [[nodiscard]] std::string name() const override { return "eager"; }
 
   void say(const std::string& text) { listener().on_data(as_bytes(text)); }

@@ -26,7 +26,6 @@ class ToldPort final : public Port, private WaitingCalls, private Recorder, priv
   void write(ByteView data) override { say("write " + std::string(as_text(data))); }
   [[nodiscard]] bool congested() const override { return true; }
   bool end_writing() override { return true; }
-  [[nodiscard]] bool has_half_close() const override { return true; }
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return 7; }
   [[nodiscard]] std::optional<LineSettings> settings() const override { return LineSettings{.baud = 7}; }
   Result<void> apply(const LineSettings& settings) override {
@@ -38,18 +37,16 @@ class ToldPort final : public Port, private WaitingCalls, private Recorder, priv
     Port::tell(event);
   }
   void watch_signals(bool on) override { say(on ? "watch signals" : "watch none"); }
-  [[nodiscard]] bool shows_signals() const override { return true; }
   void set_reading(bool on) override { say(on ? "reading" : "not reading"); }
   void hang_up(bool after_reading) override { say(after_reading ? "hang up later" : "hang up"); }
   void read_pending() override { say("read pending"); }
   void finish() override { say("finish"); }
-  [[nodiscard]] WaitingCalls* waiting() override { return this; }
-  [[nodiscard]] Recorder* recorder() override { return this; }
-  [[nodiscard]] Playback* playback_control() override { return this; }
-  [[nodiscard]] bool passive() const override { return true; }
-  [[nodiscard]] bool keeps_datagrams() const override { return true; }
+  [[nodiscard]] PortFacets facets() override { return {.waiting = this, .recorder = this, .playback = this}; }
+  [[nodiscard]] PortTraits traits() const override {
+    return {.passive = true, .keeps_datagrams = true, .has_half_close = true, .shows_signals = true};
+  }
   [[nodiscard]] std::string name() const override { return "told"; }
-  [[nodiscard]] std::string peer_node() const override { return "/dev/told"; }
+  [[nodiscard]] PortPlace place() const override { return {.node = "/dev/told"}; }
 
   PortListener& outer() { return listener(); }
 
@@ -120,7 +117,7 @@ TEST_F(ForwardingPortTest, PassesOnEveryCallToTheInnerPort) {
   EXPECT_TRUE(wrapper.passive());
   EXPECT_TRUE(wrapper.keeps_datagrams());
   EXPECT_EQ(wrapper.name(), "told");
-  EXPECT_EQ(wrapper.peer_node(), "/dev/told");
+  EXPECT_EQ(wrapper.place().node, "/dev/told");
 }
 
 // Notes all that PortLog does, and the rest.
@@ -163,9 +160,9 @@ TEST(ForwardingPort, PassesOnEveryCallToTheListener) {
   told.told(line::Flush{FlushQueue::both});
   told.told(LineSignal{});
   told.told(line::Dropped{1, "why"});
-  EXPECT_EQ(log.calls, (std::vector<std::string>{"up", "data", "arrivals", "drained", "down", "finished",
-                                                 "complete", "interrupted", "resumed", "told 0", "told 2",
-                                                 "told 9"}));
+  EXPECT_EQ(log.calls,
+            (std::vector<std::string>{"up", "data", "arrivals", "drained", "down", "finished", "complete",
+                                      "interrupted", "resumed", "told 0", "told 2", "told 9"}));
   EXPECT_EQ(told.on_ended(), PortListener::Answers::until_hang_up);
   EXPECT_TRUE(told.half_closes());
   EXPECT_TRUE(told.wants_rest());

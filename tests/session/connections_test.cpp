@@ -31,9 +31,8 @@ class Listening final : public Port, private ConnectionSource {
   void set_reading(bool) override {}
   void hang_up(bool) override {}
   void read_pending() override {}
-  [[nodiscard]] ConnectionSource* connections() override { return gives ? this : nullptr; }
-  [[nodiscard]] bool passive() const override { return true; }
-  [[nodiscard]] bool keeps_datagrams() const override { return false; }
+  [[nodiscard]] PortFacets facets() override { return {.connections = gives ? this : nullptr}; }
+  [[nodiscard]] PortTraits traits() const override { return {.passive = true}; }
   [[nodiscard]] std::string name() const override { return "listening"; }
 
   void ask_for_end(int exit_status) { listener().on_finished(exit_status); }

@@ -23,7 +23,11 @@ class CheckedPort final : public ForwardingPort {
   bool end_writing() override;
   void set_reading(bool on) override;
   void finish() override;
-  [[nodiscard]] ConnectionSource* connections() override { return inner().connections(); }
+  [[nodiscard]] PortFacets facets() override {
+    PortFacets facets = ForwardingPort::facets();
+    facets.connections = inner().connections();
+    return facets;
+  }
 
  private:
   void on_up() override;

@@ -25,10 +25,9 @@ class HallPort final : public Port, private ConnectionSource {
   void set_reading(bool) override {}
   void hang_up(bool) override {}
   void finish() override { listener().on_complete(0); }
-  [[nodiscard]] bool passive() const override { return true; }
-  [[nodiscard]] bool keeps_datagrams() const override { return false; }
+  [[nodiscard]] PortTraits traits() const override { return {.passive = true}; }
   [[nodiscard]] std::string name() const override { return hall_->name_; }
-  [[nodiscard]] ConnectionSource* connections() override { return this; }
+  [[nodiscard]] PortFacets facets() override { return {.connections = this}; }
 
   bool connect(Line& line) {
     if (!accepting_ || !take_) return false;

@@ -26,19 +26,21 @@ class LinePort final : public Port {
   void write(ByteView data) override;
   [[nodiscard]] bool congested() const override { return line_->to_far_.bytes() > line_->kind_.capacity; }
   bool end_writing() override;
-  [[nodiscard]] bool has_half_close() const override { return line_->kind_.half_closes; }
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override;
   [[nodiscard]] std::optional<LineSettings> settings() const override;
   Result<void> apply(const LineSettings& settings) override;
   void tell(const LineEvent& event) override;
-  [[nodiscard]] bool shows_signals() const override { return line_->kind_.supervised; }
   void watch_signals(bool on) override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;
   void finish() override;
-  [[nodiscard]] bool passive() const override { return line_->kind_.passive; }
-  [[nodiscard]] bool keeps_datagrams() const override { return line_->kind_.datagrams; }
+  [[nodiscard]] PortTraits traits() const override {
+    return {.passive = line_->kind_.passive,
+            .keeps_datagrams = line_->kind_.datagrams,
+            .has_half_close = line_->kind_.half_closes,
+            .shows_signals = line_->kind_.supervised};
+  }
   [[nodiscard]] std::string name() const override { return line_->name_; }
 
  private:

@@ -85,7 +85,9 @@ class MemoryPort final : public Port, private Recorder {
       tell(line::Settings{seen, order});
     }
     void signal(const LineSignal& signal) { tell(signal); }
-    void wait_until_sent(std::function<void()> done) { tell(line::Drain{waiting_drains.keep(std::move(done))}); }
+    void wait_until_sent(std::function<void()> done) {
+      tell(line::Drain{waiting_drains.keep(std::move(done))});
+    }
     void ask(TakeAnswer done) { tell(line::Ask{waiting_questions.keep(std::move(done)), {}}); }
     void finish(int exit_status) { port->listener().on_finished(exit_status); }
     void complete() { port->listener().on_complete(status); }
@@ -114,9 +116,7 @@ class MemoryPort final : public Port, private Recorder {
     peer_->calls += "end_writing ";
     return peer_->half_closes;
   }
-  [[nodiscard]] bool has_half_close() const override { return peer_->half_closes; }
-  [[nodiscard]] Recorder* recorder() override { return this; }
-  [[nodiscard]] bool keeps_datagrams() const override { return peer_->datagrams; }
+  [[nodiscard]] PortFacets facets() override { return {.recorder = this}; }
   [[nodiscard]] bool congested() const override { return peer_->congested; }
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return peer_->unread; }
   void set_reading(bool on) override { peer_->reading = on; }
@@ -133,7 +133,6 @@ class MemoryPort final : public Port, private Recorder {
   void watch_signals(bool on) override {
     if (on) peer_->calls += "watch_signals ";
   }
-  [[nodiscard]] bool shows_signals() const override { return peer_->shows_signals; }
   void hang_up(bool after_reading) override {
     peer_->calls += after_reading ? "hang_up_after_reading " : "hang_up ";
   }
@@ -144,7 +143,12 @@ class MemoryPort final : public Port, private Recorder {
     peer_->calls += "finish ";
     if (peer_->completes) listener().on_complete(peer_->status);
   }
-  [[nodiscard]] bool passive() const override { return peer_->passive; }
+  [[nodiscard]] PortTraits traits() const override {
+    return {.passive = peer_->passive,
+            .keeps_datagrams = peer_->datagrams,
+            .has_half_close = peer_->half_closes,
+            .shows_signals = peer_->shows_signals};
+  }
   [[nodiscard]] std::string name() const override { return peer_->name; }
 
  private:

@@ -78,7 +78,7 @@ class Prompt final : public ForwardingPort {
     on_data(as_bytes("prompt"));
     ForwardingPort::write(data);
   }
-  [[nodiscard]] WaitingCalls* waiting() override { return this; }
+  [[nodiscard]] PortFacets facets() override { return {.waiting = this}; }
   std::size_t write_some(ByteView data) override { return std::min<std::size_t>(data.size(), 2); }
 };
 
@@ -86,7 +86,7 @@ class Prompt final : public ForwardingPort {
 class Dropping final : public ForwardingPort {
  public:
   Dropping(std::unique_ptr<Port> inner, bool drops) : ForwardingPort(std::move(inner)), drops_(drops) {}
-  [[nodiscard]] WaitingCalls* waiting() override { return this; }
+  [[nodiscard]] PortFacets facets() override { return {.waiting = this}; }
   bool discard() override { return drops_; }
 
  private:

@@ -32,8 +32,7 @@ class ModemWatchTest : public testing::Test {
     other.reset(ends[1]);
   }
   void start(std::optional<int> known = 0) {
-    watch =
-        ModemWatch::start(loop, line, tty.get(), known, [this](const LineSignal& s) { log.told(s); });
+    watch = ModemWatch::start(loop, line, tty.get(), known, [this](const LineSignal& s) { log.told(s); });
     ASSERT_NE(watch, nullptr);
   }
   void until(const std::string& told) {

@@ -236,7 +236,7 @@ TEST_F(PtyPortRefused, APtyThatCannotBeMadeFreshGivesWayToANewOneWhichIsToldOnce
       until("up closed ");
     }));
     EXPECT_NE(std::filesystem::read_symlink(link), before);
-    EXPECT_EQ(std::filesystem::read_symlink(link), port->peer_node());
+    EXPECT_EQ(std::filesystem::read_symlink(link), port->place().node);
     expect_session();
   }
   EXPECT_EQ(told("a new pty takes its place"), 1U) << book.text();
@@ -366,10 +366,10 @@ TEST_F(PtyPortRefused, APortThatGoesBeforeItHasItsNewPtyMakesNone) {
   until("up ");
   EXPECT_TRUE(while_refused({refused_ioctl(TCSETS2, EIO)}, [&] { port->hang_up(false); }));
   make();
-  const std::string node = port->peer_node();
+  const std::string node = port->place().node;
   log.events.clear();
   settle(loop);
-  EXPECT_EQ(port->peer_node(), node);
+  EXPECT_EQ(port->place().node, node);
   EXPECT_EQ(std::filesystem::read_symlink(link), node);
   EXPECT_EQ(log.events, "") << "nor is the new one hung up";
 }
@@ -379,7 +379,7 @@ TEST_F(PtyPortRefused, APtyThatCouldNotBeMadeAtOnceIsMadeOnTheNextTurn) {
   const UniqueFd fd = driver();
   until("up ");
   EXPECT_TRUE(while_refused({refused_ioctl(TCSETS2, EIO)}, [&] { port->hang_up(false); }));
-  EXPECT_EQ(port->peer_node(), "") << "there is no line";
+  EXPECT_EQ(port->place().node, "") << "there is no line";
   EXPECT_EQ(port->name(), "pty:" + link);
   port->write(as_bytes("four"));
   EXPECT_EQ(log.dropped, 4U);
@@ -390,7 +390,7 @@ TEST_F(PtyPortRefused, APtyThatCouldNotBeMadeAtOnceIsMadeOnTheNextTurn) {
   EXPECT_TRUE(port->apply(LineSettings{.baud = 4800}).has_value());
   until("up hung_up ");
   EXPECT_THAT(book.text(), Not(HasSubstr("is dead until")));
-  EXPECT_EQ(std::filesystem::read_symlink(link), port->peer_node());
+  EXPECT_EQ(std::filesystem::read_symlink(link), port->place().node);
   expect_session();
 }
 

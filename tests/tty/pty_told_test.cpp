@@ -47,34 +47,34 @@ TEST_F(PtyToldTest, WhatAHangUpTookAwayIsToldWithTheReason) {
 
 TEST_F(PtyToldTest, AHangUpOfNobodyIsNoNews) {
   start();
-  const std::string node = port.peer_node();
+  const std::string node = port.place().node;
   port.hang_up(false);
   port.hang_up(true);
   while (loop.poll_one()) {
   }
   EXPECT_EQ(log.events, "");
-  EXPECT_EQ(port.peer_node(), node);
+  EXPECT_EQ(port.place().node, node);
 }
 
 TEST_F(PtyToldTest, ItIsNamedByItsLinkAndWithoutOneByThePtyItself) {
   PtyPort plain(PortContext{&loop, book.log()}, {});
   EXPECT_EQ(plain.name(), "pty");
-  EXPECT_EQ(plain.peer_node(), "");
+  EXPECT_EQ(plain.place().node, "");
   ASSERT_TRUE(plain.prepare().has_value());
-  EXPECT_TRUE(plain.peer_node().starts_with("/dev/pts/"));
-  EXPECT_EQ(plain.place().path, plain.peer_node());
-  EXPECT_EQ(plain.name(), "pty:" + plain.peer_node());
+  EXPECT_TRUE(plain.place().node.starts_with("/dev/pts/"));
+  EXPECT_EQ(plain.place().path, plain.place().node);
+  EXPECT_EQ(plain.name(), "pty:" + plain.place().node);
   start();
   EXPECT_EQ(port.place().path, link);
   EXPECT_EQ(port.name(), "pty:" + link);
-  EXPECT_NE(book.text().find(link + " is there (" + port.peer_node() + ")"), std::string::npos);
+  EXPECT_NE(book.text().find(link + " is there (" + port.place().node + ")"), std::string::npos);
 }
 
 TEST_F(PtyToldTest, APtyThatIsAnnouncedIsPrintedUnlessItHasALink) {
   PtyPort plain(PortContext{.loop = &loop, .log = book.log(), .announces = true}, {});
   testing::internal::CaptureStdout();
   ASSERT_TRUE(plain.prepare().has_value());
-  EXPECT_EQ(testing::internal::GetCapturedStdout(), plain.peer_node() + "\n");
+  EXPECT_EQ(testing::internal::GetCapturedStdout(), plain.place().node + "\n");
   PtyPort linked(PortContext{.loop = &loop, .log = book.log(), .announces = true}, {.link = link});
   testing::internal::CaptureStdout();
   ASSERT_TRUE(linked.prepare().has_value());
