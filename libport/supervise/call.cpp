@@ -179,7 +179,8 @@ std::optional<std::string> Call::read_path(std::uint64_t address) const {
     if (!read(at, std::as_writable_bytes(std::span(part.data(), size)))) return std::nullopt;
     const std::string_view text(part.data(), size);
     path.append(text.substr(0, text.find('\0')));
-    if (text.find('\0') != std::string_view::npos) return path;
+    if (text.find('\0') != std::string_view::npos)
+      return path.size() < PATH_MAX ? std::optional(std::move(path)) : std::nullopt;
   }
   return std::nullopt;
 }
