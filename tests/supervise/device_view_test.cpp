@@ -14,6 +14,8 @@
 #include <pty.h>
 #include <sched.h>
 #include <string>
+#include <string_view>
+#include <sys/mount.h>
 #include <sys/prctl.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -21,11 +23,13 @@
 #include <sys/wait.h>
 #include <termios.h>
 #include <unistd.h>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "libport/base/unique_fd.hpp"
+#include "tests/support/refused_calls.hpp"
 
 namespace porttape {
 namespace {
@@ -305,6 +309,156 @@ TEST(DeviceView, ThePlaceOfSomethingElseIsRefused) {
     EXPECT_EQ(said, "port '" + path +
                         "' is something else than a serial port on this machine; give another name by --as");
   }
+}
+
+// The calls of which the view is made, each refused once.
+class RefusedViewTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    const std::string forbidden = in_process(false, [this] {
+      const Result<void> can = can_enter_device_view({{kFound, view.node}});
+      return can ? std::string() : can.error().message;
+    });
+    if (!forbidden.empty()) GTEST_SKIP() << forbidden;
+  }
+  [[nodiscard]] std::string without(const std::vector<test::RefusedCall>& calls, bool as_user = false) const {
+    return in_process(as_user, [&]() -> std::string {
+      if (!test::refuse(calls)) return "not refused";
+      const Result<void> entered = enter_device_view({{kFound, view.node}});
+      return entered ? "entered" : entered.error().message;
+    });
+  }
+  static test::RefusedCall refused_mount(unsigned long flags, int error) {
+    const auto all = static_cast<std::uint32_t>(flags);
+    return {SYS_mount, error, test::RefusedCall::Argument{3, 0xffffffff, all}};
+  }
+  View view;
+};
+
+const std::string kNoView = "no /dev of its own for the command: ";
+constexpr const char* kMountsForbidden =
+    ": Operation not permitted; what runs this forbids mounts (a container, a security module): allow them "
+    "there, or run as root with CAP_SYS_ADMIN";
+
+TEST_F(RefusedViewTest, EachStepThatFailsIsNamed) {
+  EXPECT_EQ(without({refused_mount(MS_REC | MS_SLAVE, ENOMEM)}), kNoView + "/: Cannot allocate memory");
+  EXPECT_EQ(without({refused_mount(MS_NOSUID | MS_NODEV, ENOMEM)}),
+            kNoView + "a file system in memory on /dev: Cannot allocate memory");
+  EXPECT_EQ(without({refused_mount(MS_BIND, ENOMEM)}), kNoView + "/dev/ttyUSB93: Cannot allocate memory");
+  struct stat status {};
+  if (::lstat("/dev/ptmx", &status) == 0 && S_ISCHR(status.st_mode)) {
+    EXPECT_EQ(without({{SYS_open_tree, ENOSYS}}), kNoView + "open_tree /dev: Function not implemented");
+    EXPECT_EQ(without({{SYS_move_mount, ENOSYS}}), kNoView + "/dev/.porttape: Function not implemented");
+  }
+#ifdef SYS_symlink
+  EXPECT_THAT(without({{SYS_symlink, ENOSPC}}),
+              testing::AllOf(testing::StartsWith(kNoView), testing::EndsWith(": No space left on device")));
+  EXPECT_THAT(without({{SYS_unlink, EIO}}), testing::AllOf(testing::StartsWith(kNoView + "/dev/"),
+                                                           testing::EndsWith(": Input/output error")));
+  EXPECT_THAT(without({{SYS_mkdir, ENOSPC}}),
+              testing::AllOf(testing::StartsWith(kNoView), testing::EndsWith(": No space left on device")));
+#endif
+  EXPECT_THAT(without({test::refused_open(O_CREAT | O_EXCL, ENOSPC)}),
+              testing::AllOf(testing::StartsWith(kNoView), testing::EndsWith(": No space left on device")));
+  EXPECT_EQ(without({test::refused_open(O_PATH, ENFILE)}),
+            kNoView + view.node + ": Too many open files in system");
+  EXPECT_EQ(without({test::refused_open(O_DIRECTORY, ENFILE)}),
+            kNoView + "/dev: Too many open files in system");
+}
+
+TEST_F(RefusedViewTest, WhatForbidsMountsIsSaid) {
+  EXPECT_EQ(without({{SYS_mount, EPERM}}), kNoView + "/" + kMountsForbidden);
+  EXPECT_THAT(without({{SYS_mount, EACCES}}), HasSubstr("forbids mounts"));
+}
+
+TEST_F(RefusedViewTest, WhatForbidsNamespacesIsSaid) {
+  if (text_of("/proc/sys/kernel/unprivileged_userns_clone") == "0\n" ||
+      text_of("/proc/sys/user/max_user_namespaces") == "0\n")
+    GTEST_SKIP() << "this system forbids them by a setting, which is what is said";
+  std::string most = text_of("/proc/sys/user/max_user_namespaces");
+  most = most.empty() ? "so many" : most.substr(0, most.find('\n'));
+  for (const int error : {ENOSPC, EUSERS}) {
+    EXPECT_EQ(without({{SYS_unshare, error}}),
+              kNoView + "this system allows " + most +
+                  " user namespaces and no more: allow more by sysctl user.max_user_namespaces=N, or run as "
+                  "root");
+  }
+  for (const int error : {EINVAL, ENOSYS}) {
+    EXPECT_EQ(without({{SYS_unshare, error}}), kNoView + "this kernel has no user namespaces: run as root");
+  }
+  if (text_of("/proc/sys/kernel/apparmor_restrict_unprivileged_userns") == "1\n") return;
+  EXPECT_EQ(without({{SYS_unshare, EPERM}}),
+            kNoView +
+                "unshare: Operation not permitted; what runs this forbids namespaces (a container, a "
+                "service's rules, a chroot): allow them there, or run as root with CAP_SYS_ADMIN");
+}
+
+TEST_F(RefusedViewTest, AUserWhoseNamespaceCannotBeMadeIsTold) {
+  const std::string alone = without({}, true);
+  if (alone != "entered") GTEST_SKIP() << alone;
+  EXPECT_EQ(without({test::refused_open(O_WRONLY | O_CLOEXEC, ENOENT)}, true),
+            kNoView + "/proc/self/setgroups: No such file or directory; mount /proc first");
+  EXPECT_EQ(without({test::refused_open(O_WRONLY | O_CLOEXEC, EIO)}, true),
+            kNoView + "/proc/self/setgroups: Input/output error");
+  EXPECT_EQ(without({{SYS_capset, EINVAL}}, true), kNoView + "capset: Invalid argument");
+}
+
+// What cannot be mounted again is missing, and nothing stands in its place.
+TEST_F(RefusedViewTest, AFolderThatCannotBeShownIsMissing) {
+  const std::string said = in_process(false, [&]() -> std::string {
+    if (!test::refuse({refused_mount(MS_BIND | MS_REC, EINVAL)})) return "not refused";
+    const Result<void> entered = enter_device_view({{kFound, view.node}});
+    if (!entered) return entered.error().message;
+    return std::string(is_there("/dev/pts") ? "there" : "missing") +
+           (is_there("/dev/null") ? ", null there" : ", null missing");
+  });
+  EXPECT_EQ(said, "missing, null there");
+}
+
+TEST_F(RefusedViewTest, LinksAndTheFoldersModeAreAsTheyWere) {
+  struct stat before {};
+  ASSERT_EQ(::stat("/dev", &before), 0);
+  const std::string said = in_process(false, [&]() -> std::string {
+    ::umask(077);
+    const Result<void> entered = enter_device_view({{kFound, view.node}});
+    if (!entered) return entered.error().message;
+    struct stat status {};
+    if (::stat("/dev", &status) != 0 || (status.st_mode & 07777) != (before.st_mode & 07777)) return "a mode";
+    if (::stat("/dev/serial", &status) != 0 || (status.st_mode & 07777) != 0755) return "a new folder's mode";
+    if (::umask(0) != 077) return "the mask";
+    std::array<char, 64> target{};
+    if (!is_there("/dev/fd")) return "as it was";
+    const ssize_t size = ::readlink("/dev/fd", target.data(), target.size());
+    return size > 0 && std::string_view(target.data(), static_cast<std::size_t>(size)) == "/proc/self/fd"
+               ? "as it was"
+               : "a link";
+  });
+  EXPECT_EQ(said, "as it was");
+}
+
+TEST_F(RefusedViewTest, WhetherItCanBeIsAskedOfAProcess) {
+  const auto asked = [&](const std::vector<test::RefusedCall>& calls) {
+    return in_process(false, [&]() -> std::string {
+      if (!test::refuse(calls)) return "not refused";
+      const Result<void> can = can_enter_device_view({{kFound, view.node}});
+      return can ? "can" : can.error().message;
+    });
+  };
+  EXPECT_EQ(asked({}), "can");
+  EXPECT_EQ(asked({{SYS_pipe2, EMFILE}}), "a pipe: Too many open files");
+  EXPECT_EQ(asked({{SYS_clone, EAGAIN}}), "a process: Resource temporarily unavailable");
+  EXPECT_EQ(asked({{SYS_mount, ENOMEM}}), kNoView + "/: Cannot allocate memory");
+  EXPECT_FALSE(is_there("/dev/ttyUSB93"));
+}
+
+TEST(DeviceView, APortWhoseNodeIsGoneIsNamed) {
+  const std::string said = in_process(false, [] {
+    const Result<void> entered = enter_device_view({{kFound, "/dev/no-such-node"}});
+    return entered ? std::string("entered") : entered.error().message;
+  });
+  if (said.find("namespaces") != std::string::npos || said.find("mounts") != std::string::npos)
+    GTEST_SKIP() << said;
+  EXPECT_EQ(said, kNoView + "/dev/no-such-node: No such file or directory");
 }
 
 TEST(DeviceView, APortThatCannotBeIsRefused) {
