@@ -22,6 +22,7 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
     Callback callback;
     bool wanted = false;
     bool waiting = false;
+    bool proven = false;  // an event was its own
   };
 
   State(Loop& owner, int fd, Callback on_readable, Callback on_writable, Callback on_hang_up)
@@ -63,10 +64,21 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
         if (!self->look_timer) self->look_by_clock();
         return self->wait(index);
       }
+      if (!self->is_own(index)) return self->wait(index);
       self->loop->came_from(self->number);
       self->loop->within(self->fence, ready.callback);
       if (!self->gone && ready.wanted) self->wait(index);
     });
+  }
+
+  // Whether an event is this descriptor's. Asio gives a new watch the place of one that has ended, and with
+  // that an event of the ended one that is still in its queue. Only the first event can be such a one.
+  bool is_own(std::size_t index) {
+    constexpr std::array<short, 3> kinds{POLLIN, POLLOUT, POLLPRI};
+    Side& side = sides[index];
+    pollfd now{number, kinds[index], 0};
+    if (!side.proven) side.proven = ::poll(&now, 1, 0) != 0;
+    return side.proven;
   }
 
   // Where the kernel does not watch it.

@@ -138,11 +138,6 @@ bool send_message(int line, const GuardMessage& message, int fd) {
   return ::sendmsg(line, &all, MSG_NOSIGNAL) >= 0;
 }
 
-bool is_readable(int fd) {
-  pollfd polled{.fd = fd, .events = POLLIN, .revents = 0};
-  return ::poll(&polled, 1, 0) > 0;
-}
-
 std::optional<GuardMessage> receive_message(int line, UniqueFd& fd) {
   MessageHead head{};
   std::string text(kMostText, '\0');

@@ -32,9 +32,6 @@ struct GuardMessage {
 
 // False: the other end is gone, or the message was not for this version.
 bool send_message(int line, const GuardMessage& message, int fd = -1);
-// Whether something is there to be read, or the other end is gone, at once. A loop may call for a descriptor
-// that it has begun to watch just now, because of one that it watched before.
-bool is_readable(int fd);
 // Waits for one; `fd` is what came with it. Nothing: the other end is gone.
 std::optional<GuardMessage> receive_message(int line, UniqueFd& fd);
 

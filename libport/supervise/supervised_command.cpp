@@ -106,7 +106,6 @@ bool SupervisedCommand::wait_for_start(Trouble& trouble) {
 }
 
 void SupervisedCommand::on_readable() {
-  if (!is_readable(line_.get())) return;
   UniqueFd none;
   const std::optional<GuardMessage> message = receive_message(line_.get(), none);
   if (!message) return guard_gone();
@@ -121,7 +120,6 @@ void SupervisedCommand::guard_gone() {
   command_fd_ = process_fd(command_);
   if (!command_fd_) return ended(SIGKILL);
   command_watch_.emplace(*loop_, command_fd_.get(), [this] {
-    if (!is_readable(command_fd_.get())) return;
     command_watch_->watch_readable(false);
     int status =
         SIGKILL;  // the kernel's, with the guard; where it falls to another, that one gets the status

@@ -64,7 +64,7 @@ WaitingOpen::~WaitingOpen() {
 }
 
 void WaitingOpen::on_readable() {
-  if (over() || !is_readable(line_.get())) return;
+  if (over()) return;
   watch_.stop();  // its end would be told again and again
   UniqueFd file;
   const std::optional<GuardMessage> message = receive_message(line_.get(), file);

@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <memory>
 #include <string>
+#include <sys/eventfd.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -73,6 +74,31 @@ TEST_F(FdWatchTest, TheCallbackComesAgainWhileThereIsMoreToRead) {
   watch->watch_readable(true);
   settle(loop);
   EXPECT_EQ(calls, "rrr");
+}
+
+// Both can be read. The callback of the first ends the watch of the second; a new watch then has its place,
+// and an event is waiting there.
+TEST_F(FdWatchTest, ANewWatchIsNotToldOfAnEndedOnesEvents) {
+  std::array<UniqueFd, 2> ready;
+  std::array<std::unique_ptr<FdWatch>, 2> both;
+  for (const std::size_t index : {0U, 1U}) {
+    ready[index].reset(::eventfd(1, EFD_NONBLOCK | EFD_CLOEXEC));
+    both[index] = std::make_unique<FdWatch>(loop, ready[index].get(), [&, index] {
+      both[index]->watch_readable(false);
+      if (watch) return;
+      both[1 - index].reset();
+      make_pipe();
+      watch->watch_readable(true);
+      watch->watch_hang_up(true);
+    });
+    both[index]->watch_readable(true);
+  }
+  settle(loop);
+  ASSERT_NE(watch, nullptr);
+  EXPECT_EQ(calls, "");
+  write();
+  settle(loop);
+  EXPECT_EQ(calls, "r");
 }
 
 TEST_F(FdWatchTest, OneThatIsSwitchedOnTwiceIsCalledOnce) {
