@@ -322,10 +322,10 @@ def build(plan, jobs):
 
 # The run.
 
-def measured(workers, rooms, size, seeds, pool):
-    """The tests of these rooms that pass, with what they reach, and the simulation."""
+def measured(workers, rooms, scripts, size, seeds, pool):
+    """The tests of these rooms that pass, with what they reach, and the simulation; `scripts`: those of tests/e2e too."""
     measures = trial.Measures(size)
-    tests = trial.listed_tests(rooms, scripts=bool(trial.SCRIPTED & rooms))
+    tests = trial.listed_tests(rooms, scripts)
     program = str(project.BUILD / "tests" / "simulation" / "simulate")
     simulation = (program, seeds, 0, frozenset())
     began = pool.submit(workers.use, measures.simulation, program, seeds) if seeds else None
@@ -469,7 +469,7 @@ def try_all(given, plan, mutants):
     try:
         with concurrent.futures.ThreadPoolExecutor(given.jobs) as pool:
             size = max((number for number, _, _ in plan.mutants), default=0) + 1
-            tests, simulation = measured(workers, needed, size, given.seeds, pool)
+            tests, simulation = measured(workers, needed, bool(trial.SCRIPTED & of_mutants), size, given.seeds, pool)
             scripts = sum(test.is_script for test in tests)
             say(f"{len(tests) - scripts} unit tests, of which "
                 f"{sum(test.seconds >= trial.QUICK for test in tests if not test.is_script)} are not quick; {scripts} scripts; "

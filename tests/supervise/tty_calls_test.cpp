@@ -113,6 +113,7 @@ class TtyCallsTest : public testing::Test {
     std::vector<std::unique_ptr<CallPart>> parts;
     parts.push_back(std::make_unique<TtyCalls>(line, lines, nullptr));
     line.supervisor->line_opened();
+    if (before_start) before_start();
     SupervisedCommand::Trouble trouble;
     bool over = false;
     const auto running = SupervisedCommand::start(
@@ -142,6 +143,7 @@ class TtyCallsTest : public testing::Test {
   test::TempDir dir;
   PtyLine line;
   int status = -1;
+  std::function<void()> before_start;
   // Again and again: the first may come before the driver waits.
   bool cts = true;
   Timer later{loop, [this] {
@@ -174,6 +176,97 @@ TEST_F(TtyCallsTest, ParityAndDataBitsAreReadBackAndHaveTheirPlace) {
               ElementsAre("write 1", "set 0 8E", "write 1", "set 0 7O", "set 0 7O", "set 0 8N"));
   EXPECT_THAT(line.told, ElementsAre("wrote x", "19200 baud, 8E1", "wrote y", "19200 baud, 7O1",
                                      "19200 baud, 7O1", "19200 baud, 8N1"));
+}
+
+TEST_F(TtyCallsTest, EachFormOfSettingsHasItsPlaceAndIsReadBack) {
+  EXPECT_THAT(run({"write:x", "forms"}),
+              ElementsAre("write 1", "TCSETS 0 0 7E", "TCSETSW 0 0 8O", "TCSETSF 0 0 7E", "TCSETA 0 0 8O",
+                          "TCSETAW 0 0 7E", "TCSETAF 0 0 8O", "TCSETS2 0 0 7E", "TCSETSW2 0 0 8O",
+                          "TCSETSF2 0 0 7E"));
+  EXPECT_THAT(line.told,
+              ElementsAre("wrote x", "9600 baud, 7E1", "9600 baud, 8O1", "flushed in", "9600 baud, 7E1",
+                          "9600 baud, 8O1", "9600 baud, 7E1", "flushed in", "9600 baud, 8O1",
+                          "9600 baud, 7E1", "9600 baud, 8O1", "flushed in", "9600 baud, 7E1"));
+}
+
+// The device may have its settings from elsewhere.
+TEST_F(TtyCallsTest, WhatTheLineShowsIsReadBack) {
+  struct Shown {
+    unsigned data_bits;
+    Parity parity;
+    const char* frame;
+  };
+  for (const Shown& shown :
+       {Shown{5, Parity::none, "5N"}, Shown{6, Parity::even, "6E"}, Shown{7, Parity::odd, "7O"},
+        Shown{8, Parity::mark, "8M"}, Shown{8, Parity::space, "8S"}, Shown{9, Parity::none, "8N"}}) {
+    before_start = [&] {
+      line.supervisor->line_shows({.data_bits = shown.data_bits, .parity = shown.parity});
+    };
+    EXPECT_THAT(run({"shown"}), ElementsAre(std::string("shown 0 ") + shown.frame));
+  }
+}
+
+// As a serial line is opened: a pty of ours has a flag by which the kernel knows a change.
+TEST_F(TtyCallsTest, UntilItSetsTheLineADriverSeesNoEchoOfNewlines) {
+  before_start = [this] {
+    termios made{};
+    ::ioctl(line.line_fd(), TCGETS, &made);
+    made.c_lflag |= ECHONL;
+    ::ioctl(line.line_fd(), TCSETS, &made);
+  };
+  EXPECT_THAT(run({"shown"}), ElementsAre("shown 0 8N"));
+}
+
+TEST_F(TtyCallsTest, ARateOfNoneLowersItsLinesAndAnotherRaisesThem) {
+  EXPECT_THAT(run({"rate:0", "lines", "rate:0", "rts+", "rate:4800", "lines"}),
+              ElementsAre("rate 0", "lines 0 cts dsr cd", "rate 0", "rate 0", "lines 0 dtr rts cts dsr cd"));
+}
+
+TEST_F(TtyCallsTest, AllLinesThatADriverDrivesAreSetAtOnce) {
+  EXPECT_THAT(run({"lines=rts", "lines", "lines=dtr", "lines=dtr", "lines", "lines=", "dtr+", "lines"}),
+              ElementsAre("lines= 0", "lines 0 rts cts dsr cd", "lines= 0", "lines= 0",
+                          "lines 0 dtr cts dsr cd", "lines= 0", "lines 0 dtr cts dsr cd"));
+  EXPECT_THAT(line.told, ElementsAre("dtr off", "dtr on", "rts off", "dtr off", "dtr on"));
+}
+
+// The others change for a while before it does.
+TEST_F(TtyCallsTest, AWaitIsForTheLineThatItNames) {
+  const std::vector<std::pair<std::string, Name>> inputs{
+      {"cts", Name::cts}, {"dsr", Name::dsr}, {"cd", Name::cd}, {"ri", Name::ri}};
+  for (const auto& [waited, name] : inputs) {
+    int round = 0;
+    Timer changes(loop, [&, name = name] {
+      for (const auto& [text, other] : inputs) {
+        if (other != name || round > 10) line.supervisor->line_signalled({other, round % 2 != 0});
+      }
+      ++round;
+      changes.set_after(std::chrono::milliseconds(3));
+    });
+    line.on_signal = [&](const LineSignal&) { changes.set_after(std::chrono::milliseconds(1)); };
+    const std::vector<std::string> said = run({"rts-", "wait:" + waited, "counts"});
+    changes.cancel();
+    ASSERT_EQ(said.size(), 2U);
+    EXPECT_EQ(said[0], "wait 0 0");
+    EXPECT_THAT(said[1], testing::StartsWith("counts 0 "));
+    EXPECT_THAT(said[1], testing::Not(testing::HasSubstr(waited + " 0"))) << said[1];
+  }
+}
+
+TEST_F(TtyCallsTest, ACountIsOfEachLine) {
+  before_start = [this] {
+    const auto change = [this](Name name, int times) {
+      for (int i = 0; i < times; ++i) {
+        line.supervisor->line_signalled({name, false});
+        line.supervisor->line_signalled({name, true});
+      }
+    };
+    change(Name::cts, 1);
+    change(Name::dsr, 2);
+    change(Name::cd, 3);
+    change(Name::ri, 5);
+    change(Name::brk, 6);
+  };
+  EXPECT_THAT(run({"counts"}), ElementsAre("counts 0 cts 2 dsr 4 cd 6 ri 4 brk 6"));
 }
 
 TEST_F(TtyCallsTest, WhetherALineIsLocalIsReadBack) {

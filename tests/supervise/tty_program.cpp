@@ -47,6 +47,83 @@ static void set(int fd, FILE* out, const char* frame) {
           (tio.c_cflag & CLOCAL) != 0 ? "" : "c");
 }
 
+// The kernel's own structures, which glibc's is not.
+struct KernelTermios {
+  unsigned iflag, oflag, cflag, lflag;
+  unsigned char line, cc[19];
+  unsigned ispeed, ospeed;  // of a termios2 alone
+};
+struct KernelTermio {
+  unsigned short iflag, oflag, cflag, lflag;
+  unsigned char line, cc[8];
+};
+
+static const char* frame_name(unsigned cflag, char* name) {
+  const unsigned sizes[] = {CS5, CS6, CS7, CS8};
+  for (unsigned i = 0; i < 4; ++i) {
+    if ((cflag & CSIZE) == sizes[i]) name[0] = (char)('5' + (char)i);
+  }
+  const int odd = (cflag & PARODD) != 0;
+  const int stick = (cflag & 010000000000) != 0;  // CMSPAR
+  name[1] = (cflag & PARENB) == 0 ? 'N' : stick ? (odd ? 'M' : 'S') : odd ? 'O' : 'E';
+  name[2] = '\0';
+  return name;
+}
+
+// Each request that makes settings, with a frame that the one before had not, and what the one that goes with
+// it gives then.
+static void set_each_form(int fd, FILE* out) {
+  const struct {
+    const char* name;
+    unsigned long makes, gives;
+    int small;
+  } forms[] = {{"TCSETS", 0x5402, 0x5401, 0},          {"TCSETSW", 0x5403, 0x5401, 0},
+               {"TCSETSF", 0x5404, 0x5401, 0},         {"TCSETA", 0x5406, 0x5405, 1},
+               {"TCSETAW", 0x5407, 0x5405, 1},         {"TCSETAF", 0x5408, 0x5405, 1},
+               {"TCSETS2", 0x402c542b, 0x802c542a, 0}, {"TCSETSW2", 0x402c542c, 0x802c542a, 0},
+               {"TCSETSF2", 0x402c542d, 0x802c542a, 0}};
+  char name[4];
+  for (size_t i = 0; i < sizeof(forms) / sizeof(forms[0]); ++i) {
+    const unsigned cflag = B9600 | CREAD | CLOCAL | PARENB | (i % 2 == 0 ? CS7 : CS8 | PARODD);
+    int made = 0;
+    int given = 0;
+    unsigned read_back = 0;
+    if (forms[i].small) {
+      struct KernelTermio tio;
+      memset(&tio, 0, sizeof(tio));
+      tio.cflag = (unsigned short)cflag;
+      made = ioctl(fd, forms[i].makes, &tio);
+      memset(&tio, 0, sizeof(tio));
+      given = ioctl(fd, forms[i].gives, &tio);
+      read_back = tio.cflag;
+    } else {
+      struct KernelTermios tio;
+      memset(&tio, 0, sizeof(tio));
+      tio.cflag = cflag;
+      made = ioctl(fd, forms[i].makes, &tio);
+      memset(&tio, 0, sizeof(tio));
+      given = ioctl(fd, forms[i].gives, &tio);
+      read_back = tio.cflag;
+    }
+    fprintf(out, "%s %d %d %s\n", forms[i].name, made, given, frame_name(read_back, name));
+  }
+}
+
+static void show_frame(int fd, FILE* out) {
+  struct KernelTermios tio;
+  memset(&tio, 0, sizeof(tio));
+  const int result = ioctl(fd, 0x5401, &tio);
+  char name[4];
+  fprintf(out, "shown %d %s%s%s\n", result, frame_name(tio.cflag, name), (tio.cflag & CLOCAL) != 0 ? "" : "c",
+          (tio.lflag & ECHONL) != 0 ? " echonl" : "");
+}
+
+static int line_bits(const char* names) {
+  return (strstr(names, "dtr") ? TIOCM_DTR : 0) | (strstr(names, "rts") ? TIOCM_RTS : 0) |
+         (strstr(names, "cts") ? TIOCM_CTS : 0) | (strstr(names, "dsr") ? TIOCM_DSR : 0) |
+         (strstr(names, "cd") ? TIOCM_CD : 0) | (strstr(names, "ri") ? TIOCM_RI : 0);
+}
+
 static const char* error_name(void) {
   return errno == 0            ? "0"
          : errno == EIO        ? "EIO"
@@ -226,6 +303,26 @@ int main(int count, char** words) {
       fprintf(out, "write %zd\n", write(fd, step + 6, strlen(step + 6)));
     } else if (strncmp(step, "alarm:", 6) == 0) {
       alarm_in(atoi(step + 6), step[strlen(step) - 1] == 'r' ? SA_RESTART : 0);
+    } else if (strcmp(step, "forms") == 0) {
+      set_each_form(fd, out);
+    } else if (strcmp(step, "shown") == 0) {
+      show_frame(fd, out);
+    } else if (strncmp(step, "lines=", 6) == 0) {
+      int bits = line_bits(step + 6);
+      fprintf(out, "lines= %d\n", ioctl(fd, TIOCMSET, &bits));
+    } else if (strncmp(step, "rate:", 5) == 0) {
+      struct termios tio;
+      tcgetattr(fd, &tio);
+      cfsetspeed(&tio, atoi(step + 5) == 0 ? B0 : B4800);
+      fprintf(out, "rate %d\n", tcsetattr(fd, TCSANOW, &tio));
+    } else if (strncmp(step, "wait:", 5) == 0) {
+      const int result = ioctl(fd, TIOCMIWAIT, line_bits(step + 5));
+      fprintf(out, "wait %d %s\n", result, error_name());
+    } else if (strcmp(step, "counts") == 0) {
+      struct serial_icounter_struct counters;
+      const int result = ioctl(fd, TIOCGICOUNT, &counters);
+      fprintf(out, "counts %d cts %d dsr %d cd %d ri %d brk %d\n", result, counters.cts, counters.dsr,
+              counters.dcd, counters.rng, counters.brk);
     } else if (strcmp(step, "wait") == 0) {
       const int result = ioctl(fd, TIOCMIWAIT, TIOCM_CTS);
       fprintf(out, "wait %d %s\n", result, error_name());
