@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
 #include <signal.h>
+#include <sstream>
 #include <sys/prctl.h>
 #include <sys/signalfd.h>
 #include <sys/socket.h>
@@ -86,12 +86,8 @@ void end_everything() {
     const ssize_t size = file ? ::read(file.get(), text.data(), text.size()) : -1;
     if (size <= 0 && ::waitpid(-1, &status, WNOHANG) < 0) return;  // no child left
     text.resize(static_cast<std::size_t>(std::max<ssize_t>(size, 0)));
-    for (std::size_t at = 0; at < text.size();) {
-      const std::size_t end = std::min(text.find(' ', at), text.size());
-      const pid_t child = std::atoi(text.substr(at, end - at).c_str());
-      if (child > 0) ::kill(child, SIGKILL);
-      at = end + 1;
-    }
+    std::istringstream children(text);
+    for (pid_t child = 0; children >> child;) ::kill(child, SIGKILL);
     // What they started falls to us as they go. One that the kernel holds is waited for.
     (void)::waitpid(-1, &status, 0);
   }

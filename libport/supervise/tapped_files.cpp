@@ -22,7 +22,6 @@ WithoutWaiting::~WithoutWaiting() {
 }
 
 std::shared_ptr<TappedFile> TappedFiles::find(const Call& call, const TtyDevice& device, int& error) {
-  error = 0;
   const auto fd = static_cast<int>(call.argument(0));
   std::shared_ptr<TappedFile> file = last_.lock();
   if (!file || file->users_ == 0 || !call.has_as(fd, file->fd())) {

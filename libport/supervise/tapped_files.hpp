@@ -66,7 +66,7 @@ class TappedFiles {
   explicit TappedFiles(Loop& loop) : loop_(&loop) {}
 
   // Returns what the call has as its first argument, if that is `device`. Else returns nullptr and sets
-  // `error` to an error number, or to 0 where it is another file. The file does not outlive this.
+  // `error` to an error number, and leaves it alone where it is another file. The file does not outlive this.
   std::shared_ptr<TappedFile> find(const Call& call, const TtyDevice& device, int& error);
 
   // Called once for each file that find() gave, when its call is about to be answered or is over. A call that

@@ -92,6 +92,7 @@ TEST(CallerRightsOfAnybody, WhoIsGoneHasNone) {
   ASSERT_EQ(::waitpid(child, nullptr, 0), child);
   EXPECT_EQ(why_not_ours(child), kOtherRights);
   EXPECT_FALSE(is_administrator(child));
+  EXPECT_THAT(lineage_of(child), testing::IsEmpty());
 }
 
 TEST_F(CallerRights, WhoHasGivenUpSomethingHasNotOurs) {

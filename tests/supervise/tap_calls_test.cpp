@@ -11,6 +11,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <sys/ioctl.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
@@ -23,6 +24,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "libport/base/clock.hpp"
 #include "libport/line/line_settings_text.hpp"
 #include "libport/loop/fd_watch.hpp"
 #include "libport/loop/timer.hpp"
@@ -66,6 +68,7 @@ class TappedEvents {
   std::string read;
   std::function<void(const std::string&)> on_event;
   bool opens_late = false;
+  bool shows_settings = false;
   void open_device() { device_port_->open(); }
 
  private:
@@ -96,6 +99,8 @@ class TappedEvents {
                                                        : "flush both");
       } else if (const auto* signal = std::get_if<LineSignal>(&event)) {
         events_->say(std::string(name_of(signal->name)) + (signal->on ? " on" : " off"));
+      } else if (const auto* settings = std::get_if<line::Settings>(&event)) {
+        if (events_->shows_settings) events_->say(to_text(settings->seen));
       } else if (std::holds_alternative<line::Drain>(event)) {
         events_->say("drain");
       }
@@ -200,6 +205,9 @@ class TapCallsTest : public testing::Test {
       return {};
     }
     process = running->command();
+    if (!refused.empty()) {
+      EXPECT_TRUE(test::refuse(refused));
+    }
     const Supervisor supervisor(loop, running->take_listener(), std::move(parts));
     while (!status || (tapped && line.open())) loop.run_one();
     device->catch_up();
@@ -251,6 +259,7 @@ class TapCallsTest : public testing::Test {
   std::unique_ptr<EchoDevice> device;
   Steps told;
   bool without_epoll = false;
+  std::vector<test::RefusedCall> refused;  // to us, once the program runs
 };
 
 TEST_F(TapCallsTest, AReadTakesWhatIsThereAndNoMore) {
@@ -473,7 +482,8 @@ TEST_F(TapCallsTest, WhatTheKernelRefusesAtAnOpenIsRefused) {
     EXPECT_THAT(same({std::string("openas:") + how}), ElementsAre(std::string(how) + " EINVAL"));
   EXPECT_THAT(same({"openas:new"}), ElementsAre("new EEXIST"));
   EXPECT_THAT(events.all, Not(Contains("open")));
-  EXPECT_THAT(same({"openas:plain"}), ElementsAre("plain 0"));
+  EXPECT_THAT(same({"openas:plain", "write:a"}), ElementsAre("plain 0", "write 1"));
+  EXPECT_EQ(events.written, "a");
 }
 
 TEST_F(TapCallsTest, AWriteThatIsToBeSafeIsOneAsAnyOther) {
@@ -513,6 +523,51 @@ TEST_F(TapCallsTest, FlushesDrainsAndBreaksHaveTheirPlace) {
   EXPECT_THAT(events.all,
               ElementsAre("open", "w a", "flush in", "w b", "flush out", "flush both", "drain", "w c",
                           "break on", "break off", "w d", "break on", "break off", "close"));
+}
+
+TEST_F(TapCallsTest, WhatASettingsRequestMakesHasItsPlace) {
+  events.shows_settings = true;
+  EXPECT_THAT(
+      tap({"open", "raw:1:0", "write:a", "set:now:7E", "write:b", "set:drain:8O", "write:c", "set:flush:7E",
+           "badset"}),
+      ElementsAre("open 0", "write 1", "set 0", "write 1", "set 0", "write 1", "set 0", "badset EFAULT"));
+  const auto from_a = std::ranges::find(events.all, "w a");
+  EXPECT_THAT(std::vector(from_a, events.all.end()),
+              ElementsAre("w a", "9600 baud, 7E1", "w b", "19200 baud, 8O1", "w c", "flush in",
+                          "9600 baud, 7E1", "close"));
+}
+
+// A pty has no modem lines: the calls by which they are asked for and driven are answered as by a device all
+// of whose lines are off.
+TEST_F(TapCallsTest, LinesOfTheDeviceAndOfTheDriverAreTold) {
+  EXPECT_TRUE(test::holds_without({}, [this] {
+    refused = {test::refused_ioctl(TIOCMGET, 0), test::refused_ioctl(TIOCMBIS, 0),
+               test::refused_ioctl(TIOCMBIC, 0), test::refused_ioctl(TIOCMSET, 0)};
+    EXPECT_THAT(tap({"open", "raw:1:0", "write:a", "mbis:dtr,rts", "mbis:dtr", "mbic:rts", "mset:rts", "mget",
+                     "mset:", "badlines"}),
+                ElementsAre("open 0", "write 1", "mbis 0", "mbis 0", "mbic 0", "mset 0", "mget 0", "mset 0",
+                            "badlines EFAULT"));
+    EXPECT_THAT(events.all, ElementsAre("open", "cts off", "dsr off", "cd off", "ri off", "w a", "dtr on",
+                                        "rts on", "rts off", "dtr off", "rts on", "close"));
+  }));
+}
+
+TEST_F(TapCallsTest, WhatTheDeviceRefusesOfItsLinesIsTheProgramsError) {
+  EXPECT_TRUE(test::holds_without({}, [this] {
+    refused = {test::refused_ioctl(TIOCMGET, EIO), test::refused_ioctl(TIOCMBIS, EIO),
+               test::refused_ioctl(TCFLSH, EIO), test::refused_ioctl(TIOCCBRK, EIO)};
+    const Steps said = tap({"open", "raw:1:0", "mget", "mbis:dtr", "flush:0", "sbrk", "write:a"});
+    EXPECT_THAT(said,
+                ElementsAre("open 0", "mget EIO", "mbis EIO", "flush EIO", "sbrk 0", "cbrk EIO", "write 1"));
+    EXPECT_THAT(events.all, ElementsAre("open", "break on", "w a", "close"));
+  }));
+}
+
+TEST_F(TapCallsTest, ABreakOfNoLengthIsAQuarterOfASecond) {
+  const Instant begin = machine_clock().now();
+  EXPECT_THAT(tap({"open", "raw:1:0", "longbreak"}), ElementsAre("open 0", "longbreak 0"));
+  EXPECT_GE(machine_clock().now() - begin, milliseconds(250));
+  EXPECT_THAT(events.all, ElementsAre("open", "break on", "break off", "close"));
 }
 
 TEST_F(TapCallsTest, ALineThatHangsUpIsLostOnce) {

@@ -633,6 +633,21 @@ bool do_line_step(const std::string& name, const std::string& value) {
   return true;
 }
 
+// `now:7E`, `drain:8N` or `flush:8O`: when it is made, data bits and parity.
+void set_frame(const std::string& value) {
+  const int when = value.starts_with("now") ? TCSANOW : value.starts_with("drain") ? TCSADRAIN : TCSAFLUSH;
+  const std::string frame = value.substr(value.find(':') + 1);
+  termios made{};
+  ::tcgetattr(line, &made);
+  ::cfsetspeed(&made, frame.front() == '7' ? B9600 : B19200);
+  made.c_cflag &= ~static_cast<tcflag_t>(CSIZE | PARENB | PARODD);
+  made.c_cflag |= frame.front() == '7' ? CS7 : CS8;
+  if (frame.back() != 'N') made.c_cflag |= PARENB;
+  if (frame.back() == 'O') made.c_cflag |= PARODD;
+  (void)::tcsetattr(line, when, &made);  // of a pty's frame the kernel makes less
+  say("set", 0);
+}
+
 bool do_step(const std::string& name, const std::string& value) {
   if (do_line_step(name, value)) return true;
   if (name == "write") {
@@ -706,6 +721,23 @@ bool do_step(const std::string& name, const std::string& value) {
     say("drain", ::tcdrain(line));
   } else if (name == "tcsbrk") {
     say("tcsbrk", ::ioctl(line, TCSBRKP, 1));
+  } else if (name == "longbreak") {
+    say("longbreak", ::ioctl(line, TCSBRK, 0));
+  } else if (name == "set") {
+    set_frame(value);
+  } else if (name == "mget") {
+    int bits = -1;
+    const int got = ::ioctl(line, TIOCMGET, &bits);
+    say("mget", got < 0 ? got : bits);
+  } else if (name == "mbis" || name == "mbic" || name == "mset") {
+    int bits = (value.find("dtr") == std::string::npos ? 0 : TIOCM_DTR) |
+               (value.find("rts") == std::string::npos ? 0 : TIOCM_RTS);
+    const unsigned long request = name == "mbis" ? TIOCMBIS : name == "mbic" ? TIOCMBIC : TIOCMSET;
+    say(name.c_str(), ::ioctl(line, request, &bits));
+  } else if (name == "badlines") {
+    say("badlines", ::ioctl(line, TIOCMBIS, reinterpret_cast<int*>(no_address)));
+  } else if (name == "badset") {
+    say("badset", ::ioctl(line, TCSETS, reinterpret_cast<int*>(no_address)));
   } else if (name == "sbrk") {
     say("sbrk", ::ioctl(line, TIOCSBRK));
     say("cbrk", ::ioctl(line, TIOCCBRK));
