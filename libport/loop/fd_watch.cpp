@@ -43,7 +43,7 @@ struct FdWatch::State : std::enable_shared_from_this<FdWatch::State> {
   }
 
   void watch(std::size_t index, bool on) {
-    sides[index].wanted = on && !gone;
+    sides[index].wanted = on;
     if (on) wait(index);
   }
 

@@ -31,7 +31,7 @@ StreamPort::StreamPort(const PortContext& context, const CommonOptions& common, 
       common_(common),
       stream_(options),
       given_(std::move(given)),
-      was_given_(given_.get() >= 0),
+      was_given_(static_cast<bool>(given_)),
       retry_timer_(*context.loop, [this] { connect(); }),
       retry_wait_(kFirstRetry, kLongestRetry),
       drains_(*context.loop, [this](const line::Sent& sent) { listener().told(sent); }) {}

@@ -71,6 +71,20 @@ TEST_F(UnixPortTest, TheSocketIsPrivateAndGoesAwayAtTheEnd) {
   EXPECT_FALSE(fs::exists(path));
 }
 
+TEST_F(UnixPortTest, AConnectionThatIsAPortOfItsOwnHasTheSocketsName) {
+  ASSERT_TRUE(make(",listen").has_value());
+  std::unique_ptr<Port> given;
+  port->connections()->give_each(
+      [&](std::unique_ptr<Port> connection, const std::string&) { given = std::move(connection); });
+  port->open();
+  const Socket peer = connect();
+  run_until(loop, [&] { return given != nullptr; });
+  EXPECT_EQ(given->place().path, path);
+  EXPECT_FALSE(given->passive());
+  given.reset();
+  EXPECT_TRUE(fs::exists(path)) << "the socket is the listening port's";
+}
+
 TEST_F(UnixPortTest, TheModeCanBeChosen) {
   ASSERT_TRUE(make(",listen,mode=0666").has_value());
   struct stat status {};

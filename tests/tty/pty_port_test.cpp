@@ -40,6 +40,11 @@ TEST_F(PtyPortTest, IsUpWhileADriverHasItOpen) {
   until("up closed up ");
 }
 
+TEST_F(PtyPortTest, OfOneThatIsMadeWellNothingIsWarned) {
+  start();
+  EXPECT_EQ(book.text().find("[warning]"), std::string::npos) << book.text();
+}
+
 TEST_F(PtyPortTest, BytesGoBothWaysUnchanged) {
   start();
   const UniqueFd fd = driver();
