@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/manual_clock.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/temp_dir.hpp"
 
@@ -187,6 +188,18 @@ TEST_F(PathWatchTest, WhatIsThereIsToldAgainAndAgain) {
   wait_for(top / "node", std::chrono::milliseconds(10));
   run_until(loop, [this] { return calls == 3; });
   EXPECT_GE(loop.now() - begin, std::chrono::milliseconds(10 + 20 + 40));
+}
+
+TEST_F(PathWatchTest, ItIsToldLaterAndLaterUpToTwoSeconds) {
+  ManualClock clock;
+  Loop slow{clock};
+  make(top / "node");
+  const PathWatch told(slow, (top / "node").string(), [] {});
+  for (const int delay : {100, 200, 400, 800, 1600, 2000, 2000, 2000}) {
+    ASSERT_TRUE(slow.next_timer().has_value());
+    EXPECT_EQ(*slow.next_timer() - clock.now(), std::chrono::milliseconds(delay));
+    let_pass(slow, clock, std::chrono::milliseconds(delay));
+  }
 }
 
 TEST_F(PathWatchTest, WithoutInotifyItIsLookedFor) {

@@ -127,6 +127,18 @@ TEST_F(SamplersRhythm, OneLinesBusinessIsNotAnothers) {
   EXPECT_LE(looks_in(milliseconds(1200)), 2);
 }
 
+TEST_F(SamplersRhythm, AnIdleLineIsLookedAtHoweverBusyAnotherIs) {
+  add(0);
+  add(1);
+  (void)looks_in(seconds(2));
+  const int before = looks[0];
+  for (int n = 0; n < 12; ++n) {
+    sampler.touch(&owners[1]);
+    (void)looks_in(milliseconds(500));
+  }
+  EXPECT_EQ(looks[0] - before, 10) << "as if it were alone";
+}
+
 TEST_F(SamplersRhythm, ALineOnWhichSomethingHappensIsNotLookedAtAsOftenAsANewOne) {
   add(0);
   (void)looks_in(seconds(2));

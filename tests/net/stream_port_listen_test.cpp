@@ -166,6 +166,20 @@ TEST_F(ListeningPort, AConnectionCanBeGivenAwayAsAPortOfItsOwn) {
   EXPECT_EQ(log.events, "");
 }
 
+TEST_F(ListeningPort, OneOnAllAddressesTakesThoseOfIPv4Too) {
+  const SocketAddress six = *numeric_address("::1", 0);
+  const UniqueFd probe(::socket(AF_INET6, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  if (!probe || ::bind(probe.get(), six.get(), six.size) != 0) GTEST_SKIP() << "no IPv6 here";
+  make("tcp-listen:[::]:0");
+  number = test::prepare_any(*port);
+  port->open();
+  Socket by_four = up();
+  by_four.close();
+  until("up closed ");
+  Socket by_six = Socket::connect_to(*numeric_address("::1", number));
+  until("up closed up ");
+}
+
 TEST_F(ListeningPort, TenPeersInARowAreServed) {
   make_listening();
   for (int n = 0; n < 10; ++n) {

@@ -250,6 +250,10 @@ TEST_F(ReplayPortTest, WhoWasTurnedAwayIsADoubt) {
   EXPECT_EQ(doubts({5, 2}),
             "2 other connections came while the driver was there and were turned away: 7 bytes that they "
             "had written are on no tape (see --connections)\n");
+  EXPECT_EQ(doubts({}), "") << "those were of the sessions before";
+  EXPECT_EQ(doubts({0, 0}),
+            "2 other connections came while the driver was there and were turned away: 0 bytes that they "
+            "had written are on no tape (see --connections)\n");
 }
 
 TEST_F(ReplayPortTest, ATornTailOfATapeWithoutEventsIsADoubt) {
