@@ -57,6 +57,16 @@ class UdpPortTest : public testing::Test {
   std::unique_ptr<UdpPort> port;
 };
 
+TEST_F(UdpPortTest, AnEmptyDatagramOpensALineAsAnyOther) {
+  make_listening();
+  peer.send_to(number, "");
+  run_until(loop, [&] { return !log.events.empty(); });
+  EXPECT_EQ(log.events, "up ");
+  peer.send_to(number, "x");
+  run_until(loop, [&] { return !log.data.empty(); });
+  EXPECT_EQ(log.data, "x");
+}
+
 TEST_F(UdpPortTest, IsDrainedOnceTheKernelHasItAll) {
   make_sending();
   port->write(as_bytes("x"));

@@ -81,8 +81,10 @@ class PlayedLine final : public LineCalls {
     return 0;
   }
   std::size_t unsent(int) override { return queued; }
-  bool wait_until_sent(int, Nanos) override {
+  bool wait_until_sent(int fd, Nanos) override {
     const std::lock_guard lock(mutex_);
+    const int flags = ::fcntl(fd, F_GETFD);
+    EXPECT_TRUE(flags < 0 || (flags & FD_CLOEXEC) != 0) << "a program that is started would have it";
     read_bytes();
     if (moves) journal_ += "(sent)";
     return moves;
