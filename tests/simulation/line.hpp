@@ -108,7 +108,7 @@ class Line {
   std::function<void(const LineSettings&)> on_settings = [](const LineSettings&) {};
   std::function<void()> on_prepare = [] {};  // the near end's port was called by prepare()
   std::function<void()> on_open = [] {};     // and by open()
-  // The near end's port was called by peer_flushed() or peer_set().
+  // The near end's port was told of a flush or of settings.
   std::function<void(FlushQueue)> on_peer_flushed = [](FlushQueue) {};
   std::function<void(const SeenSettings&, SettingsOrder)> on_peer_set = [](const SeenSettings&,
                                                                            SettingsOrder) {};

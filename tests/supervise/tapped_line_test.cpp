@@ -188,8 +188,8 @@ TEST_F(TappedLineTest, ALossBeforeTheDeviceIsOpenedIsToldBehindWhatCame) {
 TEST_F(TappedLineTest, ADrainLastsAsLongAsTheDrivers) {
   open_all();
   std::string ended;
-  device->drain([&] { ended += "first "; });
-  device->drain([&] { ended += "second "; });
+  of_device.drain(*device, [&] { ended += "first "; });
+  of_device.drain(*device, [&] { ended += "second "; });
   EXPECT_EQ(ended, "");
   const std::function<void()> over = line.drains();
   EXPECT_EQ(of_driver.events, "drain ");
@@ -203,17 +203,17 @@ TEST_F(TappedLineTest, ADrainLastsAsLongAsTheDrivers) {
 TEST_F(TappedLineTest, ADrainEndsWithItsDevice) {
   std::string ended;
   const auto note = [&] { ended += "x"; };
-  device->drain(note);
+  of_device.drain(*device, note);
   EXPECT_EQ(ended, "x") << "of one that is not up";
   open_all();
-  device->drain(note);
+  of_device.drain(*device, note);
   device->close();
   EXPECT_EQ(ended, "xx");
   device->open();
-  device->drain(note);
+  of_device.drain(*device, note);
   line.lost("gone");
   EXPECT_EQ(ended, "xxx");
-  device->drain(note);
+  of_device.drain(*device, note);
   EXPECT_EQ(ended, "xxxx");
 }
 
