@@ -120,7 +120,9 @@ class Blessing {
     Result<TestRequest> request = read_test(std::move(line_.values), std::move(line_.command));
     if (!request) return request.error();
     old_ = request->replay().tape;
-    target_ = overwrites_ ? old_ : output ? new_tape(output.mapped()) : next_free();
+    const Result<TapePaths> named = output ? named_new_tape(output.mapped()) : Result<TapePaths>(old_);
+    if (!named) return make_error(Errc::usage, "option 'output': " + named.error().message);
+    target_ = overwrites_ || output ? *named : next_free();
     if (!overwrites_ && is_taken(target_)) {
       return make_error(Errc::usage,
                         fmt::format("there is a tape {} already, or another file under its name; give "

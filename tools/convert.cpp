@@ -274,10 +274,11 @@ int run_convert(Arguments args, std::ostream& out, std::ostream& err) {
     return export_from(*plan, TapeReader::open(*tape), *tape, out, err);
   }
   if (plan->to == nullptr) {
-    const TapePaths to = new_tape(plan->out);
-    if (const auto free = check_new_tape(to, plan->writer); !free) return fail(free.error());
+    const Result<TapePaths> to = named_new_tape(plan->out);
+    if (!to) return line.usage_error(err, "option 'output': " + to.error().message);
+    if (const auto free = check_new_tape(*to, plan->writer); !free) return fail(free.error());
     const ModeOfSources mode(plan->in);
-    const Result<ImportedTape> made = import_to(*plan, to, err);
+    const Result<ImportedTape> made = import_to(*plan, *to, err);
     if (!made) return fail(made.error());
     tell_import(made->paths.name(), *made, *plan->from, out);
     return exit_status::kPass;

@@ -18,10 +18,11 @@ Result<NewTapeName> read_new_tape(const CommandLine& line) {
   const auto name = line.text("output");
   if (!name)
     return make_error(Errc::usage, "option 'output' is missing: -o NAME, the tape that is to be made");
-  if (name->empty()) return make_error(Errc::usage, "option 'output': the name is empty");
   if (*name == "-")
     return make_error(Errc::usage, "option 'output': a tape is several files, which - is not; give -o NAME");
-  NewTapeName tape{new_tape(*name), {}};
+  const Result<TapePaths> paths = named_new_tape(*name);
+  if (!paths) return make_error(Errc::usage, "option 'output': " + paths.error().message);
+  NewTapeName tape{*paths, {}};
   if (line.has("overwrite")) tape.writer.on_existing = OnExisting::overwrite;
   return tape;
 }

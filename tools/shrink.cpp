@@ -336,15 +336,16 @@ Result<int> shrink(CommandVerbLine line, std::ostream& out, std::ostream& err) {
                       "finds one");
   Result<FaultCase> the_case = read_fault_case(line);
   if (!the_case) return the_case.error();
-  const TapePaths paths = new_tape(output.mapped());
-  if (Result<void> free = TapeWriter::check(paths, {}); !free) return free.error();
+  const Result<TapePaths> paths = named_new_tape(output.mapped());
+  if (!paths) return make_error(Errc::usage, "option 'output': " + paths.error().message);
+  if (Result<void> free = TapeWriter::check(*paths, {}); !free) return free.error();
   Result<TapeParts> tape = TapeParts::load(the_case->tape);
   if (!tape) return tape.error();
   if (tape->parts().empty())
     return make_error(Errc::usage, the_case->tape.name() + " has no bytes: there is nothing to leave out");
   Result<FaultPool> pool = FaultPool::make(*the_case);
   if (!pool) return pool.error();
-  return Shrink(std::move(*the_case), paths, std::move(*tape), std::move(*pool), out, err).run();
+  return Shrink(std::move(*the_case), *paths, std::move(*tape), std::move(*pool), out, err).run();
 }
 
 std::vector<OptionSpec> shrink_options() {

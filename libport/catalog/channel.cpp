@@ -191,7 +191,9 @@ Result<PortOptions> recorded(const OptionValues& values, PortOptions device) {
                                    type.records.empty() ? "" : "; give it to bridge"));
   }
   device.type = port_types().find(type.recorded_as);
-  device.values["file"] = new_tape(values.at("tape")).name();
+  const Result<TapePaths> tape = named_new_tape(values.at("tape"));
+  if (!tape) return usage_error("option 'tape': " + tape.error().message);
+  device.values["file"] = tape->name();
   for (const OptionSpec& option : record_options()) {
     const auto given = values.find(std::string(name_at_record(option.name)));
     if (given != values.end()) device.values[std::string(option.name)] = given->second;

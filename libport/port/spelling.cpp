@@ -32,6 +32,7 @@ Result<Place> split_place(std::string_view text, bool listen) {
     const std::size_t bracket = text.find(']');
     if (bracket == std::string_view::npos) return bad_place(text);
     host = text.substr(1, bracket - 1);
+    if (host.empty()) return bad_place(text);
     host_end = bracket + 1 < text.size() ? bracket + 1 : std::string_view::npos;
     if (host_end != std::string_view::npos && text[host_end] != ':') return bad_place(text);
   }
@@ -102,10 +103,12 @@ std::string form_text(const PortType& type, std::string_view spelled, const Shor
 }
 
 // The option whose part of the short spelling is empty, and which is not given behind it either; none: empty.
-std::string_view missing_part(const ShortForm& form, std::string_view main, const OptionValues& values) {
+// `TYPE,…` without a colon has no parts.
+std::string_view missing_part(const ShortForm& form, bool colon, std::string_view main,
+                              const OptionValues& values) {
   const auto given = [&](std::string_view option) { return values.contains(std::string(option)); };
   if (form.port.empty()) return main.empty() && !given(form.main) ? form.main : std::string_view{};
-  if (main.empty()) return given(form.main) || given(form.port) ? std::string_view{} : form.main;
+  if (main.empty()) return given(form.main) || (!colon && given(form.port)) ? std::string_view{} : form.main;
   if (main.starts_with(':') && !given(form.main)) return form.main;
   return main.ends_with(':') && !given(form.port) ? form.port : std::string_view{};
 }
@@ -113,8 +116,9 @@ std::string_view missing_part(const ShortForm& form, std::string_view main, cons
 // An empty part of a short spelling, such as an unset variable of a shell leaves, must not mean a place that
 // nobody named: an option that has a default is missing then. Errc::usage.
 Result<void> check_parts(const PortType& type, std::string_view spec, std::string_view spelled,
-                         const ShortForm& form, std::string_view main, const OptionValues& values) {
-  const std::string_view part = missing_part(form, main, values);
+                         const ShortForm& form, bool colon, std::string_view main,
+                         const OptionValues& values) {
+  const std::string_view part = missing_part(form, colon, main, values);
   const OptionSpec* const option = part.empty() ? nullptr : type.find(part);
   if (option == nullptr || option->default_value.empty()) return {};
   return usage_error(fmt::format("port {}: option '{}' is missing; write {}, or {}={} for the default",
@@ -126,10 +130,12 @@ Result<OptionValues> short_spelled(const PortTypes& types, std::string_view spec
   OptionValues values;
   std::string_view rest = spec;
   std::string_view spelled = "serial";
+  bool colon = true;
   if (!spec.starts_with(kDevices)) {
     const std::size_t end = spec.find_first_of(":,");
     spelled = spec.substr(0, end);
-    rest = end == std::string_view::npos ? std::string_view{} : spec.substr(spec[end] == ':' ? end + 1 : end);
+    colon = end != std::string_view::npos && spec[end] == ':';
+    rest = end == std::string_view::npos ? std::string_view{} : spec.substr(colon ? end + 1 : end);
   }
   bool listen = false;
   const PortType* type = find_spelled_type(types, spelled, listen);
@@ -145,7 +151,7 @@ Result<OptionValues> short_spelled(const PortTypes& types, std::string_view spec
     auto [key, value] = split_option(token);
     values[std::move(key)] = std::move(value);
   }
-  if (Result<void> whole = check_parts(*type, spec, spelled, form, main, values); !whole)
+  if (Result<void> whole = check_parts(*type, spec, spelled, form, colon, main, values); !whole)
     return whole.error();
   return values;
 }

@@ -92,6 +92,24 @@ TapePaths new_tape(std::string_view argument) {
   return literal_tape(std::string(argument).append(kSuffix));
 }
 
+Result<TapePaths> named_new_tape(std::string_view argument) {
+  const fs::path path(argument);
+  const fs::path file = path.filename();
+  if (argument.empty()) return make_error(Errc::usage, "the name of the new tape is empty");
+  if (file.empty() || file == "." || file == "..") {
+    return make_error(Errc::usage,
+                      in_quotes(argument) +
+                          " is a folder, and a tape is several files in one; give a name in it, as in " +
+                          in_quotes((path / "tape.log").string()));
+  }
+  std::error_code ignored;
+  const fs::file_status there = fs::status(path, ignored);
+  if (fs::exists(there) && !fs::is_regular_file(there) && !fs::is_directory(there))
+    return make_error(Errc::usage,
+                      in_quotes(argument) + " is a device or a pipe, which holds no tape; give another name");
+  return new_tape(argument);
+}
+
 TapePaths numbered_tape(const TapePaths& first, unsigned number) {
   if (number <= 1) return first;
   return with_part(first, "." + std::to_string(number));

@@ -75,13 +75,15 @@ TEST_F(Spelling, AnEmptyPartTakesNoDefault) {
   for (const char* const spec : {"serial:", "serial", "serial:,baud=4800", "serial,baud=4800"})
     EXPECT_EQ(refused(spec), std::string("port '") + spec + "': " + device);
   const std::string ip = "option 'ip' is missing; write net:HOST:PORT, or ip=127.0.0.1 for the default";
-  for (const char* const spec : {"net:", "net", "net::", "net::7", "net:,mode=0600"})
+  for (const char* const spec : {"net:", "net", "net::", "net::7", "net:,mode=0600", "net:,port=7"})
     EXPECT_EQ(refused(spec), std::string("port '") + spec + "': " + ip);
   EXPECT_EQ(refused("net:host:"),
             "port 'net:host:': option 'port' is missing; write net:HOST:PORT, or port=20000 for the default");
   EXPECT_EQ(
       refused("net:[::1]:"),
       "port 'net:[::1]:': option 'port' is missing; write net:HOST:PORT, or port=20000 for the default");
+  for (const char* const spec : {"net:[]", "net:[]:7"})
+    EXPECT_THAT(refused(spec), testing::HasSubstr("accepted: HOST, HOST:PORT, [IPv6]:PORT")) << spec;
   for (const char* const spec :
        {"net-listen:", "net-listen", "net-listen::", "net-listen::7", "net-listen:10:"})
     EXPECT_THAT(refused(spec), testing::HasSubstr("is missing; write net-listen:HOST:PORT, or ")) << spec;

@@ -33,6 +33,25 @@ TEST(TapeName, ANewTapeEndsInLog) {
   EXPECT_EQ(new_tape("dir.log/x").name(), "dir.log/x.log");
 }
 
+TEST(TapeName, ANewTapeIsNoFolderAndNoDevice) {
+  const TempDir dir;
+  for (const std::string& folder :
+       {std::string("."), std::string(".."), dir / "", std::string("/"), dir / "x/.."}) {
+    const Result<TapePaths> named = named_new_tape(folder);
+    ASSERT_FALSE(named.has_value()) << folder;
+    EXPECT_EQ(named.error().code, Errc::usage);
+    EXPECT_NE(named.error().message.find("is a folder"), std::string::npos) << named.error().message;
+  }
+  for (const std::string device : {"/dev/null", "/dev/tty"})
+    EXPECT_EQ(named_new_tape(device).error().message,
+              "'" + device + "' is a device or a pipe, which holds no tape; give another name");
+  EXPECT_FALSE(named_new_tape("").has_value());
+  test::write_file(dir / "laser", {});
+  EXPECT_EQ(named_new_tape(dir / "laser")->name(), dir / "laser.log")
+      << "a file of that name is none of the tape's";
+  EXPECT_EQ(named_new_tape(std::string(dir / "laser") + ".logr")->name(), dir / "laser.log");
+}
+
 TEST(TapeName, EverySpellingFindsTheTape) {
   const TempDir dir;
   test::write_file(dir / "laser.logr", {});
