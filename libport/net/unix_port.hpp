@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "libport/base/own_name.hpp"
+#include "libport/base/trusted_folder.hpp"
 #include "libport/net/stream_port.hpp"
 
 namespace porttape {
@@ -18,7 +19,8 @@ struct UnixOptions {
 
 // A Unix stream socket at `path`. With `listen` it makes the socket file, with the permissions `mode`, and
 // takes it away at the end if it is still its own. It replaces nothing but a socket that nobody listens on,
-// left by a program that was killed. A link that another user puts in its place is never followed.
+// left by a program that was killed. A link of another user is never followed, neither in its place nor on
+// the way.
 class UnixPort final : public StreamPort {
  public:
   UnixPort(const PortContext& context, const CommonOptions& common, UnixOptions options);
@@ -37,8 +39,8 @@ class UnixPort final : public StreamPort {
   std::unique_ptr<StreamPort> port_of(UniqueFd connection) override;
 
  private:
-  [[nodiscard]] Result<void> free_place(const SocketAddress& address) const;
-  Result<void> own_node();
+  [[nodiscard]] Result<void> free_place(const SocketAddress& address, const TrustedName& place) const;
+  Result<void> own_node(const TrustedName& place);
 
   const std::string path_;
   const mode_t mode_;

@@ -125,6 +125,22 @@ TEST_F(UnixPortTest, ALinkPlantedAsTheSocketIsMadeIsNotFollowed) {
   EXPECT_TRUE(fs::is_symlink(path)) << "somebody else's is left alone";
 }
 
+TEST_F(UnixPortTest, NoOtherUsersLinkLeadsToTheSocket) {
+  const std::string folder = dir / "folder";
+  const std::string link = dir / "link";
+  fs::create_directory(folder);
+  fs::create_symlink(folder, link);
+  path = link + "/socket";
+  ASSERT_TRUE(make(",listen").has_value()) << "our own link";
+  port.reset();
+  EXPECT_FALSE(fs::exists(folder + "/socket"));
+  if (::lchown(link.c_str(), 12345, 12345) != 0) GTEST_SKIP() << "needs root, to give a link away";
+  const Result<void> made = make(",listen");
+  ASSERT_FALSE(made.has_value());
+  EXPECT_EQ(made.error().code, Errc::usage);
+  EXPECT_FALSE(fs::exists(folder + "/socket"));
+}
+
 TEST_F(UnixPortTest, BytesGoBothWays) {
   ASSERT_TRUE(make(",listen").has_value());
   port->open();
