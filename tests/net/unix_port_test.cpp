@@ -10,6 +10,7 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
+#include <thread>
 #include <unistd.h>
 #include <utility>
 #include <vector>
@@ -257,6 +258,18 @@ TEST_F(UnixPortTest, ACallThatFailsIsToldAndLeavesNothing) {
   }
 }
 
+// Runs `work` in a thread in which these calls are refused as soon as bind() has made the file.
+testing::AssertionResult while_refused_after_bind(const std::vector<test::RefusedCall>& calls,
+                                                  const std::function<void()>& work) {
+  bool refused = false;
+  std::thread([&] {
+    after_bind = [&] { refused = test::refuse(calls); };
+    work();
+  }).join();
+  return refused ? testing::AssertionSuccess()
+                 : testing::AssertionFailure() << "the system calls cannot be refused";
+}
+
 TEST_F(UnixPortTest, AFileThatCannotBeLookedAtIsLeftForTheNextListener) {
   const std::vector<test::RefusedCall> cases[] = {
       {test::refused_open(O_PATH | O_NOFOLLOW, EMFILE)},
@@ -264,7 +277,7 @@ TEST_F(UnixPortTest, AFileThatCannotBeLookedAtIsLeftForTheNextListener) {
       {{SYS_fstat, EIO},
        {SYS_newfstatat, EIO, test::RefusedCall::Argument{3, AT_EMPTY_PATH, AT_EMPTY_PATH}}}};
   for (const auto& calls : cases) {
-    EXPECT_TRUE(test::while_refused(calls, [&] {
+    EXPECT_TRUE(while_refused_after_bind(calls, [&] {
       const Result<void> made = make(",listen");
       ASSERT_FALSE(made.has_value());
       EXPECT_EQ(made.error().message.find("socket '" + path + "' cannot be made: "), 0U);
@@ -281,7 +294,7 @@ TEST_F(UnixPortTest, WhatIsNoSocketOfOurOwnByThenWasReplaced) {
   const std::string replaced =
       "socket '" + path + "' was replaced as it was made; choose a folder that nobody else writes to";
   for (const int error : {ENOENT, ELOOP}) {
-    EXPECT_TRUE(test::while_refused({test::refused_open(O_PATH | O_NOFOLLOW, error)}, [&] {
+    EXPECT_TRUE(while_refused_after_bind({test::refused_open(O_PATH | O_NOFOLLOW, error)}, [&] {
       const Result<void> made = make(",listen");
       ASSERT_FALSE(made.has_value());
       EXPECT_EQ(made.error(), make_error(Errc::usage, replaced));
