@@ -30,12 +30,11 @@ void put_flags(const SettingsForm& form, std::byte* settings, tcflag_t flags) {
   std::memcpy(settings + form.flags_at, &flags, form.flags_size);
 }
 
-void clear_echonl(const SettingsForm& form, std::byte* settings) {
-  std::byte* const at = settings + form.flags_at + form.flags_size;  // c_lflag is behind c_cflag
-  unsigned short low = 0;
-  std::memcpy(&low, at, sizeof(low));
-  low = static_cast<unsigned short>(low & ~static_cast<unsigned>(ECHONL));
-  std::memcpy(at, &low, sizeof(low));
+void clear_ignbrk(std::byte* settings) {
+  unsigned short low = 0;  // c_iflag comes first in each form
+  std::memcpy(&low, settings, sizeof(low));
+  low = static_cast<unsigned short>(low & ~static_cast<unsigned>(IGNBRK));
+  std::memcpy(settings, &low, sizeof(low));
 }
 
 bool gives_settings(std::uint32_t request) {
@@ -200,7 +199,7 @@ Outcome TtyCalls::give_settings(const Call& call, std::uint32_t request) const {
   if (::ioctl(line_->line_fd(), request, settings.data()) != 0) return outcome::Pass{};
   put_flags(form, settings.data(), (flags_in(form, settings.data()) & ~kHidden) | hidden_);
   // A pty of ours is not quite as a serial line is opened (make_pty_raw()).
-  if (as_opened_) clear_echonl(form, settings.data());
+  if (as_opened_) clear_ignbrk(settings.data());
   return call.write(call.argument(2), std::span(settings).first(form.size)) ? done_well() : bad_address();
 }
 

@@ -33,11 +33,11 @@ std::optional<SeenSettings> PtySettings::look(bool moved_on) {
 void PtySettings::keep_changeable(const ShownSettings& shown, bool moved_on) {
   sets_clocal_ = sets_clocal_ || shown.clocal;
   const bool clocal_stands = shown.clocal && (clocal_set_ || moved_on);
-  const bool echonl_stands = shown.echonl_cleared && echonl_cleared_ && !sets_clocal_;
+  const bool ignbrk_stands = shown.ignbrk_cleared && ignbrk_cleared_ && !sets_clocal_;
   clocal_set_ = shown.clocal && !clocal_stands;
-  echonl_cleared_ = shown.echonl_cleared && !echonl_stands;
+  ignbrk_cleared_ = shown.ignbrk_cleared && !ignbrk_stands;
   if (clocal_stands) clear_clocal(master_);
-  if (echonl_stands) set_echonl(master_);
+  if (ignbrk_stands) set_ignbrk(master_);
 }
 
 }  // namespace porttape

@@ -19,8 +19,9 @@ namespace porttape {
 // UrgentEvents, within microseconds: pyserial sets its line, flushes, and may set it again), writes, or has
 // left its line alone since the last look. Two such requests in a row, with nothing between them, still fail.
 //
-// For drivers that leave CLOCAL alone, ECHONL (which does nothing while ICANON is off, and which many clear)
-// is set again too. That takes two steps, so it is done where CLOCAL is no help alone.
+// For drivers that leave CLOCAL alone, IGNBRK is set again too: many clear it (cfmakeraw does), and it has no
+// effect, because no break ever comes to a pty. A flag of echoing (ECHONL) cannot take this part: it acts as
+// soon as the driver turns on ICANON. Setting IGNBRK takes two steps, so it is done only for these drivers.
 //
 // Uses the descriptor that it was made for, and does not own it.
 class PtySettings {
@@ -46,7 +47,7 @@ class PtySettings {
   SeenSettings known_;
   // At the last look.
   bool clocal_set_ = false;
-  bool echonl_cleared_ = false;
+  bool ignbrk_cleared_ = false;
   bool sets_clocal_ = false;  // this driver does
 };
 

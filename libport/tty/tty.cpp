@@ -104,7 +104,7 @@ bool has_sw_flow(const termios2& tio) { return (tio.c_iflag & IXON) != 0 && (tio
 
 void set_pty_raw(termios2& tio) {
   set_raw_flags(tio);
-  tio.c_lflag |= ECHONL;
+  tio.c_iflag |= IGNBRK;
   tio.c_cflag |= CREAD;
   tio.c_cflag &= ~static_cast<tcflag_t>(CLOCAL);
 }
@@ -214,7 +214,7 @@ Result<ShownSettings> shown_settings(int fd) {
                                     .hw_flow = (tio.c_cflag & CRTSCTS) != 0,
                                     .sw_flow = has_sw_flow(tio)},
                        .clocal = (tio.c_cflag & CLOCAL) != 0,
-                       .echonl_cleared = (tio.c_lflag & (ICANON | ECHONL)) == 0};
+                       .ignbrk_cleared = (tio.c_iflag & IGNBRK) == 0};
 }
 
 Result<void> show_settings(int master, const LineSettings& settings) {
@@ -225,10 +225,10 @@ Result<void> show_settings(int master, const LineSettings& settings) {
   return {};
 }
 
-void set_echonl(int master) {
+void set_ignbrk(int master) {
   termios2 tio{};
-  if (::ioctl(master, TCGETS2, &tio) != 0 || (tio.c_lflag & (ICANON | ECHONL)) != 0) return;
-  tio.c_lflag |= ECHONL;
+  if (::ioctl(master, TCGETS2, &tio) != 0 || (tio.c_iflag & IGNBRK) != 0) return;
+  tio.c_iflag |= IGNBRK;
   (void)::ioctl(master, TCSETS2, &tio);
 }
 

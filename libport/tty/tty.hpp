@@ -32,8 +32,8 @@ bool wait_until_sent(int fd, Nanos patience, const std::atomic<bool>& hurry);
 void lower_modem_lines(int fd);
 
 // Makes a pty raw (no echo, no translation, VMIN 1), speeds and the rest kept. Through the master or a slave
-// descriptor. Leaves CLOCAL cleared and ECHONL set, which do nothing on a pty while ICANON is off, and
-// which drivers change (PtySettings has what that is good for).
+// descriptor. Leaves CLOCAL cleared and IGNBRK set: neither does anything on a pty in any mode, since a pty
+// has no carrier and carries no breaks, and drivers change both (PtySettings has what that is good for).
 Result<void> make_pty_raw(int fd);
 
 // All that is set of a tty, for comparison.
@@ -50,15 +50,15 @@ Result<void> make_pty_fresh(int fd, const TtyState& since, const std::optional<L
 struct ShownSettings {
   SeenSettings settings;
   bool clocal = false;
-  bool echonl_cleared = false;  // though ICANON is off
+  bool ignbrk_cleared = false;
 };
 Result<ShownSettings> shown_settings(int fd);
 
 // Makes a pty's speeds, stop bits and flow control so, and leaves the rest.
 Result<void> show_settings(int master, const LineSettings& settings);
 
-// Sets ECHONL of a pty, if ICANON is off.
-void set_echonl(int master);
+// Sets IGNBRK of a pty.
+void set_ignbrk(int master);
 
 // Clears CLOCAL of a pty in one step: nothing else that is set at that moment is undone.
 void clear_clocal(int master);

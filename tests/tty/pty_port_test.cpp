@@ -239,6 +239,28 @@ TEST_F(PtyPortTest, IsRawForEachDriverWhateverTheLastOneSet) {
   EXPECT_EQ(tio.c_lflag & static_cast<tcflag_t>(ICANON | ECHO | ISIG), 0U);
 }
 
+// What a driver turns on is its own affair; nothing that the port set itself may echo.
+TEST_F(PtyPortTest, NothingIsEchoedToTheDeviceWhereADriverAsksForLinesAndNoEcho) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  termios tio{};
+  ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
+  EXPECT_EQ(tio.c_lflag & static_cast<tcflag_t>(ECHO | ECHOE | ECHOK | ECHONL), 0U);
+  std::string written;
+  for (const tcflag_t flags : {tcflag_t{ICANON}, tcflag_t{ICANON | IEXTEN}, tcflag_t{ICANON | ISIG}}) {
+    tio.c_lflag = (tio.c_lflag & ~static_cast<tcflag_t>(ECHO | IEXTEN | ISIG)) | flags;
+    ASSERT_EQ(::tcsetattr(fd.get(), TCSANOW, &tio), 0);
+    port.write(as_bytes("one\ntwo\n"));
+    EXPECT_EQ(read_all(fd, 4), "one\n");
+    EXPECT_EQ(read_all(fd, 4), "two\n");
+    ASSERT_EQ(::write(fd.get(), ".", 1), 1);
+    written += '.';
+    run_until(loop, [&] { return log.data.size() >= written.size(); });
+    EXPECT_EQ(log.data, written);
+  }
+}
+
 TEST_F(PtyPortTest, AskingForParityTwiceIsNoError) {
   start();
   for (int i = 0; i < 3; ++i) {
@@ -276,11 +298,11 @@ TEST_F(PtyPortTest, SoItIsForADriverThatLeavesClocalAlone) {
   termios tio{};
   for (int i = 0; i < 3; ++i) {
     ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
-    tio.c_lflag &= ~static_cast<tcflag_t>(ECHONL);
+    tio.c_iflag &= ~static_cast<tcflag_t>(IGNBRK);
     tio.c_cflag |= PARENB;
     EXPECT_EQ(::tcsetattr(fd.get(), TCSANOW, &tio), 0);
     run_until(loop, [&] {
-      return ::tcgetattr(fd.get(), &tio) == 0 && (tio.c_lflag & static_cast<tcflag_t>(ECHONL)) != 0;
+      return ::tcgetattr(fd.get(), &tio) == 0 && (tio.c_iflag & static_cast<tcflag_t>(IGNBRK)) != 0;
     });
   }
 }

@@ -138,18 +138,19 @@ TEST_F(PlayedTtyTest, WhatTheDeviceRefusesIsNamed) {
 
 TEST_F(PlayedTtyTest, ALineThatCannotBeReadIsNotSet) {
   refused = TCGETS2;
-  set_echonl(kTty);
+  set_ignbrk(kTty);
   EXPECT_EQ(times(TCSETS2), 0);
   lower_modem_lines(kTty);
   EXPECT_EQ(times(TIOCMBIC), 0);
 }
 
-TEST_F(PlayedTtyTest, EchonlIsSetOnceAndNothingElse) {
-  kept.c_lflag = TOSTOP;
-  set_echonl(kTty);
-  EXPECT_EQ(kept.c_lflag, static_cast<tcflag_t>(TOSTOP | ECHONL));
+TEST_F(PlayedTtyTest, IgnbrkIsSetOnceAndNothingElse) {
+  kept.c_iflag = IUTF8;
+  set_ignbrk(kTty);
+  EXPECT_EQ(kept.c_iflag, static_cast<tcflag_t>(IUTF8 | IGNBRK));
+  EXPECT_EQ(kept.c_lflag, 0U);
   EXPECT_EQ(times(TCSETS2), 1);
-  set_echonl(kTty);
+  set_ignbrk(kTty);
   EXPECT_EQ(times(TCSETS2), 1) << "it stands";
 }
 

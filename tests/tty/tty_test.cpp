@@ -170,9 +170,9 @@ TEST_F(TtyTest, ARawPtyKeepsItsSpeedAndTellsDriversApart) {
   set(tio);
   ASSERT_TRUE(make_pty_raw(slave.get()));
   tio = flags();
-  EXPECT_EQ(tio.c_iflag & (kRawInput | IXON | IXOFF), 0U);
+  EXPECT_EQ(tio.c_iflag & (kRawInput | IXON | IXOFF), static_cast<tcflag_t>(IGNBRK));
   EXPECT_EQ(tio.c_lflag & kRawLocal, 0U);
-  EXPECT_NE(tio.c_lflag & ECHONL, 0U);
+  EXPECT_EQ(tio.c_lflag & ECHONL, 0U);
   EXPECT_NE(tio.c_cflag & CREAD, 0U);
   EXPECT_EQ(tio.c_cflag & CLOCAL, 0U);
   EXPECT_NE(tio.c_cflag & CSTOPB, 0U);
@@ -185,8 +185,8 @@ TEST_F(TtyTest, WhatAMasterShowsIsWhatTheSlaveHas) {
   ASSERT_TRUE(shown);
   EXPECT_EQ(shown->settings, (SeenSettings{.baud = 19200, .stop_bits = 2, .hw_flow = true, .sw_flow = true}));
   EXPECT_TRUE(shown->clocal);
-  EXPECT_TRUE(shown->echonl_cleared);
-  set_echonl(master.get());
+  EXPECT_TRUE(shown->ignbrk_cleared);
+  set_ignbrk(master.get());
   clear_clocal(master.get());
   (void)show_settings(master.get(), {.baud = 4800});
   shown = shown_settings(master.get());
@@ -194,7 +194,7 @@ TEST_F(TtyTest, WhatAMasterShowsIsWhatTheSlaveHas) {
   EXPECT_EQ(shown->settings,
             (SeenSettings{.baud = 4800, .stop_bits = 1, .hw_flow = false, .sw_flow = false}));
   EXPECT_FALSE(shown->clocal);
-  EXPECT_FALSE(shown->echonl_cleared);
+  EXPECT_FALSE(shown->ignbrk_cleared);
 }
 
 TEST_F(TtyTest, OneDirectionOfSoftwareFlowControlIsTheDriversOwnAffair) {
@@ -204,15 +204,6 @@ TEST_F(TtyTest, OneDirectionOfSoftwareFlowControlIsTheDriversOwnAffair) {
     set(tio);
     EXPECT_FALSE(*shown_settings(master.get())->settings.sw_flow);
   }
-}
-
-TEST_F(TtyTest, EchonlIsLeftToALineThatIsEdited) {
-  termios2 tio = flags();
-  tio.c_lflag = (tio.c_lflag | ICANON) & ~static_cast<tcflag_t>(ECHONL);
-  set(tio);
-  EXPECT_FALSE(shown_settings(master.get())->echonl_cleared);
-  set_echonl(master.get());
-  EXPECT_EQ(flags().c_lflag & ECHONL, 0U);
 }
 
 TEST_F(TtyTest, AFreshPtyIsMadeOnlyWhereNobodyHasSetIt) {
