@@ -59,9 +59,14 @@ std::uint64_t due_of(const RunReport& report) {
   return played.prerolled.reads + (all - std::min(all, played.prerolled.reads)) / played.loops * whole;
 }
 
+// What was delivered and not read, as far as that is known.
+std::uint64_t left_in_all(const RunReport& report) {
+  return report.left_unread.value_or(0) + report.left_unread_before;
+}
+
 // Where a user steered it by hand, how much was due is not known.
 Unread unread_of(const RunReport& report) {
-  const std::uint64_t left = report.left_unread.value_or(0);
+  const std::uint64_t left = left_in_all(report);
   if (report.lookup) {
     const std::uint64_t waits = report.lookup->undelivered;
     return {left + waits, report.to_driver_bytes + waits};
@@ -80,7 +85,7 @@ Unread unread_of(const RunReport& report) {
 // read, whatever decides how many were due.
 bool ignored_all(const RunReport& report) {
   return report.from_driver_of == 0U && report.to_driver_of.value_or(0) > report.reads_excused &&
-         report.to_driver_bytes <= report.left_unread.value_or(0);
+         report.to_driver_bytes <= left_in_all(report);
 }
 
 // The share in percent; of a small one that there is any.
@@ -99,7 +104,7 @@ void judge_reading(RunReport& report) {
   const auto [unread, all, all_known] =
       ignored ? Unread{*report.to_driver_of - report.reads_excused, *report.to_driver_of} : unread_of(report);
   if (unread == 0) {
-    if (report.must_read && report.closed && !report.left_unread)
+    if (report.must_read && report.left_untold)
       report.doubts.push_back({Doubt::Kind::unread,
                                "what the driver left unread when it closed is not known: the kernel did not "
                                "tell it"});

@@ -210,6 +210,8 @@ struct RunReport {
   bool closed = false;                       // the run ended by the driver's close
   std::uint64_t delivered = 0;               // bytes of the tape's reads, at the end of the run
   std::optional<std::uint64_t> left_unread;  // of what was delivered, at the driver's close, where known
+  std::uint64_t left_unread_before = 0;      // the same, of the run's closes before, as far as known
+  bool left_untold = false;  // at one of these closes the line did not tell how much was left
   // Of the tape's reads, what no driver could read: it came with nobody there, was dropped by a flush of the
   // driver's own, or answered what a rule let be left out.
   std::uint64_t reads_excused = 0;

@@ -186,7 +186,8 @@ Result<Engine::Parts> ReplayPort::parts(const PlayedAs& as) {
 
 void ReplayPort::open() {
   open_ = true;
-  left_unread_.reset();
+  if (!run_begun_) unread_.begin_run();
+  unread_.begin_session();
   reports_->begin_count();
   if (drives()) return open_line();
   const Instant now = context_.loop->now();
@@ -203,6 +204,7 @@ void ReplayPort::close() {
   settings_ = own_settings_;
   end_drains();
   if (aftermath_) aftermath_->finish();
+  unread_.close_session();
   engine_->on_close(context_.loop->now());
   pump();
 }
@@ -260,7 +262,7 @@ void ReplayPort::tell(const LineEvent& event) {
                    tell_engine([&](Instant now) { engine_->on_signal(now, signal); });
                  },
                  [this](const line::Drain& drain) { begin_drain(drain.number); },
-                 [this](const line::LeftUnread& left) { left_unread_ = left.bytes; },
+                 [this](const line::LeftUnread& left) { unread_.told(left); },
                  [this](const line::Refused& refused) {
                    ++refused_;
                    refused_bytes_ += refused.bytes;
@@ -420,6 +422,7 @@ void ReplayPort::pump() {
 // Bytes and signals in their order.
 void ReplayPort::deliver(const ReplayActions& actions) {
   const ByteView all(actions.deliver);
+  if (!all.empty() && !dropping_) unread_.delivered();
   std::size_t done = 0;
   const auto deliver_to = [&](std::size_t end) {
     if (end <= done || dropping_) return;
@@ -563,7 +566,7 @@ void ReplayPort::take_report(RunReport report) {
   report.when = wall_text(begun, context_.loop->clock());
   if (report.nobody_came) report.sessions_made = 0;
   if (options_.session > 0) report.session = options_.session;
-  if (report.closed) report.left_unread = left_unread_;
+  if (report.closed) unread_.add_to(report);
   report.faults = faults_;
   if (faults_) faults_ = {.plan = faults_->plan, .seed = faults_->seed};
   if (ended_ == false && !report.nobody_came) {

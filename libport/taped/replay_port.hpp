@@ -16,6 +16,7 @@
 #include "libport/taped/played_tape.hpp"
 #include "libport/taped/replay_reports.hpp"
 #include "libport/taped/tape_answers.hpp"
+#include "libport/taped/unread_tally.hpp"
 
 namespace porttape {
 
@@ -169,8 +170,8 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   // In this run.
   std::uint64_t written_ = 0;  // bytes of the driver's
   OutputFlushes output_flushes_;
-  std::optional<std::uint64_t> left_unread_;  // by the driver that has just gone
-  std::optional<FaultsReport> faults_;        // of the run that goes on
+  UnreadTally unread_;
+  std::optional<FaultsReport> faults_;  // of the run that goes on
   std::optional<Instant> run_begun_;
   std::vector<RequestNumber> drains_;  // that last
   std::size_t drains_begun_ = 0;       // in this run

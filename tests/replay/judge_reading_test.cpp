@@ -53,10 +53,9 @@ TEST(JudgeReading, WhatIsNotKnownIsADoubtOfWhoeverMustRead) {
   judge_reading(report);
   EXPECT_EQ(doubts_of(report), "");
   report.must_read = true;
-  report.closed = false;
   judge_reading(report);
-  EXPECT_EQ(doubts_of(report), "") << "it has not closed";
-  report.closed = true;
+  EXPECT_EQ(doubts_of(report), "") << "there was nothing to tell";
+  report.left_untold = true;
   judge_reading(report);
   EXPECT_EQ(report.verdict, Verdict::pass);
   EXPECT_EQ(report.unread, std::nullopt);
@@ -83,6 +82,25 @@ TEST(JudgeReading, WhatWasNotIsADoubtWithItsShare) {
   EXPECT_THAT(judged(60, 0, 30), HasSubstr("10 bytes of 100"));
   EXPECT_EQ(judged(60, 0, 40), "");
   EXPECT_EQ(judged(60, 0, 41), "") << "more was dropped than was to come";
+}
+
+TEST(JudgeReading, WhatWasLeftInEachSessionCounts) {
+  RunReport report = spoken_to(100, 10);
+  report.left_unread_before = 30;
+  report.must_read = true;
+  judge_reading(report);
+  EXPECT_EQ(report.verdict, Verdict::incomplete);
+  EXPECT_EQ(report.unread, 40U);
+}
+
+TEST(JudgeReading, ATapeThatOnlySpeaksIsIgnoredByADriverThatLeavesAllInEverySession) {
+  RunReport report = spoken_to(100, 40);
+  report.from_driver_bytes = report.from_driver_matched = 0;
+  report.from_driver_of = 0;
+  report.left_unread_before = 60;
+  judge_reading(report);
+  EXPECT_EQ(report.verdict, Verdict::incomplete);
+  EXPECT_EQ(report.unread, 100U);
 }
 
 TEST(JudgeReading, ASmallShareIsNotNone) {

@@ -308,6 +308,56 @@ TEST_F(UnreadOfATape, IsADoubtWhereSomethingWasRead) {
   EXPECT_THAT(port->report()->doubts[0].text, HasSubstr("2 bytes of 5 (40.0 %)"));
 }
 
+// The tape "t" has two sessions of one exchange each.
+class UnreadOfSessions : public ReplayPortTest {
+ protected:
+  UnreadOfSessions() {
+    test::write_file(dir / "t.logw", test::block_bytes({{10, "a"}, {1010, "b"}}));
+    test::write_file(dir / "t.logr", test::block_bytes({{20, "one"}, {1020, "two"}}));
+    const auto at = [](std::int64_t time) { return TapeTime{Micros(time)}; };
+    std::string events = encode(TapeHeader{});
+    events += encode({at(0), event::Open{}}) + encode({at(500), event::Close{}});
+    events += encode({at(1000), event::Open{}}) + encode({at(1500), event::Close{}});
+    test::write_file(dir / "t.loge", as_bytes(events));
+  }
+  void exchange(std::string_view question, std::string_view all) {
+    write(question);
+    run_until(loop, [&] { return log.data == all; });
+  }
+};
+
+TEST_F(UnreadOfSessions, IsTheSumOfAllThatWasLeft) {
+  start();
+  exchange("a", "one");
+  port->tell(line::LeftUnread{3});
+  port->close();
+  port->open();
+  exchange("b", "onetwo");
+  port->tell(line::LeftUnread{1});
+  port->close();
+  (void)finish();
+  EXPECT_EQ(port->report()->left_unread, 1U);
+  EXPECT_EQ(port->report()->unread, 4U);
+}
+
+TEST_F(UnreadOfSessions, IsOfOneRunAlone) {
+  start();
+  for (const std::uint64_t left : {3U, 0U}) {
+    log.data.clear();
+    exchange("a", "one");
+    port->tell(line::LeftUnread{left});
+    port->close();
+    port->open();
+    exchange("b", "onetwo");
+    port->tell(line::LeftUnread{0});
+    port->close();
+    run_until(loop, [this] { return port->report().has_value(); });
+    if (left > 0) port->open();
+  }
+  (void)finish();
+  EXPECT_EQ(port->report()->unread, std::nullopt);
+}
+
 TEST_F(UnreadOfATape, IsNothingThatTheDriverFlushed) {
   flush_unread(FlushQueue::in);
   EXPECT_EQ(log.data, "new");
