@@ -29,6 +29,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/base/unique_fd.hpp"
+#include "tests/support/descriptor_limit.hpp"
 #include "tests/support/refused_calls.hpp"
 
 namespace porttape {
@@ -445,6 +446,7 @@ TEST_F(RefusedViewTest, LinksAndTheFoldersModeAreAsTheyWere) {
 }
 
 TEST_F(RefusedViewTest, WhetherItCanBeIsAskedOfAProcess) {
+  PORTTAPE_SKIP_UNDER_SANITIZERS();
   const auto asked = [&](const std::vector<test::RefusedCall>& calls) {
     return in_process(false, [&]() -> std::string {
       if (!test::refuse(calls)) return "not refused";
