@@ -153,15 +153,19 @@ TEST_F(CallerRights, AnAdministratorHasTheCapabilityHere) {
 TEST(CallerRightsOfAnybody, ALineageIsOfProcessesFromTheThreadsOwnOn) {
   const ChangedChild child([] { return true; });
   std::vector<pid_t> lineage = lineage_of(child.pid);
-  ASSERT_GE(lineage.size(), 2U);
+  ASSERT_FALSE(lineage.empty());
   EXPECT_EQ(lineage[0], child.pid);
-  EXPECT_EQ(lineage[1], ::getpid());
+  if (::getpid() > 1) {
+    ASSERT_GE(lineage.size(), 2U);
+    EXPECT_EQ(lineage[1], ::getpid());
+  }
   if (::getppid() > 1) {
     ASSERT_GE(lineage.size(), 3U);
     EXPECT_EQ(lineage[2], ::getppid());
   }
   EXPECT_THAT(lineage, testing::Each(testing::Gt(1)));
   std::thread([&] { lineage = lineage_of(::gettid()); }).join();
+  ASSERT_FALSE(lineage.empty());
   EXPECT_EQ(lineage.front(), ::getpid());
   EXPECT_THAT(lineage_of(1), testing::IsEmpty());
 }
