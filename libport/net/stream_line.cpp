@@ -23,8 +23,8 @@ constexpr Nanos kQuiet = seconds(2);
 constexpr Nanos kQuietWithNext = milliseconds(100);
 constexpr Nanos kFirstLook = milliseconds(1);
 constexpr Nanos kLook = milliseconds(20);
-// One that is not being read: how often it is looked at, and how long nothing of what it left may be read
-// once it is gone.
+// One that is not being read: how often it is looked at, and how long the session's other line may take
+// nothing once this one is gone.
 constexpr Nanos kLookUnread = milliseconds(250);
 constexpr Nanos kRestLimit = seconds(10);
 // How long a peer that was hung up may take to close its end.
@@ -109,7 +109,7 @@ void StreamLine::set_reading(bool on) {
 // Without reading, no event tells that the peer is gone.
 void StreamLine::watch_reading() {
   watch_.watch_readable(reading_);
-  gone_since_.reset();
+  rest_wait_.reset();
   if (reading_ || side_ == Side::connected) {
     timer_.cancel();
   } else {
@@ -150,6 +150,8 @@ void StreamLine::read_pending() {
 }
 
 bool StreamLine::has_peer() const { return phase_ == Phase::up && !has_ended(fd_.get()); }
+
+bool StreamLine::left_bytes() const { return phase_ == Phase::up && has_ended(fd_.get()) && unread() > 0; }
 
 void StreamLine::catch_up() {
   if (!has_ended(fd_.get())) return;
@@ -227,8 +229,9 @@ void StreamLine::on_timer() {
 void StreamLine::watch_unread() {
   // The end of a peer that died while it had more to send waits behind those bytes: the kernel knows.
   const bool gone = hung_up(fd_.get()) || owner_->look_at_peer(fd_.get()) == PeerState::gone;
-  if (gone && !gone_since_) gone_since_ = loop_->now();
-  if (gone && (unread() == 0 || !owner_->wants_rest() || loop_->now() - *gone_since_ >= kRestLimit)) {
+  if (gone && !rest_wait_) rest_wait_.emplace(loop_->now(), kRestLimit);
+  if (gone && (unread() == 0 || !owner_->wants_rest() ||
+               !rest_wait_->goes_on(loop_->now(), owner_->unread_elsewhere()))) {
     owner_->line_over({.reason = LineDown::Reason::closed, .error = {}});
   } else {
     timer_.set_after(kLookUnread);

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "libport/base/bytes.hpp"
+#include "libport/base/end_wait.hpp"
 #include "libport/base/time.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/loop/fd_watch.hpp"
@@ -51,6 +52,8 @@ class StreamLine {
     virtual void line_over(const LineDown& down) = 0;  // to be closed now
     virtual void dropped(std::uint64_t bytes, const char* why) = 0;
     [[nodiscard]] virtual bool wants_rest() = 0;  // see PortListener::wants_rest
+    // See PortListener::unread.
+    [[nodiscard]] virtual std::optional<std::size_t> unread_elsewhere() = 0;
     [[nodiscard]] virtual PeerState look_at_peer(int fd) = 0;
     [[nodiscard]] virtual bool next_waits() = 0;  // another peer, for this one to make room
 
@@ -79,6 +82,7 @@ class StreamLine {
 
   void set_reading(bool on);
   void read_pending();
+  [[nodiscard]] bool left_bytes() const;  // see Port::left_bytes
   // Takes what has come so far and gives how much that was; what the kernel has taken is on its way.
   std::uint64_t read_away();
 
@@ -121,7 +125,7 @@ class StreamLine {
   bool end_wanted_ = false;  // end_writing() was called
   bool quiet_ends_ = false;  // half_closed: the peer counts as gone when nothing was written for a while
   Instant since_{};          // half_closed: the last write
-  std::optional<Instant> gone_since_;                     // not read, and seen to be gone
+  std::optional<EndWait> rest_wait_;                      // not read, and seen to be gone
   std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop
 };
 

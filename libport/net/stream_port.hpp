@@ -76,6 +76,7 @@ class StreamPort : public Port,
   [[nodiscard]] PortTraits traits() const override {
     return {.passive = stream_.listen, .has_half_close = !always_open()};
   }
+  [[nodiscard]] bool left_bytes() const override { return line_ && line_->left_bytes(); }
 
  protected:
   StreamPort(const PortContext& context, const CommonOptions& common, StreamOptions options);
@@ -109,6 +110,7 @@ class StreamPort : public Port,
   void line_over(const LineDown& down) override;
   void dropped(std::uint64_t bytes, const char* why) override;
   bool wants_rest() override { return listener().wants_rest(); }
+  std::optional<std::size_t> unread_elsewhere() override { return listener().unread(); }
   PeerState look_at_peer(int fd) override;
   bool next_waits() override { return door_ && door_->next_waits(); }
 

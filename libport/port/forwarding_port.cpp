@@ -22,6 +22,7 @@ void ForwardingPort::watch_signals(bool on) { inner_->watch_signals(on); }
 void ForwardingPort::set_reading(bool on) { inner_->set_reading(on); }
 void ForwardingPort::hang_up(bool after_reading) { inner_->hang_up(after_reading); }
 void ForwardingPort::read_pending() { inner_->read_pending(); }
+bool ForwardingPort::left_bytes() const { return inner_->left_bytes(); }
 void ForwardingPort::finish() { inner_->finish(); }
 PortFacets ForwardingPort::facets() {
   PortFacets facets = inner_->facets();

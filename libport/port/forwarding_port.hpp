@@ -35,6 +35,7 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;
+  [[nodiscard]] bool left_bytes() const override;
   void finish() override;
   // The calls of waiting programs are this one's, where the inner port has them. Connections that the inner
   // port gives away would not be wrapped: none are given.

@@ -78,10 +78,11 @@ class PortListener {
   virtual Answers on_ended() { return Answers::none; }
   // Whether the session's other line has a half-close (has_half_close() of its port).
   [[nodiscard]] virtual bool half_closes() const { return false; }
-  // Bytes passed on that the program at the session's other line has not read yet; nothing where that is not
+  // Bytes passed on that the peer at the session's other line has not taken yet; nothing where that is not
   // known (unread_by_peer() of its port).
   [[nodiscard]] virtual std::optional<std::size_t> unread() const { return std::nullopt; }
-  // The peer is gone while it is not being read. True: what it has left will be read before long.
+  // The peer is gone while it is not being read. True: what it has left will be read, when the other line has
+  // taken what it was given (unread()).
   virtual bool wants_rest() { return false; }
   // The line is interrupted, and the port brings it up again by itself (`alwaysopen`): the session goes on,
   // nothing should be written until on_resumed(). Also between close() and open().
@@ -308,6 +309,8 @@ class Port {
   // Passes on what has come in by now and was not read yet, as far as reading is on; a passive port finds a
   // peer that nothing has told of yet. For the end of a session.
   virtual void read_pending() = 0;
+  // Whether the peer has closed, or sends no more, and has left bytes that were not passed on yet.
+  [[nodiscard]] virtual bool left_bytes() const { return false; }
 
   // The end of the program is near: completes what belongs to the session (tape, report). on_complete()
   // follows once, from within or later; a disk that does not answer delays it 10 s at most. The port may not

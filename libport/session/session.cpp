@@ -11,11 +11,12 @@ namespace {
 
 using std::chrono::seconds;
 
-// How long the last bytes of a driver that has closed may take to the device (a tty's own closing_wait is 30
-// s as well).
+// How long the last bytes of a driver that has closed may stand still on their way to the device (a tty's own
+// closing_wait is 30 s as well). They may take as long in all while a next driver waits, and where nobody
+// knows how many are left.
 constexpr Nanos kDrainLimit = seconds(30);
-// How long they may stand still while a next driver waits. Where nobody knows how many are left, they are
-// given all of kDrainLimit.
+// How long they may stand still while a next driver waits, where it is known how many are left. As often it
+// is looked.
 constexpr Nanos kNoProgress = seconds(1);
 // How often an end looks at what is left.
 constexpr Nanos kEndLook = std::chrono::milliseconds(50);
@@ -49,8 +50,9 @@ struct Session::DriverSide final : PortListener {
   void told(const LineEvent& event) override { session.driver_told(event); }
   Answers on_ended() override { return session.driver_ended(); }
   [[nodiscard]] bool half_closes() const override { return session.device_->has_half_close(); }
-  bool wants_rest() override {
-    return session.device_state_ != DeviceState::closed && session.end_.takes_in();
+  bool wants_rest() override { return session.wants_rest(); }
+  [[nodiscard]] std::optional<std::size_t> unread() const override {
+    return session.device_has_line() ? session.device_->unread_by_peer() : std::nullopt;
   }
   void on_interrupted(const LineDown& down) override { session.driver_interrupted(down); }
   void on_resumed() override {
@@ -122,6 +124,7 @@ void Session::driver_up() {
   if (device_state_ == DeviceState::draining) {
     let_driver(false);  // until the last driver's bytes have gone
     left_at_look_ = device_->unread_by_peer();
+    drain_until_ = context_.loop->now() + kDrainLimit;
     drain_timer_.set_after(kNoProgress);
   } else if (end_.running()) {
     open_device();
@@ -216,7 +219,22 @@ bool Session::keep_early(Gate& gate, const Port& port, ByteView data) {
 }
 
 void Session::read_driver() {
-  if (end_.takes_in()) let_driver(true);
+  if (end_.takes_in() || takes_rest_) let_driver(true);
+}
+
+// Of a driver that has closed while it was not read. An end under way has limits of its own.
+bool Session::wants_rest() const {
+  if (end_.step() == SessionEnd::Step::sending) return device_has_line();
+  return device_state_ != DeviceState::closed && end_.takes_in();
+}
+
+// At the end, of a driver that has closed while the device had more than it could take: what it left goes on,
+// piece by piece. A driver that is still there could go on for ever: it is not read. False: nothing is left.
+bool Session::take_rest() {
+  if (!driver_up_ || device_state_ != DeviceState::up || !driver_->left_bytes()) return false;
+  takes_rest_ = true;
+  let_driver(true);
+  return true;
 }
 // A next driver may be there already, and have more than it takes.
 void Session::read_device() {
@@ -299,6 +317,7 @@ void Session::device_interrupted(const LineDown& down) {
     close_device();
   } else if (device_state_ == DeviceState::up) {
     device_state_ = DeviceState::interrupted;
+    takes_rest_ = false;
     let_driver(false);
   }
   continue_end();
@@ -325,13 +344,14 @@ void Session::trace(std::string_view arrow, ByteView data) const {
 }
 
 void Session::driver_data(ByteView data) {
-  if (!end_.takes_in()) {  // still read, since that is how its close is seen
+  if (!end_.takes_in() && !takes_rest_) {  // still read, since that is how its close is seen
     dropped_by_driver(
         data.size(), device_has_line() ? "they came after the end" : "the device was not there to take them");
     return;
   }
   trace("->", data);
   counters_.from_driver_bytes += data.size();
+  if (takes_rest_) end_.took_rest(context_.loop->now(), data.size());
   device_->write(data);
   if (device_->congested()) let_driver(false);
 }
@@ -357,7 +377,7 @@ void Session::driver_down(const LineDown& down) {
   if (device_state_ == DeviceState::up) device_works();
   context_.log->log(about_driver(), "{}: {}", driver_->name(),
                     down.reason == LineDown::Reason::hung_up ? "hung up" : "the driver has closed it");
-  driver_up_ = driver_interrupted_ = false;
+  driver_up_ = driver_interrupted_ = takes_rest_ = false;
   drop_early();
   if (end_.step() == SessionEnd::Step::leaving) {
     end();
@@ -365,8 +385,8 @@ void Session::driver_down(const LineDown& down) {
     driver_gone(down);
   } else if (device_has_line() && device_->congested()) {
     device_state_ = DeviceState::draining;
-    drain_until_ = context_.loop->now() + kDrainLimit;
-    drain_timer_.set(drain_until_);
+    drain_wait_.emplace(context_.loop->now(), kDrainLimit);
+    on_drain_timer();
     read_device();
   } else if (device_state_ != DeviceState::closed) {
     close_device();
@@ -393,12 +413,14 @@ void Session::close_device() {
   continue_end();
 }
 
-// At the limit, or before it for a next driver that waits.
+// At a limit: sooner for a next driver that waits.
 void Session::on_drain_timer() {
+  const Instant now = context_.loop->now();
   const std::optional<std::size_t> left = device_->unread_by_peer();
-  const bool stands_still = left && left == left_at_look_;
+  const bool stands_still = driver_up_ && left && left == left_at_look_;
+  const bool goes_on = drain_wait_->goes_on(now, left) && (now < drain_until_ || !driver_up_);
   left_at_look_ = left;
-  if (context_.loop->now() < drain_until_ && !stands_still) return drain_timer_.set_after(kNoProgress);
+  if (goes_on && !stands_still) return drain_timer_.set_after(kNoProgress);
   context_.log->warn("{} does not take the driver's last bytes; they are dropped", device_->name());
   close_device();
 }
@@ -415,6 +437,7 @@ void Session::device_drained() {
 void Session::device_down(const LineDown& down) {
   if (device_state_ == DeviceState::draining) return close_device();
   device_state_ = DeviceState::down;
+  takes_rest_ = false;
   drop_early();
   switch (down.reason) {
     case LineDown::Reason::failed:
@@ -488,6 +511,7 @@ void Session::begin_end() {
 void Session::continue_end() {
   if (end_.step() != SessionEnd::Step::sending) return;
   if ((device_has_line() && device_->congested()) || (driver_up_ && driver_->congested())) return;
+  if (take_rest()) return;
   end_.leave();
   if (driver_up_) {
     driver_->hang_up(true);
@@ -506,6 +530,7 @@ void Session::on_end_timer() {
     complete();
   } else if (end_.waits_on(context_.loop->now(), left())) {
     end_timer_.set_after(kEndLook);
+    continue_end();  // no event tells that a driver that only sends no more has been read
   } else {
     end();
   }

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "libport/base/end_wait.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
@@ -45,14 +46,16 @@ namespace porttape {
 // | down        | its line has ended, the driver's is | yes: what it sends | the driver goes: closed      |
 // |             | hung up                             | reaches nobody     |                              |
 // | draining    | the driver has gone, its last bytes | the next one: no   | drained, on_interrupted,     |
-// |             | are on their way to the device      |                    | on_down, 30 s: closed, then  |
+// |             | are on their way to the device      |                    | on_down, 30 s in which it    |
+// |             |                                     |                    | takes none (where a next one |
+// |             |                                     |                    | waits: in all): closed, then |
 // |             |                                     |                    | opening if a driver is there |
 //
 // A driver whose port is not passive will not come back: its going begins the end, whatever the device's
 // state. The device is read in every state, except while the driver is congested or interrupted; what it
 // sends to no driver is counted and told. Once the end has begun no device is opened any more; from `sending`
-// on the device is not read, and the driver only where the device has no line (closed, opening, down), and at
-// its close.
+// on the device is not read, and the driver only where the device has no line (closed, opening, down), where
+// it has closed and what it left is for the device, and at its close.
 class Session final : public Channel {
  public:
   using EndLimits = porttape::EndLimits;
@@ -100,6 +103,8 @@ class Session final : public Channel {
   void driver_arrivals(ByteView data, std::span<const std::size_t> ends);
   PortListener::Answers driver_ended();
   PortListener::Answers device_ended();
+  [[nodiscard]] bool wants_rest() const;
+  bool take_rest();
   void let_driver(bool read);
   void let_device(bool read);
   bool keep_early(Gate& gate, const Port& port, ByteView data);
@@ -157,7 +162,8 @@ class Session final : public Channel {
   std::function<void(int)> on_end_;
   Timer end_timer_;
   Timer drain_timer_;
-  Instant drain_until_{};
+  std::optional<EndWait> drain_wait_;
+  Instant drain_until_{};                    // while a next driver waits
   std::optional<std::size_t> left_at_look_;  // that the device had not taken
   EarlyEvents early_;
   Timer open_timer_;  // for a device that has just failed
@@ -170,6 +176,7 @@ class Session final : public Channel {
   bool driver_interrupted_ = false;  // it comes back by itself
   bool quiet_driver_ = false;        // it came while the device's line was failing
   bool refusal_told_ = false;        // of settings, in this session
+  bool takes_rest_ = false;          // at the end: what a driver that has closed left is read
   DeviceState device_state_ = DeviceState::closed;
   SessionEnd end_;
   std::shared_ptr<int> alive_ = std::make_shared<int>();  // for tasks posted to the loop

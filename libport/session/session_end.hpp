@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <optional>
 
+#include "libport/base/end_wait.hpp"
 #include "libport/base/time.hpp"
-#include "libport/session/end_wait.hpp"
 
 namespace porttape {
 
@@ -24,7 +24,8 @@ struct EndLimits {
 // |------------|----------------------------------------------------------|------------------------------|
 // | running    | bytes go both ways                                       | begin()                      |
 // | collecting | what has come in by now is passed on                     | send(): that was all         |
-// | sending    | nothing more is taken in; what was taken in goes out     | leave(): it has gone out     |
+// | sending    | only the rest of a driver that has closed is taken in;   | leave(): it has gone out     |
+// |            | what was taken in goes out                               |                              |
 // | leaving    | the driver's line is hung up once it has read everything | complete(): it is gone       |
 // | completing | both ports are closed; tape and report are completed     | end(): they are, or given up |
 // | ended      | the exit status is told                                  |                              |
@@ -57,6 +58,10 @@ class SessionEnd {
   // Sending and leaving: `left` bytes are still to be read by the peers, nothing where that is not known.
   // False: it has been waited long enough.
   bool waits_on(Instant now, std::optional<std::size_t> left);
+  // Sending: `bytes` more are taken in from a driver that has closed, and passed on.
+  void took_rest(Instant now, std::size_t bytes) {
+    if (wait_ && pace_ == Pace::patient) wait_->more_given(now, bytes);
+  }
   // How long completing may take.
   [[nodiscard]] Nanos completing_limit() const;
 

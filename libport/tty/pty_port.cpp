@@ -22,8 +22,8 @@ constexpr Nanos kUnreadPoll =
 // Where that cannot be seen, it has this long to read and close.
 constexpr Nanos kUnknownLimit = std::chrono::seconds(5);
 
-// A driver that is not read and has closed: how long what it left is kept, and how often it is looked whether
-// another one has come.
+// A driver that is not read and has closed: how long what it left is kept while the device takes nothing, and
+// how often it is looked whether another one has come.
 constexpr Nanos kLookUnread = std::chrono::milliseconds(250);
 constexpr Nanos kRestLimit = std::chrono::seconds(10);
 
@@ -198,7 +198,7 @@ void PtyPort::close() {
 void PtyPort::watch_reading() {
   line_->master_watch.watch_readable(may_deliver());
   line_->master_watch.watch_hang_up(peer_ && accepting_ && !reading_);
-  gone_since_.reset();
+  rest_wait_.reset();
   unread_timer_.cancel();
 }
 
@@ -208,19 +208,18 @@ void PtyPort::look_unread() {
   const Instant now = context_.loop->now();
   line_->master_watch.watch_hang_up(false);  // it would be told again and again
   if (line_->pty.open_now()) {  // another one has come, or a flush is to be read: it looks the same
-    gone_since_.reset();
+    rest_wait_.reset();
     return unread_timer_.set_after(kLookUnread);
   }
-  if (!gone_since_) gone_since_ = now;
-  const bool left_bytes = line_->pty.occupied() || !held_.empty();
-  if (left_bytes && listener().wants_rest() && now - *gone_since_ < kRestLimit)
+  if (!rest_wait_) rest_wait_.emplace(now, kRestLimit);
+  if (left_bytes() && listener().wants_rest() && rest_wait_->goes_on(now, listener().unread()))
     return unread_timer_.set_after(kLookUnread);
   drop_rest("the driver had closed before the device could take them");
   master_ended();
 }
 
 void PtyPort::on_unread_timer() {
-  if (gone_since_) {
+  if (rest_wait_) {
     look_unread();
   } else if (line_) {
     watch_reading();
@@ -553,6 +552,10 @@ void PtyPort::read_pending() {
     if (size <= 0) break;
     left -= std::min(left, static_cast<std::size_t>(size));
   }
+}
+
+bool PtyPort::left_bytes() const {
+  return peer_ && line_ && !line_->pty.open_now() && (!held_.empty() || line_->pty.occupied());
 }
 
 void PtyPort::finish() {

@@ -8,6 +8,7 @@
 #include <sys/types.h>
 #include <vector>
 
+#include "libport/base/end_wait.hpp"
 #include "libport/base/tty_device.hpp"
 #include "libport/line/signal_queue.hpp"
 #include "libport/line/waiting_requests.hpp"
@@ -45,8 +46,10 @@ struct PtyOptions {
 // | a close                           | known          | one less; that nobody is left, HUP says          |
 // | HUP, no byte left (read: EIO)     | any            | the session ends; opens after that last close    |
 // |                                   |                | begin the next                                   |
-// | HUP, and reading is off           | any            | what is left is kept 10 s for a device that      |
-// |                                   |                | comes, then dropped and told; the session ends   |
+// | HUP, and reading is off           | any            | what is left is kept while the device takes      |
+// |                                   |                | bytes, and 10 s for one that comes or takes      |
+// |                                   |                | none; then it is dropped and told, and the       |
+// |                                   |                | session ends                                     |
 // | no HUP and no session, where      | 0, or lost     | a session begins                                 |
 // | events were lost or opens cannot  |                |                                                  |
 // | be told one by one                |                |                                                  |
@@ -80,6 +83,7 @@ class PtyPort final : public Port, private SupervisedLine {
   // is printed.
   void hang_up(bool after_reading) override;
   void read_pending() override;
+  [[nodiscard]] bool left_bytes() const override;
   void finish() override;
   [[nodiscard]] PortFacets facets() override { return {.supervised = this}; }
   [[nodiscard]] PortTraits traits() const override {
@@ -169,7 +173,7 @@ class PtyPort final : public Port, private SupervisedLine {
   Timer renew_timer_;  // while there is no line
   Backoff renew_wait_;
   Timer unread_timer_;                    // while bytes of one that has gone are not read
-  std::optional<Instant> gone_since_;     // not read, and seen to have closed
+  std::optional<EndWait> rest_wait_;      // not read, and seen to have closed
   std::optional<Instant> unknown_since_;  // hanging up, without seeing whether the driver has read everything
   Bytes held_;  // a packet that was read when the session began or reading stopped: delivered first
   Openers openers_ = 0;

@@ -186,3 +186,35 @@ record 6 gone bash -c "$ask || true" ask '{port}'
 said "127.0.0.1:$number"
 
 say "recorded, interrupted, refused, limited"
+
+# A device that takes its time gets all that a command wrote before it ended, though a pty and porttape held it by then.
+cat >slow.py <<'EOF'
+import os, sys, time, tty
+master, slave = os.openpty()
+tty.setraw(slave)
+os.symlink(os.ttyname(slave), sys.argv[1])
+with open(sys.argv[2], "wb", 0) as got:
+    while True:
+        got.write(os.read(master, 100))
+        time.sleep(0.002)
+EOF
+start "$PYTHON" slow.py "$work/slow" "$work/slow.got"
+wait_for "$work/slow"
+device=serial:$work/slow
+all_came() { [[ $(wc -c <slow.got) == $((39000 * rounds)) ]]; }
+rounds=0
+for supervised in no yes; do
+  options=()
+  [[ $supervised == no ]] || options=(--exec)
+  record 0 "slow$rounds" "$PYTHON" -c 'import os, sys, tty
+line = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
+tty.setraw(line)
+left = b"0123456789" * 3900
+while left:
+    left = left[os.write(line, left):]' '{port}'
+  whole "slow$rounds"
+  rounds=$((rounds + 1))
+  until_true all_came || die "the slow device got $(wc -c <slow.got) of $((39000 * rounds)) bytes"
+done
+options=()
+say "a slow device gets what was written before the end"

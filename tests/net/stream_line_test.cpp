@@ -76,6 +76,7 @@ class StreamLineTest : public testing::Test, private StreamLine::Owner {
   PeerState state = PeerState::gone;
   Answers answers = Answers::none;
   bool rest_wanted = false;
+  std::optional<std::size_t> elsewhere;
   bool another = false;
   std::string data;
   std::uint64_t lost = 0;
@@ -98,6 +99,7 @@ class StreamLineTest : public testing::Test, private StreamLine::Owner {
     if (bytes > 0) why = reason;
   }
   bool wants_rest() override { return rest_wanted; }
+  std::optional<std::size_t> unread_elsewhere() override { return elsewhere; }
   PeerState look_at_peer(int) override { return state; }
   bool next_waits() override { return another; }
 };
@@ -559,6 +561,24 @@ TEST_F(StreamLineTest, APeersRestIsKeptAnewAfterSomeOfItWasRead) {
   line->set_reading(true);
   line->set_reading(false);
   EXPECT_EQ(until_over(), milliseconds(10'250));
+}
+
+TEST_F(StreamLineTest, APeersRestIsKeptAsLongAsTheOtherLineTakesBytes) {
+  make(StreamLine::Side::accepted);
+  rest_wanted = true;
+  elsewhere = 1000;
+  line->set_reading(false);
+  send("rest");
+  EXPECT_FALSE(line->left_bytes()) << "it may send more";
+  peer.reset();
+  EXPECT_TRUE(line->left_bytes());
+  for (int n = 0; n < 20; ++n) {
+    --*elsewhere;
+    (void)let_pass(loop, clock, seconds(9));
+    ASSERT_FALSE(over.has_value()) << n;
+  }
+  (void)let_pass(loop, clock, seconds(11));
+  EXPECT_TRUE(over.has_value());
 }
 
 TEST_F(StreamLineTest, AnUnreadPeerWhoseRestNobodyWantsAnyMoreIsOverAtTheNextLook) {

@@ -40,6 +40,7 @@ class ToldPort final : public Port, private WaitingCalls, private Recorder, priv
   void set_reading(bool on) override { say(on ? "reading" : "not reading"); }
   void hang_up(bool after_reading) override { say(after_reading ? "hang up later" : "hang up"); }
   void read_pending() override { say("read pending"); }
+  [[nodiscard]] bool left_bytes() const override { return true; }
   void finish() override { say("finish"); }
   [[nodiscard]] PortFacets facets() override { return {.waiting = this, .recorder = this, .playback = this}; }
   [[nodiscard]] PortTraits traits() const override {
@@ -105,6 +106,7 @@ TEST_F(ForwardingPortTest, PassesOnEveryCallToTheInnerPort) {
   EXPECT_TRUE(wrapper.end_writing());
   EXPECT_TRUE(wrapper.has_half_close());
   EXPECT_EQ(wrapper.unread_by_peer(), 7U);
+  EXPECT_TRUE(wrapper.left_bytes());
   EXPECT_EQ(wrapper.settings(), LineSettings{.baud = 7});
   ASSERT_NE(wrapper.waiting(), nullptr);
   EXPECT_EQ(wrapper.waiting()->write_some(as_bytes("x")), 3U);

@@ -216,6 +216,17 @@ TEST_F(LastBytes, HaveASecondWhereANextDriverWaitsAndNothingGoes) {
   EXPECT_TRUE(closed());
 }
 
+TEST_F(LastBytes, HaveAsLongAsTheDeviceTakesThem) {
+  device_.unread = 1000;
+  for (int second = 0; second < 300; second += 10) {
+    --*device_.unread;
+    (void)let_pass(loop_, clock_, seconds(10));
+    ASSERT_FALSE(closed());
+  }
+  (void)let_pass(loop_, clock_, seconds(31));
+  EXPECT_TRUE(closed());
+}
+
 TEST_F(LastBytes, HaveThirtySecondsWhereANextDriverWaitsWhileTheyGo) {
   device_.unread = 100;
   driver_.up();

@@ -60,6 +60,80 @@ TEST_F(SessionTimeTest, AnEndWaitsForADeviceAsLongAsItTakesBytes) {
   EXPECT_TRUE(ends_within(milliseconds(1100)));
 }
 
+// A driver that has closed while the device had more than it could take.
+TEST_F(SessionTimeTest, AnEndTakesInWhatADriverThatHasClosedLeft) {
+  driver.up();
+  driver.send("first");
+  device.congested = true;
+  device.unread = 5;
+  driver.left = true;
+  driver.reading = false;
+  session->stop();
+  EXPECT_TRUE(driver.wants_rest());
+  for (int n = 0; n < 20; ++n) {
+    ASSERT_FALSE(ends_within(seconds(4)));
+    ASSERT_FALSE(driver.reading);
+    device.unread = 0;
+    device.drain();
+    ASSERT_TRUE(driver.reading) << n;
+    device.congested = true;
+    device.unread = 5;
+    driver.send("piece");
+  }
+  EXPECT_EQ(device.written.size(), 5 + 20 * 5);
+  driver.left = false;
+  driver.down(Reason::closed);
+  device.unread = 0;
+  device.drain();
+  EXPECT_TRUE(ends_within(milliseconds(10)));
+  EXPECT_EQ(device.gaps, 0);
+}
+
+TEST_F(SessionTimeTest, AnEndGivesUpWhatADriverLeftWhereTheDeviceTakesNothing) {
+  driver.up();
+  device.congested = true;
+  device.unread = 5;
+  driver.left = true;
+  session->stop();
+  EXPECT_FALSE(ends_within(milliseconds(4900)));
+  EXPECT_TRUE(ends_within(milliseconds(200)));
+}
+
+TEST_F(SessionTimeTest, AnEndReadsNothingMoreOfADriverThatIsThere) {
+  driver.up();
+  device.congested = true;
+  device.unread = 5;
+  session->stop();
+  device.unread = 0;
+  device.drain();
+  driver.send("more");
+  EXPECT_EQ(device.written, "");
+  EXPECT_NE(driver.calls.find("hang_up_after_reading"), std::string::npos);
+}
+
+TEST_F(SessionTimeTest, AnEndTakesInNothingMoreForADeviceThatIsLost) {
+  driver.up();
+  device.congested = true;
+  driver.left = true;
+  session->stop();
+  device.drain();
+  ASSERT_TRUE(driver.reading);
+  device.down(Reason::lost, "unplugged");
+  driver.send("rest");
+  EXPECT_EQ(device.written, "");
+  driver.left = false;
+  driver.down(Reason::hung_up);
+  EXPECT_TRUE(ends_within(milliseconds(10)));
+  EXPECT_EQ(device.gaps, 4);
+}
+
+TEST_F(SessionTimeTest, ADriversPortIsToldHowMuchTheDeviceHasYetToTake) {
+  EXPECT_EQ(driver.unread_by_driver(), std::nullopt);
+  driver.up();
+  device.unread = 7;
+  EXPECT_EQ(driver.unread_by_driver(), 7);
+}
+
 TEST_F(SessionTimeTest, WhatEitherTakesIsProgress) {
   driver.up();
   driver.congested = device.congested = true;

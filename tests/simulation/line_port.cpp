@@ -93,7 +93,7 @@ void LinePort::leave() {
   timer_.cancel();
   leaving_ = asked_ = was_congested_ = false;
   answers_.reset();
-  gone_since_.reset();
+  rest_wait_.reset();
   line_->forget_acts();
   const std::size_t rest = line_->unsent();
   if (!line_->kind_.always_open) line_->to_near_.clear();
@@ -284,6 +284,7 @@ void LinePort::tell_settings(const line::Settings& settings) {
 
 void LinePort::set_reading(bool on) {
   reading_ = on;
+  rest_wait_.reset();
   if (on) soon();
 }
 
@@ -346,7 +347,7 @@ void LinePort::tell_signals() {
 void LinePort::go_down(LineDown::Reason reason, bool after_reading) {
   up_ = leaving_ = asked_ = interrupted_ = was_congested_ = false;
   answers_.reset();
-  gone_since_.reset();
+  rest_wait_.reset();
   asked_for_.reset();
   line_->closing_ = false;
   line_->forget_acts();
@@ -478,9 +479,10 @@ void LinePort::look() {
   const bool gone = !line_->open_ && !interrupted_;
   if (gone) {
     drop_unsent();
-    if (!gone_since_) gone_since_ = world_->loop().now();
+    const Instant now = world_->loop().now();
+    if (!rest_wait_) rest_wait_.emplace(now, kRestLimit);
     const bool kept =
-        line_->unsent() > 0 && listener().wants_rest() && world_->loop().now() - *gone_since_ < kRestLimit;
+        line_->unsent() > 0 && listener().wants_rest() && rest_wait_->goes_on(now, listener().unread());
     if (kept) return timer_.set_after(kLook);
     return go_down(LineDown::Reason::closed);
   }

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "libport/base/end_wait.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/port/port.hpp"
 #include "tests/simulation/line.hpp"
@@ -34,6 +35,7 @@ class LinePort final : public Port {
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;
+  [[nodiscard]] bool left_bytes() const override { return up_ && !line_->open_ && line_->unsent() > 0; }
   void finish() override;
   [[nodiscard]] PortTraits traits() const override {
     return {.passive = line_->kind_.passive,
@@ -84,7 +86,7 @@ class LinePort final : public Port {
   bool leaving_ = false;   // hang_up(true), and bytes are unread
   bool asked_ = false;     // on_ended was told
   bool was_congested_ = false;
-  std::optional<Instant> gone_since_;
+  std::optional<EndWait> rest_wait_;
   std::optional<PortListener::Answers> answers_;
   std::optional<LineSettings> untried_;                    // given while the line was not up
   std::optional<LineSettings> asked_for_;                  // the last, and the device has them not yet

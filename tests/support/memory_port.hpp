@@ -35,6 +35,7 @@ class MemoryPort final : public Port, private Recorder {
     std::optional<std::size_t> unread;  // what unread_by_peer() gives
     bool completes = true;              // finish() is answered at once
     std::function<void()> pending;      // what read_pending() does
+    bool left = false;                  // what left_bytes() gives
     std::function<void()> on_open;      // what open() does besides
     Result<void> prepared;
     std::optional<LineSettings> settings;  // it is a serial line
@@ -139,6 +140,7 @@ class MemoryPort final : public Port, private Recorder {
   void read_pending() override {
     if (peer_->pending) peer_->pending();
   }
+  [[nodiscard]] bool left_bytes() const override { return peer_->left; }
   void finish() override {
     peer_->calls += "finish ";
     if (peer_->completes) listener().on_complete(peer_->status);

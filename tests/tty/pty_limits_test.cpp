@@ -69,6 +69,26 @@ TEST_F(PtyLimits, WhatADriverLeftIsKeptForTenSecondsWhereItIsWanted) {
   EXPECT_EQ(log.why, "the driver had closed before the device could take them");
 }
 
+TEST_F(PtyLimits, WhatADriverLeftIsKeptAsLongAsTheDeviceTakesBytes) {
+  log.wanted = true;
+  log.peer_unread = 1000;
+  port.set_reading(false);
+  EXPECT_FALSE(port.left_bytes());
+  write("rest");
+  EXPECT_FALSE(port.left_bytes()) << "it is still there";
+  leave();
+  EXPECT_TRUE(port.left_bytes());
+  for (int n = 0; n < 20; ++n) {
+    --*log.peer_unread;
+    pass(seconds(9));
+    ASSERT_EQ(log.events, "up ") << n;
+  }
+  pass(seconds(10));
+  EXPECT_EQ(log.events, "up closed ");
+  EXPECT_EQ(log.dropped, 4U);
+  EXPECT_FALSE(port.left_bytes());
+}
+
 TEST_F(PtyLimits, WhatIsWantedNoMoreIsDroppedAQuarterOfASecondLater) {
   log.wanted = true;
   port.set_reading(false);

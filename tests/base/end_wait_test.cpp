@@ -1,4 +1,4 @@
-#include "libport/session/end_wait.hpp"
+#include "libport/base/end_wait.hpp"
 
 #include <chrono>
 
@@ -30,6 +30,17 @@ TEST(EndWait, WhatComesBackIsNoProgress) {
   EXPECT_TRUE(wait.goes_on(start, 900));
   EXPECT_TRUE(wait.goes_on(start + seconds(3), 1000));
   EXPECT_FALSE(wait.goes_on(start + seconds(6), 950));
+}
+
+TEST(EndWait, WhatIsGivenMoreIsProgressAndCountsAsLeft) {
+  const Instant start{};
+  EndWait wait(start, seconds(5));
+  EXPECT_TRUE(wait.goes_on(start, 100));
+  EXPECT_TRUE(wait.goes_on(start + seconds(4), 0));
+  wait.more_given(start + seconds(4), 500);
+  EXPECT_TRUE(wait.goes_on(start + seconds(8), 499));
+  EXPECT_TRUE(wait.goes_on(start + seconds(12), 499));
+  EXPECT_FALSE(wait.goes_on(start + seconds(13), 499));
 }
 
 TEST(EndWait, HasItsLimitInAllWhereNothingIsKnown) {

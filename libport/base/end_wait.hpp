@@ -8,7 +8,7 @@
 
 namespace porttape {
 
-// How long an end waits for peers that have something left to read: while it is seen to become less, and at
+// How long somebody waits for peers that have something left to read: while it is seen to become less, and at
 // most `limit` without that. Where nobody knows how much is left, `limit` in all.
 class EndWait {
  public:
@@ -19,6 +19,11 @@ class EndWait {
     if (left && least_ && *left < *least_) since_ = now;
     if (left) least_ = std::min(*left, least_.value_or(*left));
     return now - since_ < limit_;
+  }
+  // The peers are given `bytes` more, since they took what they had: that is progress.
+  void more_given(Instant now, std::size_t bytes) {
+    since_ = now;
+    if (least_) *least_ += bytes;
   }
 
  private:
