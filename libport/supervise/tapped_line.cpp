@@ -1,5 +1,6 @@
 #include "libport/supervise/tapped_line.hpp"
 
+#include <algorithm>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -107,6 +108,11 @@ class TappedLine::Device final : public Port {
     if (up_) return say(listener());
     if (line_ != nullptr && line_->open_ && !line_->lost_) early_.push_back(say);
   }
+  // The same, though the device may be lost.
+  void note(const std::function<void(PortListener&)>& say) {
+    if (up_ || (line_ != nullptr && line_->lost_)) return say(listener());
+    early_.push_back(say);
+  }
   void end_drains() {
     for (const RequestNumber number : std::exchange(drains_, {})) listener().told(line::Sent{number});
   }
@@ -148,11 +154,25 @@ void TappedLine::opened(const std::string& device, const LineSettings& settings)
   open_ = true;
   lost_ = false;
   if (driver_ != nullptr) driver_->come_up();
+  for (const std::string& why : unseen_) note_unseen(why);
 }
 
 void TappedLine::closed() {
   open_ = false;
+  unseen_.clear();
   if (driver_ != nullptr) driver_->go_down();
+}
+
+void TappedLine::unseen(const std::string& why) {
+  was_unseen_ = true;
+  if (std::ranges::find(unseen_, why) != unseen_.end()) return;
+  unseen_.push_back(why);
+  if (open_) note_unseen(why);
+}
+
+void TappedLine::note_unseen(const std::string& why) {
+  if (device_ == nullptr) return;
+  device_->note([why](PortListener& hears) { hears.told(line::Dropped{0, why}); });
 }
 
 void TappedLine::wrote(ByteView data) {

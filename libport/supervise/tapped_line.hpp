@@ -3,6 +3,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "libport/base/bytes.hpp"
 #include "libport/line/line_settings.hpp"
@@ -34,6 +35,8 @@ class TappedLine {
   [[nodiscard]] bool open() const { return open_; }
   // Of the device, as a port: `serial:/dev/ttyUSB0`. Empty before it was first opened.
   [[nodiscard]] std::string device_name() const { return name_.empty() ? "" : "serial:" + name_; }
+  // Its path; empty before it was first opened.
+  [[nodiscard]] const std::string& device_path() const { return name_; }
   // Bytes that the device's line has taken, and that the driver gets from it.
   void wrote(ByteView data);
   void got(ByteView data);
@@ -44,6 +47,10 @@ class TappedLine {
   void device_signalled(const LineSignal& signal);
   // The driver waits until all that it wrote has left; the returned function is called at the end of that.
   std::function<void()> drains();
+  // The driver reads and writes where it is not seen: bytes are missing, nobody knows how many. Told once for
+  // each time that the device is open; before it is opened, with that.
+  void unseen(const std::string& why);
+  [[nodiscard]] bool was_unseen() const { return was_unseen_; }
   // The device has gone while it was open.
   void lost(const std::string& why);
   [[nodiscard]] bool lost() const { return lost_; }
@@ -52,14 +59,18 @@ class TappedLine {
   class Driver;
   class Device;
 
+  void note_unseen(const std::string& why);
+
   Driver* driver_ = nullptr;
   Device* device_ = nullptr;
   std::string device_path_;
   std::string name_;  // that it was opened by
   LineSettings settings_;
   bool open_ = false;
-  bool lost_ = false;         // since it was opened
-  RequestNumber drains_ = 0;  // of the driver, so far
+  bool lost_ = false;                // since it was opened
+  std::vector<std::string> unseen_;  // why, since it was closed last
+  bool was_unseen_ = false;          // ever
+  RequestNumber drains_ = 0;         // of the driver, so far
 };
 
 }  // namespace porttape
