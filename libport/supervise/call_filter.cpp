@@ -39,6 +39,7 @@ struct SmallCall {
   int small;
 };
 constexpr std::array kSmallCalls{SmallCall{SYS_ioctl, 54},   SmallCall{SYS_open, 5},
+                                 SmallCall{SYS_read, 3},     SmallCall{SYS_write, 4},
                                  SmallCall{SYS_openat, 295}, SmallCall{SYS_tkill, 238},
                                  SmallCall{SYS_tgkill, 270}, SmallCall{SYS_rt_tgsigqueueinfo, 335}};
 #elif defined(__aarch64__)

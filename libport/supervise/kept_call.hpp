@@ -22,11 +22,13 @@ struct Refuse {  // this is its errno
   int error = 0;
 };
 struct Pass {};  // the kernel does it, as if nobody had looked
-// A descriptor for this file is what it gives: at `at`, or the lowest that is free.
+// A descriptor for this file is what it gives: the lowest that is free, as the kernel finds it, or `at`, in
+// the place of what is there by then.
 struct Install {
   UniqueFd file;
   std::optional<int> at = {};
   bool close_on_exec = false;
+  std::function<void(int number)> given = {};  // called with the number that it has become
 };
 }  // namespace outcome
 using Outcome = std::variant<outcome::Answer, outcome::Refuse, outcome::Pass, outcome::Install>;

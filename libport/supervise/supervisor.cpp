@@ -108,6 +108,7 @@ std::optional<Outcome> Supervisor::install_file(std::uint64_t id, const outcome:
     given = ::ioctl(listener_.get(), SECCOMP_IOCTL_NOTIF_ADDFD, &add);
   } while (given < 0 && errno == EINTR);
   if (given < 0) return errno == ENOENT ? std::nullopt : std::optional<Outcome>(outcome::Refuse{errno});
+  if (install.given) install.given(given);
   return calls_stay_ ? std::optional<Outcome>(outcome::Answer{given}) : std::nullopt;
 }
 

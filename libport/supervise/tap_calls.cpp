@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <charconv>
 #include <chrono>
+#include <dirent.h>
 #include <fcntl.h>
 #include <filesystem>
 #include <fmt/format.h>
@@ -12,6 +14,7 @@
 #include <poll.h>
 #include <sys/ioctl.h>
 #include <sys/resource.h>
+#include <sys/select.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/sysmacros.h>
@@ -33,6 +36,7 @@ using std::chrono::milliseconds;
 
 // Below FD_SETSIZE, for programs that select(), and above what others have.
 constexpr std::uint32_t kFilesFrom = 960;
+constexpr std::uint32_t kSelected = FD_SETSIZE;
 constexpr std::uint32_t kFilesKept = 64;  // for it, where the limit is lower
 constexpr rlim_t kFilesOfGuard = 32;      // which closes some before anybody answers
 constexpr Nanos kHoldersLook = milliseconds(1);
@@ -56,31 +60,42 @@ std::uint32_t files_from_here() {
   return static_cast<std::uint32_t>(std::max<rlim_t>(from, kFilesOfGuard));
 }
 
+// The descriptors that its process has open; nothing where /proc does not tell.
+std::optional<std::set<std::uint32_t>> open_files(const Call& call) {
+  const std::unique_ptr<DIR, int (*)(DIR*)> folder(
+      ::opendir(fmt::format("/proc/{}/fd", call.thread()).c_str()), &::closedir);
+  if (!folder) return std::nullopt;
+  std::set<std::uint32_t> open;
+  errno = 0;
+  while (const dirent* const entry = ::readdir(folder.get())) {
+    std::uint32_t fd = 0;
+    const std::string_view name = entry->d_name;
+    if (std::from_chars(name.data(), name.data() + name.size(), fd).ec == std::errc()) open.insert(fd);
+  }
+  return errno == 0 ? std::optional(std::move(open)) : std::nullopt;
+}
+
 // Nothing: that is not to be known.
 std::optional<bool> is_open(const Call& call, std::uint32_t fd) {
   if (call.duplicate(static_cast<int>(fd))) return true;
-  if (errno == EBADF) return false;
-  struct stat status {};
-  const std::string folder = fmt::format("/proc/{}/fd", call.thread());
-  if (::lstat(fmt::format("{}/{}", folder, fd).c_str(), &status) == 0) return true;
-  return errno == ENOENT && ::stat(folder.c_str(), &status) == 0 ? std::optional(false) : std::nullopt;
+  return errno == EBADF ? std::optional(false) : std::nullopt;
 }
 
-// Where what is said is seen: the lowest free one, as programs count on for 0 to 2, else from `seen_from` on.
-// Nothing: there is none.
-std::optional<int> free_place(const Call& call, std::uint32_t from, std::uint32_t seen_from) {
-  rlimit limit{};
-  if (::prlimit(process_of(call.thread()), RLIMIT_NOFILE, nullptr, &limit) != 0)
-    limit.rlim_cur = RLIM_INFINITY;
-  for (std::uint32_t next = from; next < limit.rlim_cur; ++next) {
-    if (next > 2) next = std::max(next, seen_from);
-    const std::uint32_t fd = next;
-    if (fd >= limit.rlim_cur) break;
-    const std::optional<bool> open = is_open(call, fd);
-    if (!open) break;
-    if (!*open) return static_cast<int>(fd);
+// The same without /proc, of the numbers that matter.
+std::optional<std::set<std::uint32_t>> tried_files(const Call& call, std::uint32_t seen_from) {
+  std::set<std::uint32_t> open;
+  const auto add = [&](std::uint32_t fd) {
+    const std::optional<bool> taken = is_open(call, fd);
+    if (taken == true) open.insert(fd);
+    return taken.has_value();
+  };
+  for (const std::uint32_t fd : {0U, 1U, 2U}) {
+    if (!add(fd)) return std::nullopt;
   }
-  return std::nullopt;
+  for (std::uint32_t fd = seen_from; fd < seen_from + kFilesKept; ++fd) {
+    if (!add(fd)) return std::nullopt;
+  }
+  return open;
 }
 
 // Flags with which no device is opened: as a place, as a folder, as a file that is to be made.
@@ -101,6 +116,11 @@ bool is_other_kind(std::uint64_t device) {
       fmt::format("/sys/dev/char/{}:{}/subsystem", major(device), minor(device)), error);
   return !error && kind.filename() != "tty";
 }
+
+// Whether such an error of an open says nothing of the device, but something of this process or machine.
+bool is_ours(int error) { return error == EMFILE || error == ENFILE || error == ENOMEM; }
+
+bool is_seen(std::uint32_t fd, std::uint32_t seen_from) { return fd <= 2 || fd >= seen_from; }
 
 bool lives(pid_t process) {
   const UniqueFd file(static_cast<int>(::syscall(SYS_pidfd_open, process, 0)));
@@ -199,7 +219,8 @@ CallPart::Decision TapCalls::decide(Supervisor& supervisor, const Call& call) {
       if (static_cast<std::int64_t>(call.argument(3)) != -1) return outcome::Pass{};
       if ((call.argument(5) & ~kNothingToTtys) == 0) return decide_device(supervisor, call);
       if (is_tapped(call, static_cast<int>(call.argument(0))))
-        tell_once(
+        tell_unseen(
+            "the command used preadv2 or pwritev2 with flags of its own",
             "the command reads or writes its device by preadv2 or pwritev2 with flags of its own: that is "
             "not on the tape; record it by `porttape exec --device`");
       return outcome::Pass{};
@@ -234,9 +255,9 @@ CallPart::Decision TapCalls::decide(Supervisor& supervisor, const Call& call) {
       return outcome::Pass{};
     case SYS_pidfd_getfd:
       if (takes_device(call))
-        tell_once(
-            "the command takes its device from another process (pidfd_getfd): what it says by that "
-            "descriptor is not on the tape; record it by `porttape exec --device`");
+        tell_unseen("the command took its device from another process",
+                    "the command takes its device from another process (pidfd_getfd): what it says by that "
+                    "descriptor is not on the tape; record it by `porttape exec --device`");
       return outcome::Pass{};
     case kRestrictSelf:
       if (const std::vector<pid_t> lineage = lineage_of(call.thread()); !lineage.empty())
@@ -329,26 +350,63 @@ CallPart::Decision TapCalls::decide_device_open(const Keep& keep, const Call& ca
                                                 const OpenArguments& wanted, const TtyDevice& device) {
   if (device_ ? !device.is(*device_) : !ports_.can_be(device.number)) return outcome::Pass{};
   if (call.is_small()) {
-    tell_once(
-        "a 32-bit program opens its device: what it says is not on the tape; record it by "
-        "`porttape exec --device`");
+    tell_unseen("a 32-bit program has opened the device",
+                "a 32-bit program opens its device: what it says is not on the tape; record it by "
+                "`porttape exec --device`");
     return outcome::Pass{};
   }
   if (!device_ && is_other_kind(device.number)) return outcome::Pass{};
   // The system says nothing of a program that was killed meanwhile, so the reason would be wrong.
   if (const std::string why = why_not_opened(call, wanted); !why.empty()) {
     if (!call.waits()) return outcome::Pass{};
-    tell_once(
+    tell_unseen(
+        fmt::format("the command has opened the device where it is not seen ({})", why),
         fmt::format("the command opens its device where that cannot be done for it ({}): what it says then "
                     "is not on the tape; record it by `porttape exec --device`",
                     why));
     return outcome::Pass{};
   }
-  if (!free_place(call, 0, files_from_)) {
-    if (call.waits()) tell_unseen();
+  const std::optional<Place> place = place_for(call, 0);
+  if (!place) {
+    tell_no_place(call);
     return outcome::Pass{};
   }
+  if (place->kind == Place::Kind::none) return outcome::Pass{};  // which the kernel refuses, too
   return open_tapped(keep, call, wanted, device);
+}
+
+// Where what is said is seen. The number is the lowest free one, as programs count on for 0 to 2 and have it
+// where they have many files. The kernel finds that one, since other threads take and free numbers meanwhile.
+// Else it is the highest free one below FD_SETSIZE: a number that another thread could be given meanwhile
+// only if it opened all that are between. Nothing: there is none, or it is not to be known.
+std::optional<TapCalls::Place> TapCalls::place_for(const Call& call, std::uint32_t from) const {
+  rlimit limit{};
+  if (::prlimit(process_of(call.thread()), RLIMIT_NOFILE, nullptr, &limit) != 0)
+    limit.rlim_cur = RLIM_INFINITY;
+  std::optional<std::set<std::uint32_t>> open = open_files(call);
+  if (!open) open = tried_files(call, files_from_);
+  if (!open) return std::nullopt;
+  std::uint32_t lowest = from;
+  while (open->contains(lowest)) ++lowest;
+  if (lowest >= limit.rlim_cur) return Place{Place::Kind::none, 0};
+  if (is_seen(lowest, files_from_)) return Place{};
+  const auto end = static_cast<std::uint32_t>(std::min<rlim_t>(limit.rlim_cur, kSelected));
+  for (std::uint32_t fd = end; fd-- > std::max(files_from_, from);) {
+    if (!open->contains(fd)) return Place{Place::Kind::number, static_cast<int>(fd)};
+  }
+  for (std::uint32_t fd = std::max(kSelected, from); fd < limit.rlim_cur; ++fd) {
+    if (!open->contains(fd)) return Place{Place::Kind::number, static_cast<int>(fd)};
+  }
+  return std::nullopt;
+}
+
+Outcome TapCalls::install(UniqueFd file, const Place& place, bool close_on_exec) {
+  const auto given = [this](int number) {
+    if (!is_seen(static_cast<std::uint32_t>(number), files_from_)) tell_moved(number);
+  };
+  const bool named = place.kind == Place::Kind::number;
+  return outcome::Install{std::move(file), named ? std::optional(place.at) : std::nullopt, close_on_exec,
+                          given};
 }
 
 // Landlock holds for who restricts itself, and for all that it starts from then on.
@@ -373,6 +431,7 @@ CallPart::Decision TapCalls::open_tapped(const Keep& keep, const Call& call, con
   if (!wanted.may_wait && ((wanted.flags & O_NONBLOCK) != 0 || is_pty(device.number))) {
     const int flags = wanted.flags & ~(O_CREAT | O_EXCL | O_TRUNC);
     UniqueFd file(::openat(wanted.file.at(), wanted.file.path.c_str(), flags | O_NOCTTY | O_CLOEXEC));
+    if (!file && is_ours(errno)) return not_opened_here(errno);
     if (!file) return outcome::Refuse{errno};
     return opened(call, wanted, device, std::move(file));
   }
@@ -381,12 +440,13 @@ CallPart::Decision TapCalls::open_tapped(const Keep& keep, const Call& call, con
     holders_timer_.set_after(kHoldersLook);  // which lets go of it
     const auto waiting = weak.lock();
     if (!waiting || waiting->over()) return;
+    if (!file && is_ours(error)) return waiting->finish(not_opened_here(error));
     waiting->finish(file ? opened(waiting->call(), wanted, device, std::move(file))
                          : Outcome(outcome::Refuse{error == EINTR ? KeptCall::kRestart : error}));
   };
   std::unique_ptr<WaitingOpen> open = WaitingOpen::start(*loop_, wanted.file, wanted.flags, done);
   if (!open) {
-    kept->finish(outcome::Refuse{errno});
+    kept->finish(not_opened_here(errno));
     return Kept{};
   }
   kept->on_gone([this, of_it = open.get()] {
@@ -394,6 +454,13 @@ CallPart::Decision TapCalls::open_tapped(const Keep& keep, const Call& call, con
   });
   opens_.push_back(std::move(open));
   return Kept{};
+}
+
+// The program opens it by itself then.
+Outcome TapCalls::not_opened_here(int error) {
+  const std::string why = "porttape could not open the device (" + errno_text(error) + ")";
+  tell_unseen(why, why + ": what the command says to it is not on the tape");
+  return outcome::Pass{};
 }
 
 Outcome TapCalls::opened(const Call& call, const OpenArguments& wanted, const TtyDevice& device,
@@ -406,7 +473,9 @@ Outcome TapCalls::opened(const Call& call, const OpenArguments& wanted, const Tt
   if (!line_->open()) begin_line(file.get(), wanted.named);
   watch_closes(file.get());
   watch_process(process_of(call.thread()));
-  return outcome::Install{std::move(file), free_place(call, 0, files_from_), (wanted.flags & O_CLOEXEC) != 0};
+  const std::optional<Place> place = place_for(call, 0);
+  if (!place) tell_no_place(call);
+  return install(std::move(file), place.value_or(Place{}), (wanted.flags & O_CLOEXEC) != 0);
 }
 
 void TapCalls::begin_line(int file, const std::string& path) {
@@ -428,10 +497,20 @@ void TapCalls::watch_closes(int file) {
   });
 }
 
-void TapCalls::tell_unseen() {
-  tell_once(
+// The system says nothing of a program that was killed meanwhile.
+void TapCalls::tell_no_place(const Call& call) {
+  if (!call.waits()) return;
+  tell_unseen(
+      "the command had the device by a descriptor that is not seen",
       "the command may have no descriptor where what it says to its device is seen (its limit of open files "
       "is too low, or /proc is not to be had): record it by `porttape exec --device` instead");
+}
+
+void TapCalls::tell_moved(int at) {
+  tell_unseen("the command had the device by a descriptor that is not seen",
+              fmt::format("the command has moved its device to descriptor {}, where what it reads and writes "
+                          "is not seen: record it by `porttape exec --device` instead",
+                          at));
 }
 
 // A copy is where reads and writes of it are seen, too.
@@ -444,20 +523,20 @@ CallPart::Decision TapCalls::decide_copy(const Call& call) {
   if (is_fcntl && command != F_DUPFD && command != F_DUPFD_CLOEXEC) return outcome::Pass{};
   if (!is_tapped(call, fd)) return outcome::Pass{};
   if (!is_fcntl && call.number() != SYS_dup) {
-    if (at > 2 && at < files_from_)
-      tell_once(
-          fmt::format("the command has moved its device to descriptor {}, where what it reads and writes "
-                      "is not seen: record it by `porttape exec --device` instead",
-                      at));
+    if (!is_seen(at, files_from_)) tell_moved(static_cast<int>(at));
     return outcome::Pass{};
   }
+  const std::uint32_t from = is_fcntl ? at : 0;
+  const std::optional<Place> place = place_for(call, from);
   UniqueFd copy = call.duplicate(fd);
-  const std::optional<int> place = free_place(call, is_fcntl ? at : 0, files_from_);
-  if (!copy || !place) {
-    tell_unseen();
+  if (!place || !copy) {
+    tell_no_place(call);
     return outcome::Pass{};
   }
-  return Outcome(outcome::Install{std::move(copy), place, is_fcntl && command == F_DUPFD_CLOEXEC});
+  // The kernel finds the lowest one from a number on only by itself.
+  if (place->kind == Place::Kind::none || (place->kind == Place::Kind::lowest && from > 0))
+    return outcome::Pass{};
+  return install(std::move(copy), *place, is_fcntl && command == F_DUPFD_CLOEXEC);
 }
 
 // Here, since what a transfer makes of them meanwhile must not be seen.
@@ -491,8 +570,9 @@ CallPart::Decision TapCalls::decide_device(Supervisor& supervisor, const Call& c
   const std::shared_ptr<TappedFile> file = files_.find(call, *device_, error);
   if (!file) {
     if (error == 0 || !is_tapped(call, static_cast<int>(call.argument(0)))) return not_ours();
-    tell_once("its descriptors are not to be had (" + errno_text(error) +
-              "): what the command says to its device is not on the tape");
+    tell_unseen("the command's descriptors were not to be had",
+                "its descriptors are not to be had (" + errno_text(error) +
+                    "): what the command says to its device is not on the tape");
     return outcome::Pass{};
   }
   if (!line_->open()) {  // it had it before, or was not to be found in /proc
@@ -549,6 +629,12 @@ void TapCalls::look_for_holders() {
   }
   holders_timer_.cancel();
   line_->closed();
+}
+
+// Bytes that are not on the tape.
+void TapCalls::tell_unseen(const std::string& why, const std::string& what) {
+  line_->unseen(why);
+  tell_once(what);
 }
 
 void TapCalls::tell_once(const std::string& what) {

@@ -71,6 +71,16 @@ class TapCalls final : public CallPart {
     bool through_process = false;
     bool may_wait = false;
   };
+  // Of a new descriptor.
+  struct Place {
+    enum class Kind {
+      lowest,  // of those that are free
+      number,  // `at`
+      none     // the program may have no more
+    };
+    Kind kind = Kind::lowest;
+    int at = 0;
+  };
   using Keep = std::function<std::shared_ptr<KeptCall>()>;
   struct Holder {
     pid_t process = 0;
@@ -90,7 +100,10 @@ class TapCalls final : public CallPart {
   [[nodiscard]] std::string why_not_opened(const Call& call, const OpenArguments& wanted) const;
   Decision open_tapped(const Keep& keep, const Call& call, const OpenArguments& wanted,
                        const TtyDevice& device);
+  Outcome not_opened_here(int error);
   Outcome opened(const Call& call, const OpenArguments& wanted, const TtyDevice& device, UniqueFd file);
+  [[nodiscard]] std::optional<Place> place_for(const Call& call, std::uint32_t from) const;
+  Outcome install(UniqueFd file, const Place& place, bool close_on_exec);
   void begin_line(int file, const std::string& path);
   void watch_closes(int file);
   Decision decide_copy(const Call& call);
@@ -103,7 +116,9 @@ class TapCalls final : public CallPart {
   void watch_process(pid_t process);
   void look_for_holders();
   void tell_once(const std::string& what);
-  void tell_unseen();
+  void tell_unseen(const std::string& why, const std::string& what);
+  void tell_no_place(const Call& call);
+  void tell_moved(int at);
 
   Loop* loop_;
   TappedLine* line_;

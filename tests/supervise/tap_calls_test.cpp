@@ -103,6 +103,8 @@ class TappedEvents {
         if (events_->shows_settings) events_->say(to_text(settings->seen));
       } else if (std::holds_alternative<line::Drain>(event)) {
         events_->say("drain");
+      } else if (const auto* lost = std::get_if<line::Dropped>(&event)) {
+        events_->say(lost->bytes == 0 ? "missing" : "dropped");
       }
     }
 
@@ -598,6 +600,23 @@ TEST_F(TapCallsTest, AProgramThatMayHaveFewFilesIsToldOf) {
   EXPECT_THAT(tap({"few", "open", "raw:1:0", "write:a"}), ElementsAre("open 0", "write 1"));
   EXPECT_THAT(told, Contains(HasSubstr("limit of open files")));
   EXPECT_THAT(events.all, Not(Contains("open")));
+  EXPECT_TRUE(line.was_unseen());
+}
+
+TEST_F(TapCallsTest, WhatIsMovedWhereItIsNotSeenIsMissingOnTheTape) {
+  EXPECT_THAT(tap({"open", "raw:1:0", "write:a", "copy:dup20", "write:b"}),
+              ElementsAre("open 0", "write 1", "dup20 0", "write 1"));
+  EXPECT_THAT(told, ElementsAre(HasSubstr("moved its device to descriptor 20")));
+  EXPECT_THAT(events.all, ElementsAre("open", "w a", "missing", "close"));
+}
+
+TEST_F(TapCallsTest, NoFileOfAnotherThreadIsReplaced) {
+  EXPECT_THAT(tap({"race:300"}), ElementsAre("race 0"));
+}
+
+TEST_F(TapCallsTest, WhereManyFilesAreOpenTheNumberIsTheKernels) {
+  EXPECT_THAT(same({"fill", "open", "raw:1:0", "number", "write:a", "copy:dup", "number", "write:b"}),
+              ElementsAre("open 0", "number 1000", "write 1", "dup 0", "number 1001", "write 1"));
 }
 
 // What it opens then is the kernel's to judge, in either case the same.

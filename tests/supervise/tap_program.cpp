@@ -14,6 +14,7 @@
 #include <poll.h>
 #include <sched.h>
 #include <string>
+#include <sys/eventfd.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/mount.h>
@@ -271,10 +272,45 @@ void do_copy(const std::string& how) {
     ::close(0);
     line = ::dup(before);
   }
+  if (how == "dup20") line = ::dup2(before, 20);
   if (how == "dupfd") line = ::fcntl(before, F_DUPFD_CLOEXEC, 10);
   ::close(before);
   const bool lowest = how == "dup0" || how == "dup2";
   say(how, line < 0 ? -1 : 0, lowest ? line == 0 ? "at 0" : "elsewhere" : "");
+}
+
+// One thread opens and closes the line, another one makes files where the lowest numbers are free: none of
+// these may become something else.
+void do_race(int opens) {
+  ::close(0);
+  bool over = false;
+  std::thread opener([&] {
+    for (int n = 0; n < opens; ++n) {
+      const int fd = ::open(path, O_RDWR | O_NOCTTY);
+      if (fd >= 0) ::close(fd);
+    }
+    __atomic_store_n(&over, true, __ATOMIC_RELEASE);
+  });
+  int replaced = 0;
+  while (!__atomic_load_n(&over, __ATOMIC_ACQUIRE)) {
+    const int fd = ::eventfd(0, 0);
+    for (int look = 0; look < 20; ++look) {
+      struct stat status {};
+      if (::fstat(fd, &status) == 0 && S_ISCHR(status.st_mode)) {
+        ++replaced;
+        break;
+      }
+    }
+    ::close(fd);
+  }
+  opener.join();
+  say("race", replaced);
+}
+
+// All below 1000 are taken.
+void do_fill() {
+  while (::dup(2) < 999) {
+  }
 }
 
 // The child has it alone in the end.
@@ -614,6 +650,12 @@ bool do_line_step(const std::string& name, const std::string& value) {
     do_last_closes(std::atoi(value.c_str()));
   } else if (name == "copy") {
     do_copy(value);
+  } else if (name == "race") {
+    do_race(std::atoi(value.c_str()));
+  } else if (name == "fill") {
+    do_fill();
+  } else if (name == "number") {
+    say("number", line);
   } else if (name == "fork") {
     do_fork();
   } else if (name == "openas") {
