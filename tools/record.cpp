@@ -1,10 +1,12 @@
 #include <algorithm>
 #include <cctype>
+#include <filesystem>
 #include <fmt/format.h>
 #include <fmt/ostream.h>
 #include <optional>
 #include <ostream>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -61,6 +63,15 @@ std::vector<std::string> with_placeholder(std::vector<std::string> words, const 
   return words;
 }
 
+// The same where a word is the device by another name, as a link.
+std::vector<std::string> with_port(std::vector<std::string> words, const std::string& device) {
+  std::error_code error;
+  for (std::string& word : words) {
+    if (!device.empty() && std::filesystem::canonical(word, error) == device && !error) word = "{port}";
+  }
+  return with_placeholder(std::move(words), device);
+}
+
 void tell_never_tapped(const std::string& device, bool named, const Voice& voice) {
   tell(voice, fmt::format("the command never opened {}, so that there is no tape",
                           named ? device : "a serial device but its terminal"));
@@ -109,10 +120,13 @@ Told tell_tape(const TapePaths& paths, const Voice& voice) {
   }
   tell(voice, recorded_text(*tape));
   const bool bytes = tape->write.bytes + tape->read.bytes > 0;
-  if (!bytes) tell(voice, "no byte is on it: nothing passed between the command and the device");
+  const bool gaps = tape->events.count<event::Gap>() > 0;
+  if (!bytes)
+    tell(voice,
+         gaps ? "no byte is on it" : "no byte is on it: nothing passed between the command and the device");
   tell_gaps(*tape, voice);
   for (const Error& damage : tape->damages()) tell(voice, damage.message);
-  return {tape->events.count<event::Gap>() == 0 && tape->damages().empty(), bytes};
+  return {!gaps && tape->damages().empty(), bytes};
 }
 
 // The name of a recording that has these tapes: of a group that of its first connection, the shortest one.
@@ -124,8 +138,8 @@ std::string name_of(const std::vector<TapePaths>& tapes, bool group) {
   return name;
 }
 
-void tell_next(const std::vector<TapePaths>& tapes, const CommandVerbLine& line, bool supervised,
-               const Voice& voice) {
+void tell_next(const std::vector<TapePaths>& tapes, const CommandVerbLine& line,
+               const std::vector<std::string>& command, bool supervised, const Voice& voice) {
   const auto connections = line.values.find("connections");
   const bool group = connections != line.values.end() && connections->second == "each";
   const std::string name = shell_line(std::vector{name_of(tapes, group)});
@@ -134,7 +148,7 @@ void tell_next(const std::vector<TapePaths>& tapes, const CommandVerbLine& line,
   if (group) driver += "--connections each ";
   if (supervised) driver += "--exec ";
   fmt::print(voice.err, "  look at it    porttape cat {}\n  test with it  porttape test --tape {} {}-- {}\n",
-             printable_line(name), printable_line(name), printable_line(driver), shell_line(line.command));
+             printable_line(name), printable_line(name), printable_line(driver), shell_line(command));
 }
 
 int status_of(const RecordRun& record, bool whole) {
@@ -156,7 +170,10 @@ Result<int> record_on(CommandVerbLine line, const Voice& voice, std::optional<Su
   for (const std::string& note : record.notes()) tell(voice, note);
   const CommandEnd& end = record.command_end();
   if (end.exit_code() != 0 && !record.command_ended()) tell(voice, "the command " + end.text());
-  if (!record.opened() && supervision && supervision->tapped) {
+  const bool unseen = supervision && supervision->tapped && supervision->tapped->was_unseen();
+  if (!record.opened() && unseen) {
+    tell(voice, "there is no tape: the command had its device where it is not seen, as is told above");
+  } else if (!record.opened() && supervision && supervision->tapped) {
     tell_never_tapped(line.values.at("device"), supervision->tapped_device.has_value(), voice);
   } else if (!record.opened()) {
     tell_unopened(line.command, main_part(*ports), voice);
@@ -168,8 +185,12 @@ Result<int> record_on(CommandVerbLine line, const Voice& voice, std::optional<Su
     const Told told = tell_tape(tape, voice);
     all = {all.whole && told.whole, all.bytes || told.bytes};
   }
-  if (all.bytes) tell_next(record.tapes(), line, supervision.has_value(), voice);
-  return status_of(record, all.whole);
+  std::vector<std::string> next = line.command;
+  // A command with a device of its own would talk to that one again.
+  if (supervision && supervision->tapped)
+    next = with_port(std::move(next), supervision->tapped->device_path());
+  if (all.bytes) tell_next(record.tapes(), line, next, supervision.has_value(), voice);
+  return status_of(record, all.whole && !unseen);
 }
 
 }  // namespace
