@@ -29,18 +29,18 @@ bool is_folder(const char* path) {
 }
 
 // The kernel's node for new ptys looks for `pts` beside itself, and a node that is mounted alone has nothing
-// beside it: it is reached in the folder that it was in.
-bool is_kernels_ptmx() {
-  struct stat status {};
-  return ::lstat("/dev/ptmx", &status) == 0 && S_ISCHR(status.st_mode);
-}
-
+// beside it. So root makes one of its own. Where that is not allowed the node is reached in the folder that
+// it was in, of which nothing but these two is to be had.
 Result<void> own_dev(PrivateFolders& folders) {
-  if (!is_kernels_ptmx()) return folders.own("/dev");
+  struct stat ptmx {};
+  if (::lstat("/dev/ptmx", &ptmx) != 0 || !S_ISCHR(ptmx.st_mode)) return folders.own("/dev");
   const Result<UniqueFd> before = folders.cloned_folder("/dev");
   if (!before) return before.error();
   if (Result<void> owned = folders.own("/dev"); !owned) return owned;
+  if (folders.put_node("/dev/ptmx", ptmx.st_mode, ptmx.st_rdev)) return {};
   if (Result<void> put = folders.put_folder("/dev/.porttape", *before); !put) return put;
+  if (Result<void> covered = folders.cover_all_but("/dev/.porttape", {"ptmx", "pts"}); !covered)
+    return covered;
   return folders.put_link("/dev/ptmx", ".porttape/ptmx");
 }
 

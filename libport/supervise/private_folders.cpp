@@ -76,7 +76,8 @@ Result<void> PrivateFolders::copy(const std::string& folder) {
   struct stat status {};
   if (!old || ::fstat(old.get(), &status) != 0) return mounts_.refused(folder, errno);
   const std::string options = fmt::format("mode={:o}", status.st_mode & 07777U);
-  if (::mount("porttape", folder.c_str(), "tmpfs", MS_NOSUID | MS_NODEV, options.c_str()) != 0)
+  const unsigned long devices = folder == "/dev" ? 0 : MS_NODEV;
+  if (::mount("porttape", folder.c_str(), "tmpfs", MS_NOSUID | devices, options.c_str()) != 0)
     return mounts_.refused("a file system in memory on " + folder, errno);
   owned_.insert(folder);
   const std::unique_ptr<DIR, int (*)(DIR*)> entries(::fdopendir(::dup(old.get())), &::closedir);
@@ -129,6 +130,34 @@ Result<void> PrivateFolders::put_mount(const std::string& path, const std::strin
   if (!make_empty_file(path)) return mounts_.refused(path, errno);
   if (::mount(source.c_str(), path.c_str(), nullptr, MS_BIND, nullptr) != 0)
     return mounts_.refused(path, errno);
+  return {};
+}
+
+Result<void> PrivateFolders::put_node(const std::string& path, mode_t mode, dev_t device) {
+  if (Result<void> free = free_name(path); !free) return free;
+  if (::mknod(path.c_str(), mode, device) != 0 || ::chmod(path.c_str(), mode & 07777U) != 0)
+    return mounts_.refused(path, errno);
+  // It can be made and not be opened where the file system, or what runs this, has no devices.
+  if (UniqueFd(::open(path.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC))) return {};
+  return mounts_.refused(path, errno);
+}
+
+Result<void> PrivateFolders::cover_all_but(const std::string& folder, const std::set<std::string>& names) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  std::vector<fs::directory_entry> all;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
+    all.push_back(*entry);
+  if (error) return mounts_.refused(folder, error.value());
+  for (const fs::directory_entry& entry : all) {
+    if (names.contains(entry.path().filename()) || entry.is_symlink(error)) continue;
+    const char* const path = entry.path().c_str();
+    const bool covered =
+        entry.is_directory(error)
+            ? ::mount("porttape", path, "tmpfs", MS_NOSUID | MS_NODEV | MS_RDONLY, "mode=0555") == 0
+            : ::mount("/dev/null", path, nullptr, MS_BIND, nullptr) == 0;
+    if (!covered) return mounts_.refused(entry.path().string(), errno);
+  }
   return {};
 }
 

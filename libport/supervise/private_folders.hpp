@@ -2,6 +2,7 @@
 
 #include <set>
 #include <string>
+#include <sys/types.h>
 
 #include "libport/base/result.hpp"
 #include "libport/base/unique_fd.hpp"
@@ -27,6 +28,11 @@ class PrivateFolders {
   Result<void> drop_links(const std::string& folder, const std::string& name);
   // The file `source` is mounted there.
   Result<void> put_mount(const std::string& path, const std::string& source);
+  // A device of its own, usable if the system lets this process make such.
+  Result<void> put_node(const std::string& path, mode_t mode, dev_t device);
+  // Nothing else of what is there can be reached in that folder, which is mounted: files are /dev/null,
+  // folders are empty. Links stay.
+  Result<void> cover_all_but(const std::string& folder, const std::set<std::string>& names);
   // What cloned_folder() gave.
   Result<void> put_folder(const std::string& path, const UniqueFd& clone);
   // A folder with all that is mounted in it, as it is now.

@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <fcntl.h>
+#include <filesystem>
 #include <fstream>
 #include <functional>
 #include <grp.h>
@@ -21,6 +22,7 @@
 #include <sys/syscall.h>
 #include <sys/sysmacros.h>
 #include <sys/wait.h>
+#include <system_error>
 #include <termios.h>
 #include <unistd.h>
 #include <vector>
@@ -223,6 +225,40 @@ TEST_P(DeviceViewTest, ItTakesThePlaceOfADeviceOfItsName) {
                 },
                 {.path = "/dev/ttyS0"}),
             std::to_string(pty.st_rdev));
+}
+
+// The device whose place it takes, and all that is hidden with it, is nowhere else.
+TEST_P(DeviceViewTest, WhatIsHiddenIsToBeHadByNoOtherName) {
+  const auto reached = [](const std::string& folder) {
+    std::string all;
+    std::error_code error;
+    for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
+         entry.increment(error)) {
+      struct stat status {};
+      if (entry->is_symlink(error) || ::stat(entry->path().c_str(), &status) != 0) continue;
+      const bool is_tty = S_ISCHR(status.st_mode) && major(status.st_rdev) == 4;
+      if (is_tty) all += entry->path().string() + ' ';
+    }
+    return all;
+  };
+  EXPECT_EQ(inside([&] { return reached("/dev/.porttape"); }), "");
+}
+
+// Of a command that makes ptys, as a terminal emulator does.
+TEST_P(DeviceViewTest, ANewPtyHasItsNameWhereTheSystemLetsUsMakeItsNode) {
+  const std::string name = inside([] {
+    int near = -1;
+    int far = -1;
+    std::array<char, 64> path{};
+    if (::openpty(&near, &far, nullptr, nullptr, nullptr) != 0) return errno_text(errno);
+    return std::string(::ttyname_r(far, path.data(), path.size()) == 0 ? path.data() : "none");
+  });
+  if (GetParam()) {
+    EXPECT_THAT(name,
+                testing::AnyOf(testing::StartsWith("/dev/pts/"), testing::StartsWith("/dev/.porttape/pts/")));
+  } else if (!inside([] { return std::string(is_there("/dev/.porttape") ? "" : "own"); }).empty()) {
+    EXPECT_THAT(name, testing::StartsWith("/dev/pts/"));
+  }
 }
 
 TEST_P(DeviceViewTest, LinksOfTheDeviceThatWasThereAreGone) {
