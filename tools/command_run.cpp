@@ -175,6 +175,7 @@ Result<bool> CommandRun::start_supervised(const std::vector<std::string>& comman
   }
   family_.look_through((*started)->guard());
   command_ = std::move(*started);
+  most_files_.emplace();  // of all programs that the command runs, each may need some at a time
   return true;
 }
 

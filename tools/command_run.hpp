@@ -19,6 +19,7 @@
 #include "tools/child_process.hpp"
 #include "tools/command_end.hpp"
 #include "tools/command_family.hpp"
+#include "tools/most_files.hpp"
 #include "tools/running_command.hpp"
 #include "tools/supervision.hpp"
 
@@ -97,6 +98,7 @@ class CommandRun {
   std::unique_ptr<Channel> channel_;
   Channel::Counters counters_;  // of one that has ended
   std::unique_ptr<RunningCommand> command_;
+  std::optional<MostFiles> most_files_;  // once it has started
   Timer kill_timer_;
   SignalWatch signals_;
   std::vector<std::string> notes_;

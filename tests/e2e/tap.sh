@@ -47,6 +47,27 @@ try timeout -k 5 120 "$PORTTAPE" test --exec --tape named --report report -- "$d
 verdict_is pass report
 say "opens, closes and the device are on the tape, which plays"
 
+# The line to type next talks to the tape, whatever name the command has for its device.
+tapped next -- "$driver" reopen near
+grep -qF -- "test --tape next.log --exec -- $driver reopen {port}" said || die "the next line: $(cat said)"
+
+# What is known not to be seen is missing on the tape, and not as if nothing had been said.
+# shellcheck disable=SC2016
+try timeout -k 5 120 "$PORTTAPE" exec --tap --tape moved -- bash -c 'exec 3<>near; echo question >&3; read -r answer <&3; [[ $answer == question ]]' >out 2>said
+[[ $status == 1 ]] || die "moved: exit $status: $(cat said)"
+grep -q 'moved its device to descriptor 3' said || die "moved: not told: $(cat said)"
+grep -q 'something is missing at' said || die "moved: no gap is told: $(cat said)"
+! grep -q 'nothing passed' said || die "moved: $(cat said)"
+try "$PORTTAPE" verify moved >out
+[[ $status == 0 ]] || die "moved: verify gives $status: $(cat out)"
+grep -q 'no damage found' out || die "moved: $(cat out)"
+say "what is not seen is a gap, and the status 1"
+
+# The command's limit of open files is its own.
+# shellcheck disable=SC2016
+try "$PORTTAPE" exec --tap --tape none --device near -- sh -c 'ulimit -n >&2; sleep 0' 2>said
+grep -qx "$(ulimit -n)" said || die "another limit of open files: $(cat said)"
+
 try timeout -k 5 120 "$PORTTAPE" exec --tap --tape other --device /dev/null -- "$driver" reopen near >out 2>said
 [[ $status == 0 && ! -e other.logr ]] || die "/dev/null: exit $status: $(cat said)"
 grep -q 'never opened serial:/dev/null' said || die "a device that it never opened: $(cat said)"
