@@ -269,6 +269,10 @@ std::optional<Outcome> TapTransfers::read_now(Transfer& transfer) {
   } while (size < 0 && errno == EINTR);
   const int error = errno;
   if (size < 0 && error == EAGAIN && waits) {
+    // Of bytes that are there nobody tells again. The kernel keeps them for a reader that is not seen, which
+    // has the line to itself until its own read ends.
+    int there = 0;
+    transfer.seen = ::ioctl(fd, FIONREAD, &there) == 0 && there > 0 ? static_cast<std::size_t>(there) : 0;
     if (transfer.needs && transfer.needs->least == 0) return outcome::Answer{0};
     return std::nullopt;
   }
@@ -294,7 +298,7 @@ void TapTransfers::wait(const std::shared_ptr<KeptCall>& kept, const std::shared
     go_on(waiting);
     if (file && !waiting->file) (void)read_on(file);
   };
-  // Bytes that are there and not enough would be told again and again.
+  // Bytes that are there and not enough, or not ours, would be told again and again, or never.
   if (transfer->seen > 0) return kept->call_after(kShortOf, again);
   if (const auto& needs = transfer->needs) {
     if (needs->least == 0) {
