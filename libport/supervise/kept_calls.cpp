@@ -196,16 +196,17 @@ void KeptCalls::look_at_thread(pid_t thread) {
   look_for_tracer(thread, status);
 }
 
-// Its interrupt follows the seizing at once, and has come by the next look: before it, 512 would reach the
-// program.
+// Most interrupt the thread then, which no pending signal shows; some do not (PTRACE_SEIZE alone), and 512
+// would reach the program. A signal that does nothing makes it sure: the next look finds that.
 void KeptCalls::look_for_tracer(pid_t thread, const ThreadStatus& status) {
   const auto found = by_thread_.find(thread);
   if (found == by_thread_.end()) return;
   Kept& kept = found->second;
   if (!kept.tracer || status.tracer == 0) kept.tracer = status.tracer;
   const bool anew = status.tracer != *kept.tracer;
-  if (anew && kept.traced_anew) return interrupt(thread, KeptCall::kRestart);
-  kept.traced_anew = anew;
+  if (!anew) return;
+  kept.tracer = status.tracer;
+  send_what_does_nothing(thread, status);
 }
 
 // A signal for a whole process interrupts one of its threads: the kernel takes the first one, unless that

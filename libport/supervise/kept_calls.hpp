@@ -40,9 +40,10 @@ namespace porttape {
 // are, and the third one takes a third of a second. When the number of signals that wait for the processes of
 // a user has grown, the looks go on without a pause until each thread has been looked at once.
 //
-// A program that begins to trace a thread (strace -p, PTRACE_SEIZE) interrupts it, which no pending signal
-// shows. The thread's tracer is another one then, and its call is ended. What a tracer asks for later is not
-// shown: it waits for the end of the call.
+// A program that begins to trace a thread (strace -p, PTRACE_SEIZE) may interrupt it, which no pending signal
+// shows. The thread's tracer is another one then, and the thread is sent a signal that does nothing, which
+// its tracer sees, so that its call can be ended. What a tracer asks for later (an interrupt, so that strace
+// can go) is not shown: it waits for the end of the call.
 //
 // Loop thread only.
 class KeptCalls {
@@ -77,7 +78,6 @@ class KeptCalls {
     std::optional<Instant> moment = {};
     bool doubted = false;              // is in doubted_
     std::optional<pid_t> tracer = {};  // at the first look
-    bool traced_anew = false;          // by another, at the latest one
   };
   // A process of which calls are kept.
   struct Process {

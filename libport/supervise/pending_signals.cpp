@@ -2,10 +2,12 @@
 
 #include <array>
 #include <charconv>
+#include <csignal>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <string_view>
 #include <sys/ptrace.h>
+#include <sys/syscall.h>
 #include <system_error>
 #include <thread>
 #include <unistd.h>
@@ -48,14 +50,18 @@ ThreadStatus thread_status(pid_t thread) {
   constexpr std::string_view kState = "\nState:\t";
   const std::size_t state = text.find(kState);
   if (state == std::string_view::npos || state + kState.size() >= text.size()) return {};
-  const std::uint64_t heard = ~number_behind(text, "\nSigIgn:\t", 16);
+  const auto tracer = static_cast<pid_t>(number_behind(text, "\nTracerPid:\t", 10));
+  const std::uint64_t ignored = number_behind(text, "\nSigIgn:\t", 16);
+  const std::uint64_t heard = tracer == 0 ? ~ignored : ~std::uint64_t{0};
   return {.state = text[state + kState.size()],
           .process = static_cast<pid_t>(number_behind(text, "\nTgid:\t", 10)),
           .threads = static_cast<unsigned>(number_behind(text, "\nThreads:\t", 10)),
-          .tracer = static_cast<pid_t>(number_behind(text, "\nTracerPid:\t", 10)),
+          .tracer = tracer,
           .to_thread = number_behind(text, "\nSigPnd:\t", 16) & heard,
           .to_process = number_behind(text, "\nShdPnd:\t", 16) & heard,
           .blocked = number_behind(text, "\nSigBlk:\t", 16),
+          .ignored = ignored,
+          .caught = number_behind(text, "\nSigCgt:\t", 16),
           .queued = number_behind(text, "\nSigQ:\t", 10)};
 }
 
@@ -72,6 +78,17 @@ bool have_signals_looked_for(pid_t thread) {
     return false;
   }
   return done;
+}
+
+// By default these do nothing; of a thread that is traced they are pending nevertheless, and its tracer sees
+// them.
+void send_what_does_nothing(pid_t thread, const ThreadStatus& status) {
+  for (const int number : {SIGURG, SIGWINCH, SIGCHLD}) {
+    const std::uint64_t bit = std::uint64_t{1} << static_cast<unsigned>(number - 1);
+    if (((status.blocked | status.ignored | status.caught) & bit) != 0) continue;
+    (void)::syscall(SYS_tgkill, status.process, thread, number);
+    return;
+  }
 }
 
 pid_t process_of(pid_t thread) { return thread_status(thread).process; }

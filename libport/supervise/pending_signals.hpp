@@ -12,10 +12,13 @@ struct ThreadStatus {
   unsigned threads = 0;  // of the process
   pid_t tracer = 0;      // 0: none
   // The signals that wait for the thread alone, and for its process (where each thread shows them), without
-  // those that are ignored; and those that the thread blocks. Bit N - 1 is signal N.
+  // those that are ignored (a tracer sees these, too); and those that the thread blocks, ignores and catches.
+  // Bit N - 1 is signal N.
   std::uint64_t to_thread = 0;
   std::uint64_t to_process = 0;
   std::uint64_t blocked = 0;
+  std::uint64_t ignored = 0;
+  std::uint64_t caught = 0;
   // How many wait for all processes of the thread's user.
   std::uint64_t queued = 0;
 
@@ -28,6 +31,9 @@ ThreadStatus thread_status(pid_t thread);
 // thread for them: only then may the call be answered as interrupted. Done by an interrupt of ptrace(2)'s
 // that is taken back at once. False: the thread is traced already, or that is forbidden.
 bool have_signals_looked_for(pid_t thread);
+
+// Sends the thread a signal that does nothing unless it is caught, if there is one that it does not catch.
+void send_what_does_nothing(pid_t thread, const ThreadStatus& status);
 
 // The process that the thread is of; 0: it is gone.
 pid_t process_of(pid_t thread);

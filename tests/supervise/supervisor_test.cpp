@@ -206,6 +206,36 @@ TEST_F(SupervisorOnAMovedClock, WhoBeginsToTraceAThreadGetsHoldOfIt) {
   EXPECT_TRUE(WIFSIGNALED(*status)) << *status;
 }
 
+// PTRACE_SEIZE alone interrupts nothing, and the program's call must not end for it.
+TEST_F(SupervisorOnAMovedClock, WhoOnlySeizesAThreadEndsNoCall) {
+  const auto status = run({"sleep", "3600"}, [this](pid_t command) {
+    const Instant begin = machine_clock().now();
+    run_until(loop, [&] { return machine_clock().now() - begin > 10 * KeptCalls::kLook; });
+    std::atomic<int> seized{-1};
+    int stop = 0;
+    std::jthread tracer([&] {
+      if (::ptrace(PTRACE_SEIZE, command, nullptr, nullptr) != 0) {
+        seized = 0;
+        return;
+      }
+      ::waitpid(command, &stop, __WALL);
+      ::ptrace(PTRACE_DETACH, command, nullptr, nullptr);
+      seized = 1;
+    });
+    run_until(loop, [&] { return seized >= 0; });
+    tracer.join();
+    if (seized == 1) {
+      EXPECT_TRUE(WIFSTOPPED(stop) && WSTOPSIG(stop) == SIGURG) << stop;
+      run_until(loop, [&] { return asked.size() > 1; });  // it sleeps on
+    } else {
+      std::puts("not tried: tracing is forbidden here");
+    }
+    ::kill(command, SIGKILL);
+  });
+  ASSERT_TRUE(status.has_value());
+  EXPECT_TRUE(WIFSIGNALED(*status)) << *status;
+}
+
 // A signal that interrupts the supervisor while it gives a file, a stop among them, must not let the call
 // end with a descriptor that is not that file.
 TEST_F(SupervisorOnAMovedClock, AFileIsGivenWhateverSignalsTheSupervisorGets) {
