@@ -136,7 +136,9 @@ void SupervisedCommand::ended(int wait_status) {
 }
 
 void SupervisedCommand::kill(int signal_number) const {
-  if (running()) ::kill(command_, signal_number);
+  if (!running()) return;
+  ::kill(command_, signal_number);
+  if (guard_ > 0) ::kill(guard_, SIGCONT);  // which tells of the command's end; somebody may have stopped it
 }
 
 }  // namespace porttape
