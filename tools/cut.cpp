@@ -131,6 +131,8 @@ int run_cut(Arguments args, std::ostream& out, std::ostream& err) {
   progress.clear();
   if (!cut) return fail_verb("cut", cut.error(), out, err);
   tell_cut(*cut, *from, out);
+  out.flush();
+  if (cut->half) tell_half("cut", *cut->half, err);
   if (cut->damage_behind)
     fmt::print(
         err,

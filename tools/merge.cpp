@@ -98,6 +98,8 @@ int run_merge(Arguments args, std::ostream& out, std::ostream& err) {
   fmt::print(out, "{}: {} and {} of {}, {} s, {}\n", printable_line(merged->paths.name()),
              counted(merged->blocks, "block"), counted(merged->events, "event"),
              counted(tapes.size(), "tape"), seconds_number(to_us(merged->end)), placed_text(merged->placed));
+  out.flush();
+  for (const std::string& half : merged->halves) tell_half("merge", half, err);
   return exit_status::kPass;
 }
 

@@ -54,6 +54,11 @@ Result<TapePaths> the_tape(const CommandLine& line) {
   return find_tape(line.tapes().front());
 }
 
+void tell_half(std::string_view verb, std::string_view half, std::ostream& err) {
+  fmt::print(err, "porttape {}: warning: {}; what was made has no end therefore\n", verb,
+             printable_line(half));
+}
+
 int fail_verb(std::string_view verb, const Error& error, std::ostream& out, std::ostream& err) {
   if (error.code != Errc::damaged_tape || verb == "recover") return fail_without_tape(verb, error, out, err);
   return fail_without_tape(

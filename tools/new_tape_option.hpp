@@ -28,6 +28,9 @@ std::uint64_t size_of_tape(const TapePaths& tape);
 // The only tape that was given. Errc::usage.
 Result<TapePaths> the_tape(const CommandLine& line);
 
+// Tells why a tape is not whole of which a verb has made another (TapeReader::half()).
+void tell_half(std::string_view verb, std::string_view half, std::ostream& err);
+
 // An error of a verb, told; its exit status. A damaged tape: `porttape recover` is named.
 int fail_verb(std::string_view verb, const Error& error, std::ostream& out, std::ostream& err);
 // The same of what is no tape, or was not read from one: recover is of no help.

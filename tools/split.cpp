@@ -108,6 +108,8 @@ int run_split(Arguments args, std::ostream& out, std::ostream& err) {
   progress.clear();
   if (!parts) return fail_verb("split", parts.error(), out, err);
   tell_split(*parts, to->paths, *from, out);
+  out.flush();
+  if (!parts->empty() && parts->front().half) tell_half("split", *parts->front().half, err);
   tell_earlier_parts(to->paths, parts->size() + 1, out, err);
   return exit_status::kPass;
 }

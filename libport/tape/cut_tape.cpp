@@ -129,7 +129,8 @@ class TapeCutter {
       if (Result<void> taken = take(record); !taken) return taken.error();
     }
     if (const auto missing = watch_.open_end(); missing && part_) return nothing(*missing);
-    const bool ends = ended_ || !reader_.has_events();
+    done_.half = reader_.half();
+    const bool ends = ended_ || (!reader_.has_events() && !done_.half);
     return finish(ends && part_ ? std::optional(std::max(last_, part_->latest())) : std::nullopt);
   }
 
@@ -177,7 +178,9 @@ class TapeCutter {
       if (!next || !*next) break;
       if (options_.progress) options_.progress(bytes_ += bytes_in_file(**next));
     }
-    return finish(done_.damage_behind ? std::nullopt : std::optional(part_->latest()));
+    done_.half = reader_.half();
+    const bool whole = !done_.damage_behind && !done_.half;
+    return finish(whole ? std::optional(part_->latest()) : std::nullopt);
   }
 
   [[nodiscard]] Error nothing(const std::string& why) const {

@@ -39,6 +39,7 @@ struct CutTape {
   std::uint64_t blocks = 0;
   std::uint64_t events = 0;                 // without those that are carried
   std::optional<Error> damage_behind = {};  // the source has: the part has no `end`
+  std::optional<std::string> half = {};  // why the source is not whole, see TapeReader: the part has no `end`
 };
 
 // Makes a tape of a part of another, which is read to its end, since only that tells whether its bytes are

@@ -29,7 +29,8 @@ class TapeMerger {
         return opened.error();
     } while (true);
     merged_.end = std::max(last_, tape_->latest());
-    const Result<TapePaths> paths = tape_->finish(lacks_end_ ? std::nullopt : std::optional(merged_.end));
+    const Result<TapePaths> paths =
+        tape_->finish(lacks_end_ || !merged_.halves.empty() ? std::nullopt : std::optional(merged_.end));
     if (!paths) return paths.error();
     merged_.paths = *paths;
     return merged_;
@@ -90,6 +91,7 @@ class TapeMerger {
     }
     for (const auto& input : inputs_) {
       lacks_end_ = lacks_end_ || input->lacks_end();
+      if (const auto half = input->reader().half()) merged_.halves.push_back(*half);
       last_ = std::max(last_, input->last());
     }
     return {};

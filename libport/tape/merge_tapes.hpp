@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "libport/tape/part_writer.hpp"
@@ -28,6 +29,7 @@ struct MergedTape {
   std::uint64_t blocks = 0;
   std::uint64_t events = 0;
   TapeTime end{};
+  std::vector<std::string> halves = {};  // why sources are not whole, see TapeReader: the tape has no `end`
 };
 
 // Makes one tape of several, in the order of FORMAT.md; what is equal in time comes in the order in which

@@ -1,8 +1,10 @@
 #include "libport/tape/recover_tape.hpp"
 
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <optional>
+#include <system_error>
 #include <utility>
 #include <variant>
 
@@ -140,6 +142,7 @@ class TapeRecoverer {
   // An end that vouches only for what the source's did.
   Result<TapePaths> finish() {
     if (events_source_ && !told_.ends) return tape_->finish(std::nullopt);
+    if (!events_source_ && (!read_.exists() || !write_.exists())) return tape_->finish(std::nullopt);
     const auto vouches = told_.end.events ? NewTape::Vouches::all : NewTape::Vouches::data;
     if (told_.end.read && told_.end.write) return tape_->finish(told_.end_at, vouches);
     const TapeTime behind = std::min(tape_->latest() + Micros(1), tape_time_us(kMaxBlockTimeUs));
@@ -167,6 +170,11 @@ class TapeRecoverer {
     if (!events_source_) {
       done_.notes.push_back(from_.events.filename().string() +
                             " is not there: nothing is known of opens and settings");
+      for (const auto& path : {from_.read, from_.write}) {
+        std::error_code unknown;
+        if (!std::filesystem::exists(path, unknown))
+          done_.notes.push_back(path.filename().string() + " is not there: what it held is not known");
+      }
       return {};
     }
     SalvageEvents events;

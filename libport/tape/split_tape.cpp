@@ -75,6 +75,7 @@ class TapeSplitter {
 
  private:
   Result<void> all() {
+    if (Result<void> looked = look_at_whole(); !looked) return looked;
     bool ended = false;
     TapeTime last{};
     for (;;) {
@@ -91,6 +92,18 @@ class TapeSplitter {
     if (!part_) return make_error(Errc::usage, in_quotes(name_) + " is empty; nothing is made of it");
     return finish(ended || !reader_.has_events() ? std::optional(std::max(last, part_->latest()))
                                                  : std::nullopt);
+  }
+
+  // What a tape without events lacks shows at its end, and may be missing in any part.
+  Result<void> look_at_whole() {
+    if (reader_.has_events()) return {};
+    for (;;) {
+      const Result<std::optional<Record>> next = reader_.next();
+      if (!next) return next.error();
+      if (!*next) break;
+    }
+    half_ = reader_.half();
+    return reader_.rewind();
   }
 
   Result<void> take(const Record& record) {
@@ -126,16 +139,17 @@ class TapeSplitter {
                                                  .previous = std::move(previous)});
     if (!part) return part.error();
     part_.emplace(std::move(*part));
-    parts_.push_back({from, from, 0, 0});
+    parts_.push_back({from, from, 0, 0, half_});
     return {};
   }
 
   Result<void> finish(std::optional<TapeTime> end) {
-    const Result<TapePaths> finished = part_->finish(end);
+    const Result<TapePaths> finished = part_->finish(half_ ? std::nullopt : end);
     return finished ? Result<void>() : Result<void>(finished.error());
   }
 
   TapeReader& reader_;
+  std::optional<std::string> half_;
   std::string name_;
   TapePaths to_;
   const SplitOptions& options_;

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "libport/tape/part_writer.hpp"
@@ -25,6 +27,8 @@ struct SplitPart {
   TapeTime to{};
   std::uint64_t blocks = 0;
   std::uint64_t events = 0;  // without those that are carried
+  std::optional<std::string> half =
+      {};  // of all parts: why the source is not whole; none of them has an `end`
 };
 
 // Makes tapes of the parts of a tape, part_tape(to, 1) and so on: each record is in one of them. Each part's

@@ -301,4 +301,12 @@ std::optional<std::string> TapeReader::torn_tail() const {
   return notes;
 }
 
+std::optional<std::string> TapeReader::half() const {
+  if (has_events()) return std::nullopt;
+  std::optional<std::string> notes = torn_tail();
+  if (!impl_->read.exists()) add_note(notes, "it has no r file, and what that held is not known");
+  if (!impl_->write.exists()) add_note(notes, "it has no w file, and what that held is not known");
+  return notes;
+}
+
 }  // namespace porttape

@@ -94,6 +94,11 @@ class TapeReader final : public RecordSource {
   // A torn tail seen so far, as a note for a person; known for sure once next() has given nothing.
   [[nodiscard]] std::optional<std::string> torn_tail() const;
 
+  // Why a tape without an events file, whose `end` would tell, cannot be taken for whole: it has a torn tail,
+  // or lacks its r or its w file. As a note for a person; a tape that is made of it gets no `end`. Known for
+  // sure once next() has given nothing.
+  [[nodiscard]] std::optional<std::string> half() const;
+
  private:
   struct Impl;
   explicit TapeReader(std::unique_ptr<Impl> impl);

@@ -126,13 +126,14 @@ class TapeRedactor {
     if (!being_written) check_.emplace(EndCheck::Names::of(from_), reader->header());
     if (Result<void> begun = begin(*reader); !begun) return begun.error();
     const bool has_events = reader->has_events();
+    done_.torn_tail = reader->half();  // a missing file; a torn tail shows later
     for (const Direction direction : {Direction::read, Direction::write}) {
       if (Result<void> passed = blocks(direction); !passed) return passed.error();
     }
     if (Result<void> passed = events(); !passed) return passed.error();
     if (const auto flaw = check_ ? check_->flaw() : std::nullopt) return *flaw;
     if (!tape_) return std::move(done_);
-    const bool ends = end_.has_value() || !has_events;
+    const bool ends = end_.has_value() || (!has_events && !done_.torn_tail);
     Result<TapePaths> paths =
         tape_->finish(ends ? std::max(end_, std::optional(tape_->latest())) : std::nullopt);
     if (!paths) return paths.error();

@@ -57,7 +57,7 @@ struct RedactedTape {
   std::uint64_t wrong_checksums = 0;
   std::vector<UnredactedText> left{};  // each once, the first 64
   bool identity_gone = false;
-  std::optional<std::string> torn_tail{};
+  std::optional<std::string> torn_tail{};  // or which file of a tape without events is missing
 };
 
 // Makes a tape of another without its secrets: as many blocks, as long, at the same times. Errc::usage also

@@ -83,6 +83,19 @@ TEST_F(RecoverTapeTest, ASoundTapeIsItself) {
   EXPECT_EQ(header_of(made)->origin->by, "recover");
 }
 
+TEST_F(RecoverTapeTest, WithoutEventsAFileThatIsNotThereIsANoteAndLeavesTheTapeWithoutAnEnd) {
+  const TapePaths source = exchanges(2);
+  std::filesystem::remove(source.events);
+  auto done = recover(source);
+  ASSERT_TRUE(done);
+  EXPECT_THAT(test::lines_on(made), testing::Contains(HasSubstr(R"("event":"end")")));
+  std::filesystem::remove(source.write);
+  done = recover(source);
+  ASSERT_TRUE(done);
+  EXPECT_THAT(done->notes, testing::Contains(HasSubstr("is not there: what it held is not known")));
+  EXPECT_THAT(test::lines_on(made), testing::Not(testing::Contains(HasSubstr(R"("event":"end")"))));
+}
+
 TEST_F(RecoverTapeTest, ADestroyedHeaderCostsItsBlockAndAGapTellsIt) {
   const TapePaths source = exchanges(20);
   change(source.write, 3 * 17, std::string(12, '\xff'));  // of "ask 4"

@@ -63,6 +63,24 @@ class RedactEndsTest : public testing::Test {
   std::vector<std::uint64_t> progress;
 };
 
+TEST_F(RedactEndsTest, HalfATapeWithoutEventsGetsNone) {
+  const TapePaths whole = tape(MemoryTape().read(10, "a secret").write(20, "q"), 500);
+  fs::remove(whole.events);
+  auto done = redact(whole);
+  ASSERT_TRUE(done);
+  EXPECT_THAT(last_event(made), testing::StartsWith("end "));
+  fs::resize_file(whole.write, fs::file_size(whole.write) - 1);
+  done = redact(whole);
+  ASSERT_TRUE(done);
+  EXPECT_EQ(last_event(made), "");
+  EXPECT_TRUE(done->torn_tail.has_value());
+  fs::remove(whole.write);
+  done = redact(whole);
+  ASSERT_TRUE(done);
+  EXPECT_EQ(last_event(made), "");
+  EXPECT_THAT(done->torn_tail.value_or(""), HasSubstr("it has no w file"));
+}
+
 TEST_F(RedactEndsTest, TheEndIsWhereItWas) {
   ASSERT_TRUE(redact(tape(MemoryTape().open(0).read(10, "a secret"), 500)));
   EXPECT_EQ(last_event(made), "end 500");
