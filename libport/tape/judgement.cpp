@@ -42,6 +42,9 @@ std::vector<std::string> flaws_of(const TapeSummary& tape) {
   const EventsSummary& events = tape.events;
   if (tape.being_written) {
     flaws.emplace_back("it is being written; this is what has come so far");
+  } else if (events.exists && !events.ended && !events.damage && events.count<event::End>() > 0) {
+    flaws.push_back(events.path + " has events behind its end, which tells nothing of them; " +
+                    std::string(kUnseen));
   } else if (events.exists && !events.ended && !events.damage) {
     flaws.push_back(events.path + " has no end: its recorder was killed, or it is shortened; " +
                     std::string(kUnseen));

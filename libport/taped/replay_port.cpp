@@ -115,6 +115,8 @@ Result<void> ReplayPort::prepare() {
   line_ = std::move(known->line);
   ended_ = known->ended;
   missing_ = known->missing;
+  end_passed_ = known->end_passed;
+  stray_ = known->stray;
   own_settings_ = settings_ = own_settings(line_, header);
   if (drives()) facts.totals.reset();  // what is compared is counted, and that may be less
   if (Result<void> there = check_start(*schedule_, known->last); !there) return there;
@@ -570,9 +572,16 @@ void ReplayPort::take_report(RunReport report) {
   report.faults = faults_;
   if (faults_) faults_ = {.plan = faults_->plan, .seed = faults_->seed};
   if (ended_ == false && !report.nobody_came) {
-    report.doubts.push_back({Doubt::Kind::gap,
-                             "the tape has no end: its recorder was killed, or still writes; what came "
-                             "last may be missing"});
+    report.doubts.push_back(
+        {Doubt::Kind::gap,
+         end_passed_
+             ? "events stand behind the tape's end, which tells nothing of them: what came with them may "
+               "be missing"
+             : "the tape has no end: its recorder was killed, or still writes; what came last may be "
+               "missing"});
+  }
+  for (const std::string& stray : stray_) {
+    if (!report.nobody_came) report.doubts.push_back({Doubt::Kind::gap, stray});
   }
   if (!missing_.empty() && !report.nobody_came) {
     report.doubts.push_back(

@@ -155,6 +155,8 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   std::unique_ptr<TapeAnswers> answers_;
   DeviceLine line_;
   std::optional<bool> ended_;       // see TapeFacts
+  bool end_passed_ = false;         // the same
+  std::vector<std::string> stray_;  // the same
   std::string missing_;             // the same
   std::optional<TapeTime> length_;  // of what is played, if known
   std::optional<LineSettings> own_settings_;

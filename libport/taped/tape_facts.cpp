@@ -19,9 +19,6 @@ namespace {
 
 void add_fact(const TapeEvent& told, const SessionSearch& search, Engine::TapeFacts& facts) {
   const auto& [at, event] = told;
-  if (const auto* end = std::get_if<event::End>(&event); end && end->read && end->write) {
-    facts.totals = TapeTotals{end->read->bytes, end->write->bytes};
-  }
   if (!search.inside()) return;
   if (const auto* lost = std::get_if<event::DeviceLost>(&event); lost && lost->hung_up) {
     facts.hang_ups.push_back(at);
@@ -72,8 +69,19 @@ Result<void> check_size(const std::string& path, const std::optional<PayloadTota
   if (unknown) return {};
   if (is_missing) return told->blocks == 0 ? Result<void>() : flaw("is missing");
   const std::uintmax_t size = std::filesystem::file_size(path, unknown);
-  const bool as_told = size == recorded || size == told->bytes + told->blocks * kMaxHeaderSize;
+  const bool as_told = size >= recorded;  // what is beyond shows by reading
   return unknown || as_told ? Result<void>() : flaw(fmt::format("has {} bytes", size));
+}
+
+// How much an r or w file has beyond what its tape's end tells of, as a note.
+std::optional<std::string> beyond(const std::string& path, const std::optional<PayloadTotals>& told) {
+  if (!told) return std::nullopt;
+  const std::uint64_t recorded = told->bytes + told->blocks * kHeaderSize;
+  std::error_code unknown;
+  const std::uintmax_t size = std::filesystem::file_size(path, unknown);
+  if (unknown || size <= recorded || size == told->bytes + told->blocks * kMaxHeaderSize) return std::nullopt;
+  return fmt::format("{} has {} bytes behind the last block that its tape's end tells of; they do not count",
+                     path, size - recorded);
 }
 
 Error no_such_session(const TapePaths& tape, std::uint64_t session, std::uint64_t sessions) {
@@ -103,7 +111,10 @@ Result<TapeFacts> tape_facts(const TapePaths& tape, const PlayedPart& played) {
       const TapeEvent& told = events->event();
       if (std::holds_alternative<event::Open>(told.what)) search.on_open(told.at);
       add_fact(told, search, facts);
-      if (const auto* last = std::get_if<event::End>(&told.what)) end = *last;
+      // An end with something behind it tells nothing of that, and is none.
+      const auto* last = std::get_if<event::End>(&told.what);
+      known.end_passed = known.end_passed || (end && last == nullptr);
+      end = last != nullptr ? std::optional(*last) : std::nullopt;
       if (session == 0) opens.on_event(told, played);
       if (search.inside()) known.last = told.at;
       known.line.on_event(told.what, search.inside());
@@ -111,13 +122,20 @@ Result<TapeFacts> tape_facts(const TapePaths& tape, const PlayedPart& played) {
     }
     if (step == EventFile::Step::failed) return events->error();
     known.ended = end.has_value();
+    if (end && end->read && end->write) facts.totals = TapeTotals{end->read->bytes, end->write->bytes};
     known.checkable = end && end->read && end->write && end->read->xxh3 && has_digests(events->header());
     if (end) {
       for (const auto& [path, told] : {std::pair(tape.read, end->read), std::pair(tape.write, end->write)}) {
         if (Result<void> whole = check_size(path, told); !whole && !known.flaw) known.flaw = whole.error();
+        if (const auto more = beyond(path, told)) known.stray.push_back(*more);
         std::error_code error;
         if (!told && !std::filesystem::exists(path, error)) known.missing = path;
       }
+    }
+    if (const auto torn = events->torn_tail(); torn && end) known.stray.push_back(*torn);
+    if (!known.flaw && !known.stray.empty()) {
+      // More than the end tells of: bytes that do not count, or another file's.
+      if (const auto check = check_tape(tape); check && !check->found) known.flaw = check->found.error();
     }
     if (const auto& header = events->header()) known.zero = header->zero;
   }

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "libport/base/result.hpp"
 #include "libport/line/line_settings.hpp"
@@ -24,7 +25,9 @@ struct TapeFacts {
   TapeTime last{};                 // event of the part
   std::optional<Error> flaw = {};  // a file that is not what the tape's end tells of it: it is not played
   std::optional<bool> ended =
-      {};                    // whether the tape has its end; nothing: no events, or the part ends before
+      {};                   // whether the tape has its end; nothing: no events, or the part ends before
+  bool end_passed = false;  // and not so because something stands behind the `end` event
+  std::vector<std::string> stray = {};  // notes: what its files have behind what its end tells of
   std::string missing = {};  // a file that is not there, where the tape's end does not tell what it held
   bool checkable = false;    // its end has digests, by which check_tape() finds more than a size shows
 };

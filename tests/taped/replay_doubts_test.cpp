@@ -271,6 +271,33 @@ TEST_F(ReplayPortTest, ATornTailOfATapeWithoutEventsIsADoubt) {
   EXPECT_THAT(port->report()->doubts[0].text, HasSubstr("what came last may be missing"));
 }
 
+// As `porttape verify` has it.
+TEST_F(ReplayPortTest, WhatIsBehindWhatTheEndTellsOfIsADoubt) {
+  const auto played = [this](const Bytes& writes, const std::string& behind_end) {
+    test::write_file(dir / "t.logw", writes);
+    test::write_file(dir / "t.logr", {});
+    const event::End end{.read = PayloadTotals{0, 0, {}}, .write = PayloadTotals{1, 3, {}}};
+    test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{}) + encode(tape_time_us(0), event::Open{}) +
+                                              encode(tape_time_us(50), end) + behind_end));
+    log.status.reset();
+    start();
+    write("one");
+    port->close();
+    (void)finish();
+    EXPECT_EQ(log.status, 0);
+    std::string all;
+    for (const Doubt& doubt : port->report()->doubts) all += doubt.text + '\n';
+    return all;
+  };
+  Bytes writes = test::block_bytes({{0, "one"}});
+  EXPECT_EQ(played(writes, ""), "");
+  EXPECT_THAT(played(writes, encode(tape_time_us(60), event::Mark{"m"})),
+              HasSubstr("events stand behind the tape's end"));
+  EXPECT_THAT(played(writes, R"({"t_us":)"), HasSubstr("torn tail"));
+  test::append(writes, "12345");
+  EXPECT_THAT(played(writes, ""), HasSubstr("t.logw has 5 bytes behind the last block that its tape's end tells of"));
+}
+
 TEST_F(ReplayPortTest, ATornTailIsNoDoubtWhereNobodyCame) {
   Bytes torn = test::block_bytes({{0, "one"}, {10, "two"}});
   torn.resize(torn.size() - 1);

@@ -179,6 +179,12 @@ TEST_F(ReplayPortTest, FilesThatAreNotWhatTheEndTellsAreNotPlayed) {
   EXPECT_THAT(said(), HasSubstr("t.logw has 16 bytes, and by its tape's end it has 32"));
   test::write_file(dir / "t.logw", test::block_bytes({{0, "one\n"}, {10, "two\n"}}));
   EXPECT_EQ(said(), "plays");
+  Bytes more = test::block_bytes({{0, "one\n"}, {10, "two\n"}, {20, "6"}});
+  test::write_file(dir / "t.logw", more);
+  EXPECT_THAT(said(), HasSubstr("t.logw is another tape's, or changed: it holds 3 blocks, 9 bytes"));
+  more.pop_back();
+  test::write_file(dir / "t.logw", more);
+  EXPECT_EQ(said(), "plays") << "what is no whole block does not count";
   events({});
   test::write_file(dir / "t.logw", {});
   EXPECT_EQ(said(), "plays") << "an end that tells nothing of the files";
