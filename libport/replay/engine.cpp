@@ -296,7 +296,15 @@ Engine::Impl::Close Engine::Impl::meaning_of_close() {
   if (*at_reopen) return {.known = true, .next = Reopen::next_open};
   const std::optional<bool> late = sessions.just_passed_open(now);
   if (!late) return {};
-  if ((ahead && !run.exchanged()) || *late) return {.known = true, .next = Reopen::restart_session};
+  if (*late) return {.known = true, .next = Reopen::restart_session};
+  if (!run.exchanged()) {
+    // The tape's last session may be looked at as any other one; where it is the only one, the look is told.
+    const std::optional<bool> begun_again = ahead                ? true
+                                            : run.sessions() > 1 ? run.any_writes_left()
+                                                                 : std::optional(false);
+    if (!begun_again) return {};
+    if (*begun_again) return {.known = true, .next = Reopen::restart_session};
+  }
   return {.known = true, .judge = true, .next = ahead ? std::optional(Reopen::next_open) : std::nullopt};
 }
 

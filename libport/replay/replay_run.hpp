@@ -61,6 +61,9 @@ class ReplayRun {
   void begin_next_loop(Instant now);
   // And that is a further session of the run.
   void count_session() { ++sessions_; }
+  [[nodiscard]] std::uint64_t sessions() const { return sessions_; }
+  // Recorded writes that the driver has not made in this loop.
+  [[nodiscard]] std::optional<bool> any_writes_left() { return matcher_.any_unsent(); }
   // The driver writes no more in this session and still reads.
   void end_writing(Instant now);
   // Whether it said so, and was not told of the device's end yet; told of it now.

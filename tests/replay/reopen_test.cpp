@@ -75,8 +75,26 @@ TEST(Automatic, AReopenWithNothingExchangedIsNone) {
     rig.open().write("Q" + std::to_string(i)).wait(1'000);
     EXPECT_EQ(rig.read(), "A" + std::to_string(i));
     rig.close().wait(1'000);
-    if (i < 1) rig.open().wait(10).close().wait(10);
+    if (i < 2) rig.open().wait(10).close().wait(10);
   }
+  EXPECT_EQ(rig.runs, 1);
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+}
+
+TEST(Automatic, ALookAtTheLastSessionAloneLeavesTheRunIncomplete) {
+  Rig rig(three_sessions(), with(OnReopen::automatic));
+  for (int i = 0; i < 2; ++i) {
+    rig.open().write("Q" + std::to_string(i)).wait(1'000).close().wait(1'000);
+  }
+  rig.open().wait(10).close().wait(10);
+  EXPECT_EQ(rig.runs, 0);
+  EXPECT_EQ(rig.finish(), Verdict::incomplete);
+}
+
+TEST(Automatic, ALastSessionWithoutWritesEndsWithItsClose) {
+  Rig rig(MemoryTape().open(0).write(10, "Q").close(20).open(30).read(40, "hello"),
+          with(OnReopen::automatic));
+  rig.open().write("Q").wait(10).close().open().close();
   EXPECT_EQ(rig.runs, 1);
   EXPECT_EQ(rig.verdict(), Verdict::pass);
 }
