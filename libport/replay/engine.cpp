@@ -77,6 +77,10 @@ struct Engine::Impl {
   [[nodiscard]] bool holds_piece() const { return run.goes_on() && driver_open && run.holds_piece(); }
   // Whether the line is on its way to another state: nothing is played meanwhile.
   [[nodiscard]] bool switching() const;
+  // Whether something waits behind a write of the next loop that cannot wait for that loop.
+  [[nodiscard]] bool cannot_wait() const;
+  // Whether what waits is to be looked at again at once.
+  [[nodiscard]] bool works_on() const { return !inputs.empty() && !run.awaits_next_loop(); }
 
   Budget budget;
   ReplayRun run;
@@ -125,10 +129,23 @@ void Engine::Impl::work() {
   const Instant latest = now;
   while (!inputs.empty() && !run.pending().run_ended) {
     now = inputs.front().at;
-    if (!work_on(inputs.front())) break;
-    inputs.pop_front();
+    if (work_on(inputs.front())) {
+      inputs.pop_front();
+    } else if (run.awaits_next_loop() && cannot_wait()) {
+      run.begin_next_loop(latest);
+    } else {
+      break;
+    }
   }
   now = latest;
+}
+
+// A loop whose driver has gone on to the next, and then closes, is not played to its end.
+bool Engine::Impl::cannot_wait() const {
+  return std::any_of(inputs.begin(), inputs.end(), [](const Input& input) {
+    return input.kind == Input::Kind::close || input.kind == Input::Kind::finish ||
+           input.kind == Input::Kind::seek;
+  });
 }
 
 // True when it is done with.
@@ -339,9 +356,9 @@ ReplayActions Engine::Impl::advance(Instant at, std::size_t max_bytes) {
     return std::exchange(pending, {});
   }
   ReplayActions out;
-  run.player().set_behind(!inputs.empty());
+  run.player().set_behind(works_on());
   if (driver_open && !switching()) run.play(now, max_bytes, out);
-  dirty = dirty || !inputs.empty();
+  dirty = dirty || works_on();
   if (pending.empty()) return out;
   out.mismatches = std::move(pending.mismatches);
   out.hang_up = out.hang_up || pending.hang_up;

@@ -99,6 +99,8 @@ void ReplayRun::begin_behind_end(Instant now) {
 void ReplayRun::begin_books(Instant now) {
   behind_end_ = tape_end_told_ = false;
   extra_.reset();
+  awaited_in_loop_.reset();
+  matched_before_loop_ = 0;
   writes_ = 0;
   last_byte_ = now;
   sessions_ = 1;
@@ -146,6 +148,7 @@ void ReplayRun::seek(Instant now, TapeTime to) {
 
 void ReplayRun::begin_next_loop(Instant now) {
   furthest_ = std::max(furthest_, matcher_.position());
+  matched_before_loop_ = matcher_.matched();
   player_.begin_next_loop(now);
 }
 
@@ -195,13 +198,14 @@ void ReplayRun::realign_to_walk() {
 
 std::size_t ReplayRun::write(Instant now, ByteView data, bool counted) {
   if (!ledger_) return data.size();
+  awaited_in_loop_.reset();
   if (!counted) {
     ledger_->written(data);
     ++writes_;
     write_begin_ = looks_up() ? lookup_->written() : matcher_.written();
   }
   exchanged_ = true;
-  last_byte_ = now;
+  last_byte_ = std::max(last_byte_, now);
   pause_if_due(now);
   if (looks_up()) return ask(now, data);
   const bool recorded = config_.timing == Timing::recorded;
@@ -219,6 +223,9 @@ std::size_t ReplayRun::write(Instant now, ByteView data, bool counted) {
     } else if (matcher_.error() || step.outcome == Matcher::Outcome::gone) {
       break;
     } else if (step.outcome == Matcher::Outcome::later) {
+      return data.size() - rest.size();
+    } else if (step.outcome == Matcher::Outcome::extra && another_loop()) {
+      awaited_in_loop_ = player_.loops().number();
       return data.size() - rest.size();
     } else if (step.outcome == Matcher::Outcome::extra && drives()) {
       keep_extra(now, rest);
@@ -347,6 +354,7 @@ void ReplayRun::play(Instant now, std::size_t max_bytes, ReplayActions& out) {
     count_delivered(now, before, out, player_.delivered_due());
     if (player_.loops().number() != loop) {
       exchanged_ = false;
+      matched_before_loop_ = matcher_.matched();
       furthest_ = std::max(furthest_, position);
     }
     if (!fault) break;

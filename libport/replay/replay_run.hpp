@@ -79,6 +79,11 @@ class ReplayRun {
 
   // Gives how much of it is done with; the rest comes again. `counted`: the run's books have it already.
   std::size_t write(Instant now, ByteView data, bool counted);
+  // The rest is what the driver wrote ahead of the loop's end: it belongs to the next loop, which has not
+  // begun.
+  [[nodiscard]] bool awaits_next_loop() const {
+    return ledger_ && awaited_in_loop_ == player_.loops().number();
+  }
   // Does what is due.
   void play(Instant now, std::size_t max_bytes, ReplayActions& out);
   // The driver has made its line so.
@@ -133,6 +138,12 @@ class ReplayRun {
   void hung_up();
   void end_device(Instant now, ReplayActions& out);
   [[nodiscard]] bool drives() const { return config_.writer == Writer::device; }
+  // What comes behind the last recorded write belongs to the next loop. A tape without writes expects none in
+  // any.
+  [[nodiscard]] bool another_loop() const {
+    return !player_.loops().is_last() && !drives() && !behind_end_ &&
+           matcher_.matched() > matched_before_loop_;
+  }
   void keep_extra(Instant now, ByteView got);
   void tell_extra();
   void at_tape_end(Instant now);
@@ -199,14 +210,16 @@ class ReplayRun {
   bool shows_signals_ = false;
   Player player_;
 
-  std::optional<RunLedger> ledger_;  // while a run goes on
-  std::uint64_t writes_ = 0;         // of the driver in this run
-  std::uint64_t write_begin_ = 0;    // where in its stream the latest began
-  Instant last_byte_{};              // of either direction, in this run
-  std::uint64_t sessions_ = 0;       // of the driver's in this run
-  PlaybackReport steered_;           // by hand, in this run
-  ReplayClock::Shift begun_shift_;   // when the run did
-  std::uint64_t furthest_ = 0;       // of the matcher's positions before it went back
+  std::optional<RunLedger> ledger_;               // while a run goes on
+  std::uint64_t writes_ = 0;                      // of the driver in this run
+  std::uint64_t write_begin_ = 0;                 // where in its stream the latest began
+  Instant last_byte_{};                           // of either direction, in this run
+  std::uint64_t sessions_ = 0;                    // of the driver's in this run
+  PlaybackReport steered_;                        // by hand, in this run
+  ReplayClock::Shift begun_shift_;                // when the run did
+  std::uint64_t furthest_ = 0;                    // of the matcher's positions before it went back
+  std::optional<std::uint64_t> awaited_in_loop_;  // see awaits_next_loop()
+  std::uint64_t matched_before_loop_ = 0;         // by the matcher
   bool tape_end_told_ = false;
   bool behind_end_ = false;
   bool writing_ended_ = false;  // in this session

@@ -217,6 +217,63 @@ TEST(Loops, TooFewAreIncompleteAndOneMoreIsExtra) {
   EXPECT_EQ(many.verdict(), Verdict::extra);
 }
 
+// A driver may write ahead, beyond a loop's end too.
+TEST(Loops, WhatComesBehindTheEndOfOneBelongsToTheNext) {
+  for (const Timing timing : {Timing::reactive, Timing::none, Timing::recorded}) {
+    ReplayConfig config = looped(3);
+    config.timing = timing;
+    Rig rig(three_polls(), config);
+    rig.open().write("a?b?c?a?b?c?a?b?c?").wait(200'000).close();
+    EXPECT_EQ(rig.verdict(), Verdict::pass);
+    EXPECT_EQ(rig.delivered, "ABCABCABC");
+    EXPECT_EQ(rig.report->playback.loops_complete, 3U);
+  }
+}
+
+TEST(Loops, WhatEndsWithAWriteGoesOnAtOnce) {
+  const auto tape = MemoryTape().write(100, "a").read(200, "A").write(60'000, "b");
+  Rig rig(tape, looped(2));
+  rig.open().write("a").wait(1'000).write("b").write("a").wait(100'000).write("b").close();
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+  EXPECT_EQ(rig.read(), "AA");
+}
+
+TEST(Loops, AWrongByteOfTheNextIsADifferenceOfThat) {
+  Rig rig(three_polls(), looped(2));
+  rig.open().write("a?b?c?x").wait(100'000);
+  EXPECT_EQ(rig.verdict(), Verdict::data_mismatch);
+  EXPECT_EQ(rig.report->mismatch->offset, 6U);
+  EXPECT_EQ(rig.report->mismatch->tape_offset, 0U);
+}
+
+TEST(Loops, WhatIsBeyondTheLastIsExtraHoweverFarAheadItCame) {
+  Rig rig(three_polls(), looped(2));
+  rig.open().write("a?b?c?a?b?c?a").wait(100'000);
+  EXPECT_EQ(rig.verdict(), Verdict::extra);
+  Rig closed(three_polls(), looped(2));
+  closed.open().write("a?b?c?a?b?c?a").close();
+  EXPECT_EQ(closed.verdict(), Verdict::extra);
+}
+
+TEST(Loops, ACloseDoesNotWaitForTheNextOne) {
+  Rig rig(three_polls(), looped(2));
+  rig.open().write("a?b?c?a?b?c?").close();
+  EXPECT_EQ(rig.runs, 1);
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+  Rig some(three_polls(), looped(3));
+  some.open().write("a?b?c?a?b?c?");
+  EXPECT_EQ(some.finish(), Verdict::incomplete);
+  Rig endless(three_polls(), looped(0));
+  endless.open().write("a?b?c?a?b?c?a?").close();
+  EXPECT_EQ(endless.verdict(), Verdict::pass);
+}
+
+TEST(Loops, ATapeWithoutWritesExpectsNoneInAny) {
+  Rig rig(MemoryTape().read(1'000, "a"), looped(0));
+  rig.open().write("x");
+  EXPECT_EQ(rig.verdict(), Verdict::extra);
+}
+
 TEST(Loops, ADifferenceInAnyIsOne) {
   Rig rig(three_polls(), looped(0));
   rig.open().write("a?b?c?").wait(50'000).write("a?x?");
