@@ -73,6 +73,8 @@ void Player::jump(TapeTime to, Instant now) {
 void Player::begin_next_loop(Instant now) {
   loops_.begin_next(now);
   jump(config_.start, now);
+  // Its begin is on the tape, unlike a start, which a user puts anywhere.
+  untimed_ = config_.start > TapeTime{};
 }
 
 void Player::start_at(TapeTime tape, Instant now, Begins begins) {

@@ -274,6 +274,25 @@ TEST(Loops, ATapeWithoutWritesExpectsNoneInAny) {
   EXPECT_EQ(rig.verdict(), Verdict::extra);
 }
 
+TEST(Loops, TheFirstWriteOfAFurtherOneIsTimedFromItsBegin) {
+  const auto verdict = [](std::int64_t first, std::int64_t second) {
+    Rig rig(MemoryTape().open(0).write(20'000, "a").read(30'000, "A"), timed(looped(2)));
+    rig.open().wait(first).write("a").wait(10'000).wait(second).write("a").wait(10'000).close();
+    return rig.verdict();
+  };
+  EXPECT_EQ(verdict(20'000, 20'000), Verdict::pass);
+  EXPECT_EQ(verdict(20'000, 3'000'000), Verdict::timing_mismatch);
+  EXPECT_EQ(verdict(3'000'000, 20'000), Verdict::timing_mismatch);
+}
+
+TEST(Loops, TheFirstWriteBehindAStartHasNoTimeInAny) {
+  ReplayConfig config = timed(looped(2));
+  config.start = tape_time_us(15'000);
+  Rig rig(MemoryTape().open(0).write(20'000, "a").read(30'000, "A"), config);
+  rig.open().wait(900'000).write("a").wait(910'000).write("a").wait(10'000).close();
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+}
+
 TEST(Loops, ADifferenceInAnyIsOne) {
   Rig rig(three_polls(), looped(0));
   rig.open().write("a?b?c?").wait(50'000).write("a?x?");
