@@ -116,9 +116,30 @@ void StreamListener::let_in(Newcomer newcomer) {
 void StreamListener::left() {
   taken_ = false;
   watch();
+  if (accepts_ && !context_.pulled) {
+    take_backlog();
+    drop_all_gone();
+  }
   if (waiting_.empty()) return;
   context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
     if (!alive.expired()) let_next_in();
+  });
+}
+
+// Who has connected, and whom nothing has told of yet.
+void StreamListener::take_backlog() {
+  for (std::size_t before = waiting_.size(); before < kMostWaiting; before = waiting_.size()) {
+    pollfd backlog{fd_.get(), POLLIN, 0};
+    if (::poll(&backlog, 1, 0) > 0) on_acceptable();
+    if (waiting_.size() == before) return;
+  }
+}
+
+void StreamListener::drop_all_gone() {
+  std::erase_if(waiting_, [this](Newcomer& each) {
+    const bool gone = is_gone(each.fd.get());
+    if (gone) drop_gone(each);
+    return gone;
   });
 }
 

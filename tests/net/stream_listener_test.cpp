@@ -249,6 +249,33 @@ TEST_F(StreamListenerTest, WhoWentAwayWhileItWaitedIsToldAndNotLetIn) {
   EXPECT_EQ(told("test: " + who + " went away while it waited; the 4 bytes that it wrote reach nobody"), 1);
 }
 
+// Whoever judges the line when it goes down knows of it then.
+TEST_F(StreamListenerTest, WhoWentAwayIsToldBeforeTheOneInsideHasLeft) {
+  make();
+  const Socket first = call();
+  there = Inside::ended;
+  Socket dead = call("dead");
+  dead.close();
+  state = PeerState::gone;
+  there = Inside::nobody;
+  door->left();
+  EXPECT_THAT(turned_away, ElementsAre(4U));
+}
+
+TEST_F(StreamListenerTest, SoIsOneThatTheKernelHasNotToldOf) {
+  make();
+  const Socket first = call();
+  there = Inside::ended;
+  {
+    Socket dead = Socket::connect_to(socket.port());
+    dead.send("dead");
+  }
+  state = PeerState::gone;
+  door->left();
+  EXPECT_THAT(turned_away, ElementsAre(4U));
+  EXPECT_EQ(let.size(), 1U);
+}
+
 TEST_F(StreamListenerTest, WhoWentAwayIsToldAtTheLookToo) {
   make();
   const Socket first = call();
