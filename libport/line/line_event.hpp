@@ -57,9 +57,10 @@ struct Answer {
   std::optional<LineAnswer> answer;  // nothing: there is no serial device that could be asked
 };
 
-// The peer has gone and left so many bytes unread; only where that is known. The end of the line follows.
+// The peer has gone and left so many bytes unread; nothing: its line, which tells it otherwise, could not be
+// seen. The end of the line follows.
 struct LeftUnread {
-  std::uint64_t bytes = 0;
+  std::optional<std::uint64_t> bytes;
   friend bool operator==(const LeftUnread&, const LeftUnread&) = default;
 };
 

@@ -457,6 +457,7 @@ void ReplayRun::end(Instant now, EndedBy by) {
   report.delivered = fails() && report.mismatch ? report.mismatch->delivered : player_.reads_delivered();
   report.reads_excused = player_.reads_excused();
   report.output_flushes = player_.schedule().output_flushes();
+  report.input_flushes = player_.schedule().input_flushes();
   report.ruled = ruled_;
   report.leaves_out = leaves_out_;
   report.rewritten = replies_ != nullptr;

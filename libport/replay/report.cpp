@@ -104,10 +104,24 @@ void judge_reading(RunReport& report) {
   const auto [unread, all, all_known] =
       ignored ? Unread{*report.to_driver_of - report.reads_excused, *report.to_driver_of} : unread_of(report);
   if (unread == 0) {
-    if (report.must_read && report.left_untold)
+    const bool only_speaks = report.from_driver_of == 0U && report.to_driver_bytes > 0;
+    const bool untold = report.left_unseen || (report.left_untold && (report.must_read || only_speaks));
+    const bool nothing_came = report.to_driver_bytes == 0 && all > report.reads_excused;
+    if (untold)
       report.doubts.push_back({Doubt::Kind::unread,
                                "what the driver left unread when it closed is not known: the kernel did not "
                                "tell it"});
+    else if (report.left_flushed && (report.must_read || only_speaks))
+      report.doubts.push_back(
+          {Doubt::Kind::unread,
+           "the driver dropped what had come to it (tcflush) where the tape's did not: whether it "
+           "had read all of that is not known"});
+    else if (!all_known && nothing_came)
+      report.doubts.push_back(
+          {Doubt::Kind::unread,
+           fmt::format("nothing of the {} bytes that were recorded as read came to the driver; rules, or who "
+                       "steered the run, decide how much of it should have",
+                       all)});
     else if (report.must_read && !all_known)
       report.doubts.push_back({Doubt::Kind::unread,
                                "whether the driver read all that it should have is not known: rules, or who "

@@ -211,11 +211,17 @@ struct RunReport {
   std::uint64_t delivered = 0;               // bytes of the tape's reads, at the end of the run
   std::optional<std::uint64_t> left_unread;  // of what was delivered, at the driver's close, where known
   std::uint64_t left_unread_before = 0;      // the same, of the run's closes before, as far as known
-  bool left_untold = false;  // at one of these closes the line did not tell how much was left
+  // At one of these closes the line did not tell how much was left: it never does (a socket), or it could not
+  // that time.
+  bool left_untold = false;
+  bool left_unseen = false;
+  // The driver dropped what had come to it more often than the tape's: whether it had read that is not known.
+  bool left_flushed = false;
   // Of the tape's reads, what no driver could read: it came with nobody there, was dropped by a flush of the
   // driver's own, or answered what a rule let be left out.
   std::uint64_t reads_excused = 0;
   std::uint64_t output_flushes = 0;             // of the tape's driver, each behind other writes
+  std::uint64_t input_flushes = 0;              // of the tape's driver
   bool must_read = false;                       // what was not read is part of the verdict
   std::optional<std::uint64_t> unread_of = {};  // so many bytes could have been read, where that is known
   std::optional<std::uint64_t> unread = {};  // of what was recorded as read, where judge_reading() found any

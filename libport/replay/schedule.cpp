@@ -9,6 +9,7 @@ void Schedule::rewind() {
   restart();
   records_told_ = 0;
   output_flushes_ = {};
+  input_flushes_ = 0;
 }
 
 void Schedule::restart() {
@@ -104,6 +105,7 @@ void Schedule::pass(bool expected) {
 
 void Schedule::pass_event(const Event* event) {
   const auto* flush = event == nullptr ? nullptr : std::get_if<event::Flush>(event);
+  if (flush != nullptr && flush->queue != FlushQueue::out) ++input_flushes_;
   if (flush == nullptr || flush->queue == FlushQueue::in) return;
   output_flushes_.add(passed_.writes);
 }

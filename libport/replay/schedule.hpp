@@ -77,6 +77,8 @@ class Schedule {
   [[nodiscard]] std::size_t gaps_passed() const { return gaps_passed_; }
   // Of the tape's driver.
   [[nodiscard]] std::uint64_t output_flushes() const { return output_flushes_.count(); }
+  // And how often what had come to it.
+  [[nodiscard]] std::uint64_t input_flushes() const { return input_flushes_; }
   // Whether the walk is between a recorded close and open: nobody had the line then.
   [[nodiscard]] bool line_closed() const { return line_closed_; }
   // 1-based number of the exchange that the byte at `offset` of the write stream belongs to. Exact for what
@@ -104,6 +106,7 @@ class Schedule {
   std::size_t hang_ups_passed_ = 0;
   std::size_t gaps_passed_ = 0;
   OutputFlushes output_flushes_;  // in this run
+  std::uint64_t input_flushes_ = 0;
   std::uint64_t exchange_ = 0;
   bool answered_ = true;  // a read came after the last write
   bool line_closed_ = false;

@@ -188,6 +188,7 @@ Result<Engine::Parts> ReplayPort::parts(const PlayedAs& as) {
 
 void ReplayPort::open() {
   open_ = true;
+  hand_on_held();
   if (!run_begun_) unread_.begin_run();
   unread_.begin_session();
   reports_->begin_count();
@@ -207,6 +208,7 @@ void ReplayPort::close() {
   end_drains();
   if (aftermath_) aftermath_->finish();
   unread_.close_session();
+  hand_on_held();
   engine_->on_close(context_.loop->now());
   pump();
 }
@@ -276,6 +278,7 @@ void ReplayPort::tell(const LineEvent& event) {
 }
 
 void ReplayPort::driver_flushed(FlushQueue queue) {
+  if (queue != FlushQueue::out) unread_.flushed();
   if (!schedule_->has_events()) return;
   if (queue != FlushQueue::in) output_flushes_.add(written_);
   if (queue == FlushQueue::out) return;
@@ -568,7 +571,6 @@ void ReplayPort::take_report(RunReport report) {
   report.when = wall_text(begun, context_.loop->clock());
   if (report.nobody_came) report.sessions_made = 0;
   if (options_.session > 0) report.session = options_.session;
-  if (report.closed) unread_.add_to(report);
   report.faults = faults_;
   if (faults_) faults_ = {.plan = faults_->plan, .seed = faults_->seed};
   if (ended_ == false && !report.nobody_came) {
@@ -591,12 +593,17 @@ void ReplayPort::take_report(RunReport report) {
   }
   if (const auto torn = ended_ ? std::nullopt : schedule_->torn_tail(); torn && !report.nobody_came)
     report.doubts.push_back({Doubt::Kind::gap, *torn + ": what came last may be missing"});
-  add_refused(report);
   add_output_flushes(report);
   add_stalls(report, begun);
   if (report.verdict != Verdict::pass) report.outcome = std::exchange(ended_because_, {});
   const bool look = is_look(report);
-  reports_->add(std::move(report));
+  const bool waits =
+      open_ && !drives() && !report.closed && report.verdict == Verdict::pass && !finish_timer_;
+  if (waits) {
+    held_ = std::move(report);
+  } else {
+    hand_on(std::move(report));
+  }
   // The verdict's status comes with on_complete.
   const bool is_end = drives() || (options_.once && !look);
   if (drives()) close_line(LineDown::Reason::closed);
@@ -605,18 +612,29 @@ void ReplayPort::take_report(RunReport report) {
   listener().on_finished(exit_status::kPass);
 }
 
+// How much its drivers left unread is known by now, or never will be.
+void ReplayPort::hand_on(RunReport report) {
+  unread_.add_to(report);
+  if (auto refused = take_refused()) report.doubts.push_back(std::move(*refused));
+  reports_->add(std::move(report));
+}
+
+void ReplayPort::hand_on_held() {
+  if (held_) hand_on(*std::exchange(held_, std::nullopt));
+}
+
 // What nobody has judged.
-void ReplayPort::add_refused(RunReport& report) {
+std::optional<Doubt> ReplayPort::take_refused() {
   const std::uint64_t others = std::exchange(refused_, 0);
   const std::uint64_t bytes = std::exchange(refused_bytes_, 0);
-  if (others == 0) return;
-  report.doubts.push_back(
-      {Doubt::Kind::refused,
-       fmt::format(
-           "{} came while the driver was there and {} turned away: {} bytes that {} had written are on no "
-           "tape (see --connections)",
-           others == 1 ? "another connection" : fmt::format("{} other connections", others),
-           others == 1 ? "was" : "were", bytes, others == 1 ? "it" : "they")});
+  if (others == 0) return std::nullopt;
+  return Doubt{
+      Doubt::Kind::refused,
+      fmt::format(
+          "{} came while the driver was there and {} turned away: {} bytes that {} had written are on no "
+          "tape (see --connections)",
+          others == 1 ? "another connection" : fmt::format("{} other connections", others),
+          others == 1 ? "was" : "were", bytes, others == 1 ? "it" : "they")};
 }
 
 // What was written just before one of them came or was dropped, as it chanced.
@@ -697,6 +715,11 @@ void ReplayPort::on_timer() {
 void ReplayPort::finish() {
   if (!engine_) return listener().on_complete(0);
   if (aftermath_) aftermath_->finish();
+  if (held_ && open_) unread_.close_session();
+  hand_on_held();
+  if (any_run_ && !run_begun_ && !options_.group) {
+    if (auto refused = take_refused()) reports_->add_late_doubt(std::move(*refused));
+  }
   const Instant now = context_.loop->now();
   // That no driver has come is a verdict too, but of no interest to a program that has the port to itself.
   if (!context_.pulled && !any_run_ && !run_begun_) engine_->on_open(now);

@@ -138,9 +138,11 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   void hang_up_driver(ReplayActions& actions);
   void end_aftermath(RunReport report, const LineDown& down);
   void take_report(RunReport report);
+  void hand_on(RunReport report);
+  void hand_on_held();
   void publish(const RunReport& report);
   void continue_finish();
-  void add_refused(RunReport& report);
+  [[nodiscard]] std::optional<Doubt> take_refused();
   void add_output_flushes(RunReport& report);
   void add_stalls(RunReport& report, Instant begun) const;
   [[nodiscard]] int status() const;
@@ -166,6 +168,8 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   std::unique_ptr<ReplayReports> reports_;
   std::optional<RunReport> report_;
   std::unique_ptr<Aftermath> aftermath_;
+  // Of a run that ended with the tape while its driver was there: waits for how much that left unread.
+  std::optional<RunReport> held_;
   // Since the last report: who was turned away, and what it had written.
   std::uint64_t refused_ = 0;
   std::uint64_t refused_bytes_ = 0;

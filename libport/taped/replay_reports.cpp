@@ -194,6 +194,15 @@ void ReplayReports::add_late_doubts() {
   publish(std::move(report));
 }
 
+void ReplayReports::add_late_doubt(Doubt doubt) {
+  if (!waiting_.empty()) return waiting_.back().report.doubts.push_back(std::move(doubt));
+  if (!runs_.latest()) return;
+  RunReport report = *runs_.latest();
+  report.again = true;
+  report.doubts.push_back(std::move(doubt));
+  publish(std::move(report));
+}
+
 bool ReplayReports::complete(Waiting& waiting, Instant now) {
   const bool hint = has_hint(waiting, now);
   if (!waiting.settled && !settle(waiting, now)) return false;

@@ -68,6 +68,10 @@ class ReplayReports {
   // once more (RunReport::again). There is such a run, and none goes on.
   void add_late_doubts();
 
+  // Adds a doubt that came to be known after the last run, to that run's report. Published already, that
+  // follows once more (RunReport::again). For tapes without a group.
+  void add_late_doubt(Doubt doubt);
+
   // Calls `done` once all reports are published and the file is written, or at `limit` (count and hint are
   // given up kFileTime before); whether the file could be written. No report may be added then.
   void finish(Instant limit, std::function<void(bool written)> done);

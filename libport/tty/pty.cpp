@@ -73,6 +73,33 @@ std::optional<std::size_t> input_of(int slave) {
   return static_cast<std::size_t>(bytes);
 }
 
+bool edits_lines(int slave) {
+  termios tio{};
+  return ::tcgetattr(slave, &tio) == 0 && (tio.c_lflag & static_cast<tcflag_t>(ICANON)) != 0;
+}
+
+void end_line_editing(int slave) {
+  termios tio{};
+  if (::tcgetattr(slave, &tio) != 0) return;
+  tio.c_lflag &= ~static_cast<tcflag_t>(ICANON);
+  (void)::tcsetattr(slave, TCSANOW, &tio);
+}
+
+// Reads all of it; nothing where the kernel does not tell, or may hide some of it in a line that has no end
+// yet.
+std::optional<std::size_t> read_input(int slave) {
+  if (!input_of(slave)) return std::nullopt;
+  std::array<char, 4096> buffer;
+  std::size_t sum = 0;
+  while (bring_in(slave)) {
+    const ssize_t size = ::read(slave, buffer.data(), buffer.size());
+    if (size <= 0) break;
+    sum += static_cast<std::size_t>(size);
+  }
+  if (sum == 0 && edits_lines(slave)) return std::nullopt;
+  return sum;
+}
+
 }  // namespace
 
 Result<Pty> Pty::create(FileEvents& events, const Access& access) {
@@ -149,12 +176,14 @@ Result<bool> Pty::freshen(const std::optional<LineSettings>& settings) {
   const bool next_is_there = open_now();
   const Result<UniqueFd> slave = open_slave();
   if (!slave) return slave.error();
-  left_unread_ = next_is_there ? std::nullopt : input_of(slave->get());
   (void)::ioctl(slave->get(), TIOCNXCL);
+  if (!next_is_there) {
+    if (Result<void> fresh = make_pty_fresh(master(), *state, settings); !fresh) return fresh.error();
+  }
+  // Out of ICANON, all of it is seen. What a next driver has read of it by now was read.
+  left_unread_ = read_input(slave->get());
   if (::tcflush(slave->get(), TCIFLUSH) != 0) return pty_error("flushing " + slave_path_);
-  if (next_is_there) return true;
-  if (Result<void> fresh = make_pty_fresh(master(), *state, settings); !fresh) return fresh.error();
-  return false;
+  return next_is_there;
 }
 
 bool Pty::has_input() const {
@@ -186,19 +215,13 @@ std::optional<std::size_t> Pty::unread() {
   return unread;
 }
 
-std::optional<std::size_t> Pty::read_away() {
+std::optional<std::size_t> Pty::read_away(LineIs line) {
   std::optional<std::size_t> bytes;
   unnoticed([&] {
     const UniqueFd slave(::open(slave_path_.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     if (!slave) return;
-    std::array<char, 4096> buffer;
-    std::size_t sum = 0;
-    while (bring_in(slave.get())) {
-      const ssize_t size = ::read(slave.get(), buffer.data(), buffer.size());
-      if (size <= 0) break;
-      sum += static_cast<std::size_t>(size);
-    }
-    bytes = sum;
+    if (line == LineIs::over) end_line_editing(slave.get());
+    bytes = read_input(slave.get());
   });
   return bytes;
 }

@@ -62,7 +62,7 @@ class Pty {
   // descriptor is to be had: what the last driver left is still there.
   Result<void> settle(const std::optional<LineSettings>& settings);
 
-  // How much unread input that took away; nothing where it is not known whose it was.
+  // How much unread input that took away; nothing where that could not be seen.
   [[nodiscard]] std::optional<std::size_t> left_unread() const { return left_unread_; }
 
   // Whether the driver has written bytes that are not read here.
@@ -76,8 +76,11 @@ class Pty {
   // (4095), so that 0 alone is exact. Unknown when the slave cannot be looked at: the driver keeps it to
   // itself (TIOCEXCL) and we are not root, or no descriptor is to be had.
   [[nodiscard]] std::optional<std::size_t> unread();
-  // Takes it from the driver: how much it was. For a line that is over.
-  [[nodiscard]] std::optional<std::size_t> read_away();
+  // Reads what the driver has not read, and returns how much it was; nothing where that cannot be seen. A
+  // line that is over is taken out of ICANON for it, in which the kernel hides what no newline ends; one that
+  // is the next driver's already stays as that has it.
+  enum class LineIs : unsigned char { over, next_ones };
+  [[nodiscard]] std::optional<std::size_t> read_away(LineIs line);
 
  private:
   Pty() = default;

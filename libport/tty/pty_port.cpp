@@ -188,8 +188,11 @@ void PtyPort::look() {
 
 void PtyPort::close() {
   accepting_ = false;
-  up_ = false;
-  if (!line_) return;
+  if (!line_) {
+    up_ = false;
+    return;
+  }
+  if (std::exchange(up_, false)) tell_left(line_->outbox.pending(), line_->pty.unread());
   drop_unsent();
   watch_reading();
 }
@@ -238,6 +241,13 @@ void PtyPort::drop_rest(std::string_view why) {
   if (bytes > 0) listener().told(line::Dropped{bytes, why});
 }
 
+// What a driver that goes has not read. `in_kernel`: none where that cannot be seen.
+void PtyPort::tell_left(std::size_t unsent, std::optional<std::size_t> in_kernel) {
+  line::LeftUnread left;
+  if (in_kernel || unsent > 0) left.bytes = unsent + in_kernel.value_or(0);
+  listener().told(left);
+}
+
 void PtyPort::drop_unsent() {
   const std::size_t bytes = line_->outbox.pending();
   line_->outbox.discard();
@@ -262,7 +272,8 @@ void PtyPort::write(ByteView data) {
 std::optional<std::size_t> PtyPort::unread_by_peer() const {
   if (!peer_ || !line_) return 0;
   // Once the line is over, all of it is counted, which no driver may read any more then.
-  const std::optional<std::size_t> unread = accepting_ ? line_->pty.unread() : line_->pty.read_away();
+  const std::optional<std::size_t> unread =
+      accepting_ ? line_->pty.unread() : line_->pty.read_away(Pty::LineIs::over);
   return unread ? std::optional(line_->outbox.pending() + *unread) : std::nullopt;
 }
 
@@ -333,8 +344,9 @@ void PtyPort::peer_left() {
   drop_unsent();
   if (Result<void> settled = line_->pty.settle(home_); settled) {
     line_->settings.assume(home_);
-    if (const auto left = line_->pty.left_unread()) listener().told(line::LeftUnread{*left + unsent});
+    tell_left(unsent, line_->pty.left_unread());
   } else {
+    tell_left(unsent, std::nullopt);
     if (Result<void> made = make_line(); made) {
       context_.log->log(std::exchange(told_replaced_, true) ? spdlog::level::debug : spdlog::level::info,
                         "{}; a new pty takes its place", settled.error().message);
@@ -351,9 +363,10 @@ void PtyPort::peer_left() {
 // answered.
 void PtyPort::peer_reopened() {
   context_.log->debug("{}: closed and opened again", name());
+  const std::size_t unsent = line_->outbox.pending();
   drop_unsent();
   // And what the last one left unread, as a close does; nothing has come for the new one yet.
-  (void)line_->pty.read_away();
+  tell_left(unsent, line_->pty.read_away(Pty::LineIs::next_ones));
   hang_up_timer_.cancel();
   if (supervisor_ != nullptr) supervisor_->line_closed();
   set_up(false);
@@ -583,6 +596,7 @@ void PtyPort::on_hang_up_timer() {
   const std::optional<std::size_t> unread = congested() ? 1 : line_->pty.unread();
   if (!unread) tell_waiting();
   if (unread == 0 || (!unread && context_.loop->now() - *unknown_since_ >= kUnknownLimit)) {
+    tell_left(0, unread ? line_->pty.read_away(Pty::LineIs::over) : std::nullopt);
     hang_up(false);
   } else {
     hang_up_timer_.set_after(kUnreadPoll);

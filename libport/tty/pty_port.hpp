@@ -153,6 +153,7 @@ class PtyPort final : public Port, private SupervisedLine {
   void master_ended();
   void peer_left();
   void peer_reopened();
+  void tell_left(std::size_t unsent, std::optional<std::size_t> in_kernel);
   void drop_unsent();
   void drop_held();
   void set_up(bool up, LineDown::Reason reason = LineDown::Reason::closed);

@@ -84,6 +84,65 @@ TEST(JudgeReading, WhatWasNotIsADoubtWithItsShare) {
   EXPECT_EQ(judged(60, 0, 41), "") << "more was dropped than was to come";
 }
 
+TEST(JudgeReading, WhereALineThatTellsItCouldNotThatIsADoubtForAll) {
+  RunReport report = spoken_to(100, std::nullopt);
+  report.left_unseen = true;
+  judge_reading(report);
+  EXPECT_EQ(report.verdict, Verdict::pass);
+  EXPECT_THAT(doubts_of(report), StartsWith("what the driver left unread when it closed is not known"));
+}
+
+TEST(JudgeReading, WhereALineNeverTellsItThatIsADoubtOfATapeThatOnlySpeaks) {
+  RunReport asked = spoken_to(100, std::nullopt);
+  asked.left_untold = true;
+  RunReport spoken = asked;
+  spoken.from_driver_bytes = spoken.from_driver_matched = 0;
+  spoken.from_driver_of = 0;
+  judge_reading(asked);
+  EXPECT_EQ(doubts_of(asked), "");
+  judge_reading(spoken);
+  EXPECT_EQ(spoken.verdict, Verdict::pass);
+  EXPECT_THAT(doubts_of(spoken), StartsWith("what the driver left unread when it closed is not known"));
+}
+
+TEST(JudgeReading, ThatNothingCameIsADoubtHoweverTheRunWasSteered) {
+  const auto judged = [](std::uint64_t delivered, const auto& change) {
+    RunReport report = spoken_to(delivered, 0);
+    change(report);
+    judge_reading(report);
+    EXPECT_EQ(report.verdict, Verdict::pass);
+    return doubts_of(report);
+  };
+  const auto paused = [](RunReport& report) { report.playback.pauses = 1; };
+  EXPECT_THAT(judged(0, paused), StartsWith("nothing of the 100 bytes that were recorded as read came"));
+  EXPECT_EQ(judged(1, paused), "");
+  EXPECT_THAT(judged(0, [](RunReport& report) { report.playback.rates = 1; }), StartsWith("nothing of"));
+  EXPECT_THAT(judged(0, [](RunReport& report) { report.leaves_out = true; }), StartsWith("nothing of"));
+  EXPECT_EQ(judged(0,
+                   [](RunReport& report) {
+                     report.leaves_out = true;
+                     report.reads_excused = 100;
+                   }),
+            "");
+}
+
+TEST(JudgeReading, WhatADriverDroppedBesidesTheTapeIsADoubtWhereItMatters) {
+  RunReport report = spoken_to(100, 0);
+  report.left_flushed = true;
+  RunReport must_read = report;
+  must_read.must_read = true;
+  RunReport spoken = report;
+  spoken.from_driver_bytes = spoken.from_driver_matched = 0;
+  spoken.from_driver_of = 0;
+  judge_reading(report);
+  EXPECT_EQ(doubts_of(report), "");
+  for (RunReport* each : {&must_read, &spoken}) {
+    judge_reading(*each);
+    EXPECT_EQ(each->verdict, Verdict::pass);
+    EXPECT_THAT(doubts_of(*each), StartsWith("the driver dropped what had come to it (tcflush)"));
+  }
+}
+
 TEST(JudgeReading, WhatWasLeftInEachSessionCounts) {
   RunReport report = spoken_to(100, 10);
   report.left_unread_before = 30;

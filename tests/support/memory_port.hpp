@@ -41,13 +41,13 @@ class MemoryPort final : public Port, private Recorder {
     std::optional<LineSettings> settings;  // it is a serial line
     bool takes_settings = true;
     bool shows_signals = false;
-    std::vector<std::function<void()>> drains;  // that the test ends
-    std::vector<TakeAnswer> questions;          // that the test answers
-    std::vector<FlushQueue> flushes;            // that it was told
-    std::vector<SettingsOrder> orders;          // of the settings that it was told
-    std::vector<std::uint64_t> left_unread;     // that it was told
-    std::vector<std::uint64_t> refused;         // the same
-    std::string gap_why;                        // of the last note_gap()
+    std::vector<std::function<void()>> drains;              // that the test ends
+    std::vector<TakeAnswer> questions;                      // that the test answers
+    std::vector<FlushQueue> flushes;                        // that it was told
+    std::vector<SettingsOrder> orders;                      // of the settings that it was told
+    std::vector<std::optional<std::uint64_t>> left_unread;  // that it was told
+    std::vector<std::uint64_t> refused;                     // the same
+    std::string gap_why;                                    // of the last note_gap()
     int status = 0;
     Result<void> requested;  // what it answers to a request
 

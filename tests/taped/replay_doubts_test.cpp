@@ -230,6 +230,21 @@ TEST_F(OutputFlushesOfARun, OftenerThanOnTheTapeAreADoubt) {
   EXPECT_THAT(doubts(), testing::ElementsAre(told + "2 times" + unknown));
 }
 
+TEST_F(ReplayPortTest, WhoWasTurnedAwayBehindTheLastRunIsADoubtOfThat) {
+  test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
+  start();
+  write("one");
+  port->close();
+  run_until(loop, [this] { return port->report().has_value(); });
+  EXPECT_TRUE(port->report()->doubts.empty());
+  port->tell(line::Refused{2});
+  (void)finish();
+  ASSERT_EQ(port->report()->doubts.size(), 1U);
+  EXPECT_EQ(port->report()->doubts[0].kind, Doubt::Kind::refused);
+  EXPECT_TRUE(port->report()->again);
+  EXPECT_THAT(book.text(), HasSubstr("1 run"));
+}
+
 TEST_F(ReplayPortTest, WhoWasTurnedAwayIsADoubt) {
   test::write_file(dir / "t.logw", test::block_bytes({{0, "one"}}));
   const auto doubts = [this](std::vector<std::uint64_t> others) {

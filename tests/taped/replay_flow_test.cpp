@@ -151,6 +151,61 @@ TEST_F(EndOfTheLine, BehindTheTapeTheDriverReadsWhatIsLeft) {
   EXPECT_EQ(log.error.message, "");
 }
 
+// The report waits for the driver's going, which tells how much it left unread.
+class UnreadBehindTheTape : public ReplayPortTest {
+ protected:
+  UnreadBehindTheTape() {
+    test::write_file(dir / "t.logr", test::block_bytes({{1, "hello"}}));
+    at_end = AtEnd::hangup;
+  }
+  void play() {
+    start();
+    run_until(loop, [this] { return log.events == "up hung_up "; });
+    EXPECT_EQ(log.data, "hello");
+    EXPECT_FALSE(port->report().has_value());
+  }
+};
+
+TEST_F(UnreadBehindTheTape, IsTheVerdict) {
+  play();
+  port->tell(line::LeftUnread{5});
+  port->close();
+  (void)finish();
+  EXPECT_EQ(log.status, 5);
+  EXPECT_EQ(port->report()->unread, 5U);
+}
+
+TEST_F(UnreadBehindTheTape, IsNothingWhereItReadAll) {
+  play();
+  port->tell(line::LeftUnread{0});
+  port->close();
+  (void)finish();
+  EXPECT_EQ(log.status, 0);
+  EXPECT_TRUE(port->report()->doubts.empty());
+}
+
+TEST_F(UnreadBehindTheTape, IsNotKnownOfADriverThatIsThereAtTheEnd) {
+  play();
+  (void)finish();
+  EXPECT_EQ(log.status, 0);
+  ASSERT_EQ(port->report()->doubts.size(), 1U);
+  EXPECT_EQ(port->report()->doubts[0].kind, Doubt::Kind::unread);
+}
+
+TEST_F(UnreadBehindTheTape, IsThatOfTheRunThatEndedAndNotOfTheNext) {
+  play();
+  port->tell(line::LeftUnread{2});
+  port->close();
+  log.events.clear();
+  port->open();
+  run_until(loop, [this] { return log.events == "up hung_up " && port->report().has_value(); });
+  EXPECT_EQ(port->report()->unread, 2U);
+  port->tell(line::LeftUnread{0});
+  port->close();
+  (void)finish();
+  EXPECT_EQ(port->report()->unread, std::nullopt);
+}
+
 TEST_F(EndOfTheLine, AtAMismatchItBreaksWhereItStandsAndSaysWhy) {
   start();
   write("oh");

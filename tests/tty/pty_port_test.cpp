@@ -99,6 +99,45 @@ TEST_F(PtyPortTest, WhatADriverLeftUnreadIsNotServedToTheNext) {
   EXPECT_EQ(read_all(fd, 5), "fresh");
 }
 
+TEST_F(PtyPortTest, WhatADriverLeftUnreadIsCountedToTheLastByte) {
+  start();
+  UniqueFd fd = driver();
+  until("up ");
+  const std::string much(12'000, 'x');
+  port.write(as_bytes(much));
+  fd.reset();
+  until("up closed ");
+  EXPECT_EQ(log.left_unread, much.size());
+}
+
+TEST_F(PtyPortTest, WhatADriverLeftUnreadIsSeenThoughItAskedForLinesAndNoneIsWhole) {
+  start();
+  UniqueFd fd = driver();
+  until("up ");
+  termios tio{};
+  ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
+  tio.c_lflag |= ICANON;
+  ASSERT_EQ(::tcsetattr(fd.get(), TCSANOW, &tio), 0);
+  port.write(as_bytes("no end"));
+  fd.reset();
+  until("up closed ");
+  EXPECT_EQ(log.left_unread, 6U);
+}
+
+TEST_F(PtyPortTest, AHangUpTellsWhatADriverThatAskedForLinesCannotRead) {
+  start();
+  const UniqueFd fd = driver();
+  until("up ");
+  termios tio{};
+  ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
+  tio.c_lflag |= ICANON;
+  ASSERT_EQ(::tcsetattr(fd.get(), TCSANOW, &tio), 0);
+  port.write(as_bytes("no end"));
+  port.hang_up(true);
+  until("up hung_up ");
+  EXPECT_EQ(log.left_unread, 6U);
+}
+
 TEST_F(PtyPortTest, ADriverThatHasReadAllLeftNothingUnread) {
   start();
   UniqueFd fd = driver();
@@ -118,6 +157,7 @@ TEST_F(PtyPortTest, WhatADriverLeftUnreadIsNotServedToOneThatOpensBeforeWeLook) 
   fd.reset();
   fd = driver();
   until("up closed up ");
+  EXPECT_EQ(log.left_unread, 5U);
   port.write(as_bytes("fresh"));
   EXPECT_EQ(read_all(fd, 5), "fresh");
 }

@@ -130,10 +130,11 @@ TEST_F(PtyRefused, WhereUnreadInputCannotBeCountedItIsNotGuessed) {
     EXPECT_TRUE(while_refused({refused}, [&] { EXPECT_EQ(pty->unread(), std::nullopt); }));
   }
   EXPECT_EQ(pty->unread(), 4U);
-  EXPECT_TRUE(while_refused({{SYS_openat, EBUSY}}, [&] { EXPECT_EQ(pty->read_away(), std::nullopt); }));
+  EXPECT_TRUE(while_refused({{SYS_openat, EBUSY}},
+                            [&] { EXPECT_EQ(pty->read_away(Pty::LineIs::over), std::nullopt); }));
   EXPECT_EQ(pty->unread(), 4U) << "it is all still there";
-  EXPECT_EQ(pty->read_away(), 4U);
-  EXPECT_EQ(pty->read_away(), 0U);
+  EXPECT_EQ(pty->read_away(Pty::LineIs::over), 4U);
+  EXPECT_EQ(pty->read_away(Pty::LineIs::over), 0U);
 }
 
 TEST_F(PtyRefused, WhatTheLastDriverLeftUnreadIsNotGuessedEither) {
