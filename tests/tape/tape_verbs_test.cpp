@@ -428,7 +428,8 @@ TEST_F(TapeVerbs, AnEmptyPartOfASplitTapeIsNone) {
   EXPECT_TRUE(ends(part_tape(of_bare, 1)));
 }
 
-// Without an events file nothing tells whether such a tape is whole: what is made of it does not say so either.
+// Without an events file nothing tells whether such a tape is whole: what is made of it does not say so
+// either.
 TEST_F(TapeVerbs, WhatIsMadeOfHalfATapeWithoutEventsHasNoEnd) {
   const TapePaths whole = put("w", MemoryTape().read(0, "a").write(10, "q").read(1'000, "b"));
   fs::remove(whole.events);
@@ -438,32 +439,30 @@ TEST_F(TapeVerbs, WhatIsMadeOfHalfATapeWithoutEventsHasNoEnd) {
   const TapePaths missing = put("m", MemoryTape().read(0, "a").read(1'000, "b"));
   fs::remove(missing.events);
   fs::remove(missing.write);
+  const TapePaths other = put("o", MemoryTape().read(0, "a"));
   int made = 0;
   const auto to = [&] { return literal_tape(dir / ("made" + std::to_string(++made))); };
   for (const TapePaths* tape : {&whole, &torn, &missing}) {
     const bool is_whole = tape == &whole;
     for (const TapeTime until : {TapeTime::max(), tape_time_us(500)}) {
-      const auto cut = cut_tape(*tape, to(),
-                                {.range = TimeRange{{}, until},
-                                 .rebased = false,
-                                 .writer = {.sync = false},
-                                 .progress = {}});
+      const auto cut = cut_tape(
+          *tape, to(),
+          {.range = TimeRange{{}, until}, .rebased = false, .writer = {.sync = false}, .progress = {}});
       ASSERT_TRUE(cut);
       EXPECT_EQ(ends(cut->paths), is_whole);
       EXPECT_EQ(cut->half.has_value(), !is_whole);
     }
     const TapePaths parts = to();
-    const auto split = split_tape(*tape, parts,
-                                  {.at = SplitOptions::At::every,
-                                   .span = Micros(500),
-                                   .writer = {.sync = false},
-                                   .progress = {}});
+    const auto split = split_tape(
+        *tape, parts,
+        {.at = SplitOptions::At::every, .span = Micros(500), .writer = {.sync = false}, .progress = {}});
     ASSERT_TRUE(split);
     ASSERT_EQ(split->size(), 2U);
     EXPECT_EQ(ends(part_tape(parts, 1)), is_whole);
     EXPECT_EQ(ends(part_tape(parts, 2)), is_whole);
     EXPECT_EQ(split->front().half.has_value(), !is_whole);
-    const auto merged = merge_tapes({whole, *tape}, to(), {.offsets = {}, .writer = {.sync = false}, .progress = {}});
+    const auto merged =
+        merge_tapes({other, *tape}, to(), {.offsets = {}, .writer = {.sync = false}, .progress = {}});
     ASSERT_TRUE(merged);
     EXPECT_EQ(ends(merged->paths), is_whole);
     EXPECT_EQ(merged->halves.empty(), is_whole);
