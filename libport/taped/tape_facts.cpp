@@ -53,17 +53,19 @@ struct Opens {
   }
 };
 
+Error wrong_size(const std::string& path, const std::string& found, const PayloadTotals& told) {
+  return make_error(
+      Errc::damaged_tape,
+      fmt::format("{} {}, and by its tape's end it has {} ({} blocks); `porttape verify` says more", path,
+                  found, told.bytes + told.blocks * kHeaderSize, told.blocks));
+}
+
 // What the `end` event tells of an r or w file, beside the file's size: one that is missing, shortened or
 // another's is not played, since nobody could say what is missing in it.
 Result<void> check_size(const std::string& path, const std::optional<PayloadTotals>& told) {
   if (!told) return {};
   const std::uint64_t recorded = told->bytes + told->blocks * kHeaderSize;
-  const auto flaw = [&](const std::string& found) {
-    return make_error(
-        Errc::damaged_tape,
-        fmt::format("{} {}, and by its tape's end it has {} ({} blocks); `porttape verify` says more", path,
-                    found, recorded, told->blocks));
-  };
+  const auto flaw = [&](const std::string& found) { return wrong_size(path, found, *told); };
   std::error_code unknown;
   const bool is_missing = !std::filesystem::exists(path, unknown);
   if (unknown) return {};
@@ -124,18 +126,25 @@ Result<TapeFacts> tape_facts(const TapePaths& tape, const PlayedPart& played) {
     known.ended = end.has_value();
     if (end && end->read && end->write) facts.totals = TapeTotals{end->read->bytes, end->write->bytes};
     known.checkable = end && end->read && end->write && end->read->xxh3 && has_digests(events->header());
+    std::optional<Error> longer;
     if (end) {
       for (const auto& [path, told] : {std::pair(tape.read, end->read), std::pair(tape.write, end->write)}) {
         if (Result<void> whole = check_size(path, told); !whole && !known.flaw) known.flaw = whole.error();
-        if (const auto more = beyond(path, told)) known.stray.push_back(*more);
         std::error_code error;
         if (!told && !std::filesystem::exists(path, error)) known.missing = path;
+        const auto more = beyond(path, told);
+        if (!more) continue;
+        known.stray.push_back(*more);
+        if (!longer)
+          longer =
+              wrong_size(path, fmt::format("has {} bytes", std::filesystem::file_size(path, error)), *told);
       }
     }
     if (const auto torn = events->torn_tail(); torn && end) known.stray.push_back(*torn);
     if (!known.flaw && !known.stray.empty()) {
       // More than the end tells of: bytes that do not count, or another file's.
-      if (const auto check = check_tape(tape); check && !check->found) known.flaw = check->found.error();
+      const auto check = check_tape(tape);
+      if (check && !check->found) known.flaw = longer ? *longer : check->found.error();
     }
     if (const auto& header = events->header()) known.zero = header->zero;
   }
