@@ -78,6 +78,14 @@ struct Dropped {
   friend bool operator==(const Dropped&, const Dropped&) = default;
 };
 
+// Signals that the device drives are to be told from now on, or not any more; at any time. Where they are,
+// and the line has such signals, they are told when it comes up (or is resumed), before any bytes, and
+// whenever they change.
+struct WatchSignals {
+  bool on = true;
+  friend bool operator==(const WatchSignals&, const WatchSignals&) = default;
+};
+
 }  // namespace line
 
 // One of them. LineSignal: the peer has changed a signal of the line; of a device also how each of its own
@@ -86,8 +94,9 @@ struct Dropped {
 //
 // A new kind is its struct here, the port that tells it, and whoever acts on it: wrappers, sessions and
 // queues pass on what they do not know.
-using LineEvent = std::variant<line::Flush, line::Settings, LineSignal, line::Drain, line::Sent, line::Ask,
-                               line::Answer, line::LeftUnread, line::Refused, line::Dropped, LineFault>;
+using LineEvent =
+    std::variant<line::Flush, line::Settings, LineSignal, line::Drain, line::Sent, line::Ask, line::Answer,
+                 line::LeftUnread, line::Refused, line::Dropped, LineFault, line::WatchSignals>;
 
 // What std::visit needs: one function for each kind that matters, and one for all others.
 template <class... Functions>
@@ -98,7 +107,8 @@ template <class... Functions>
 LineVisitor(Functions...) -> LineVisitor<Functions...>;
 
 // Whether it has its place among the bytes. What has none is told at once, by one who holds bytes back too: a
-// loss, a fault, what is left of a peer that has gone, an answer.
+// loss, a fault, what is left of a peer that has gone, an answer, what a
+// session wants to know.
 inline bool keeps_place(const LineEvent& event) {
   return std::holds_alternative<line::Flush>(event) || std::holds_alternative<line::Settings>(event) ||
          std::holds_alternative<LineSignal>(event) || std::holds_alternative<line::Drain>(event) ||

@@ -29,8 +29,10 @@ namespace porttape {
 //   once as far as the inner port takes them, else they wait behind the last one. A hang-up at once drops the
 //   rest. Nor do the peer's end of writing and read_pending() wait for a `due`. Behind bytes that are not
 //   read, the inner port decides which answer to an ended peer is the last.
-// - While nothing is read bytes wait, and with them a line that its peer has closed: while the other line takes
-//   bytes, and 10 s without that; one that breaks takes them with it, as the kernel's queue goes with a device.
+// - While nothing is read bytes wait, and with them a line that its peer has closed: while the other line
+// takes
+//   bytes, and 10 s without that; one that breaks takes them with it, as the kernel's queue goes with a
+//   device.
 // - Held writes wait while the line is interrupted. They are dropped when it goes down, since they are not
 //   the next peer's, and at close() with all else.
 // What is dropped is told, except to the one who asks for it by discard(). Arrivals that came together and

@@ -18,7 +18,6 @@ std::optional<std::size_t> ForwardingPort::unread_by_peer() const { return inner
 std::optional<LineSettings> ForwardingPort::settings() const { return inner_->settings(); }
 Result<void> ForwardingPort::apply(const LineSettings& settings) { return inner_->apply(settings); }
 void ForwardingPort::tell(const LineEvent& event) { inner_->tell(event); }
-void ForwardingPort::watch_signals(bool on) { inner_->watch_signals(on); }
 void ForwardingPort::set_reading(bool on) { inner_->set_reading(on); }
 void ForwardingPort::hang_up(bool after_reading) { inner_->hang_up(after_reading); }
 void ForwardingPort::read_pending() { inner_->read_pending(); }

@@ -31,7 +31,6 @@ class ForwardingPort : public Port, protected PortListener, protected WaitingCal
   [[nodiscard]] std::optional<LineSettings> settings() const override;
   Result<void> apply(const LineSettings& settings) override;
   void tell(const LineEvent& event) override;
-  void watch_signals(bool on) override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;

@@ -294,11 +294,9 @@ class Port {
   // - line::Sent, line::Answer: the answers to what this port has told.
   // - line::Settings: the program at the other end has made its line so. Whether the device's line follows is
   //   apply()'s.
+  // - line::WatchSignals: for a device's port.
   // - All others are for a port with a tape, or one that plays one.
   virtual void tell(const LineEvent& event);
-  // Whether signals that the device drives are to be told; at any time. Where they are, and the line has such
-  // signals, they are told when it comes up (or is resumed), before any bytes, and whenever they change.
-  virtual void watch_signals(bool on) { (void)on; }
   // Whether on_data may come: false is backpressure to the peer.
   virtual void set_reading(bool on) = 0;
 

@@ -148,7 +148,7 @@ void Session::open_device_now() {
     device_state_ = DeviceState::closed;  // as it was: nothing has been opened
     return;
   }
-  device_->watch_signals(driver_->shows_signals());
+  device_->tell(line::WatchSignals{driver_->shows_signals()});
   device_->open();
   pass_early_state();  // for a line that is to come up with them
 }

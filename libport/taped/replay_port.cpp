@@ -272,6 +272,9 @@ void ReplayPort::tell(const LineEvent& event) {
                    refused_bytes_ += refused.bytes;
                  },
                  [this](const LineFault& fault) { note_fault(fault); },
+                 [this](const line::WatchSignals& watch) {
+                   if (engine_) engine_->show_signals(watch.on);
+                 },
                  [this](const auto& other) { Port::tell(other); },
              },
              event);
@@ -284,10 +287,6 @@ void ReplayPort::driver_flushed(FlushQueue queue) {
   if (queue == FlushQueue::out) return;
   engine_->on_flush(context_.loop->now());
   pump();
-}
-
-void ReplayPort::watch_signals(bool on) {
-  if (engine_) engine_->show_signals(on);
 }
 
 void ReplayPort::begin_drain(RequestNumber number) {

@@ -79,7 +79,6 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   //   tape has none, no time.
   // - Each run's report has what was done to its line.
   void tell(const LineEvent& event) override;
-  void watch_signals(bool on) override;
   [[nodiscard]] PortFacets facets() override { return {.waiting = this, .playback = this}; }
   Result<void> request(const PlaybackRequest& what) override;
   [[nodiscard]] PlaybackStatus playback() override;

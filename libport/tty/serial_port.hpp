@@ -72,7 +72,6 @@ class SerialPort final : public Port, private WaitingCalls {
   }
   Result<void> apply(const LineSettings& settings) override;
   void tell(const LineEvent& event) override;
-  void watch_signals(bool on) override;
   void set_reading(bool on) override;
   void hang_up(bool after_reading) override;
   void read_pending() override;
@@ -97,6 +96,7 @@ class SerialPort final : public Port, private WaitingCalls {
 
   void change_made(const LineSettings& wanted, const Result<TakenSettings>& taken);
   void tell_not_taken(const std::string& what);
+  void watch_signals(bool on);
   void drive(const LineSignal& signal);
   void drain(RequestNumber number);
   void ask(const line::Ask& question);

@@ -18,6 +18,8 @@ void SerialPort::tell(const LineEvent& event) {
     drain(drained->number);
   } else if (const auto* question = std::get_if<line::Ask>(&event)) {
     ask(*question);
+  } else if (const auto* watch = std::get_if<line::WatchSignals>(&event)) {
+    watch_signals(watch->on);
   }
 }
 

@@ -19,8 +19,9 @@ TEST(LineEventTest, WhatADriverDoesToItsLineKeepsItsPlaceAmongTheBytes) {
 }
 
 TEST(LineEventTest, AnswersLossesAndFaultsAreToldAtOnce) {
-  const std::vector<LineEvent> at_once = {line::Sent{},    line::Answer{},  line::LeftUnread{},
-                                          line::Refused{}, line::Dropped{}, LineFault{}};
+  const std::vector<LineEvent> at_once = {line::Sent{},        line::Answer{},  line::LeftUnread{},
+                                          line::Refused{},     line::Dropped{}, LineFault{},
+                                          line::WatchSignals{}};
   for (const LineEvent& event : at_once) EXPECT_FALSE(keeps_place(event)) << event.index();
 }
 

@@ -36,7 +36,6 @@ class ToldPort final : public Port, private WaitingCalls, private Recorder, priv
     say("tell " + std::to_string(event.index()));
     Port::tell(event);
   }
-  void watch_signals(bool on) override { say(on ? "watch signals" : "watch none"); }
   void set_reading(bool on) override { say(on ? "reading" : "not reading"); }
   void hang_up(bool after_reading) override { say(after_reading ? "hang up later" : "hang up"); }
   void read_pending() override { say("read pending"); }
@@ -84,7 +83,6 @@ TEST_F(ForwardingPortTest, PassesOnEveryCallToTheInnerPort) {
   wrapper.open();
   wrapper.write(as_bytes("x"));
   EXPECT_TRUE(wrapper.apply({.baud = 300}).has_value());
-  wrapper.watch_signals(true);
   wrapper.tell(LineSignal{LineSignal::Name::rts, true});
   bool sent = false;
   log.drain(wrapper, [&sent] { sent = true; });
@@ -99,9 +97,9 @@ TEST_F(ForwardingPortTest, PassesOnEveryCallToTheInnerPort) {
   wrapper.tell(line::Flush{FlushQueue::in});
   wrapper.close();
   wrapper.finish();
-  EXPECT_EQ(calls, (std::vector<std::string>{"prepare", "open", "write x", "apply 300", "watch signals",
-                                             "tell 2", "tell 3", "tell 5", "not reading", "hang up later",
-                                             "read pending", "tell 0", "close", "finish"}));
+  EXPECT_EQ(calls, (std::vector<std::string>{"prepare", "open", "write x", "apply 300", "tell 2", "tell 3",
+                                             "tell 5", "not reading", "hang up later", "read pending",
+                                             "tell 0", "close", "finish"}));
   EXPECT_TRUE(wrapper.congested());
   EXPECT_TRUE(wrapper.end_writing());
   EXPECT_TRUE(wrapper.has_half_close());

@@ -187,6 +187,7 @@ void LinePort::tell(const LineEvent& event) {
                  [this](const line::Ask& question) { tell_question(question); },
                  [this](const line::Flush& flush) { tell_flush(flush.queue); },
                  [this](const line::Settings& settings) { tell_settings(settings); },
+                 [this](const line::WatchSignals& watch) { watching_ = watch.on; },
                  [this](const line::Sent& sent) { line_->drained(sent.number); },
                  [this](const line::Answer& answer) { line_->answered(answer.number, answer.answer); },
                  [](const auto&) {},
@@ -267,8 +268,6 @@ void LinePort::answer_all() {
     question.mapped()(LineAnswer{.error = EIO});
   }
 }
-
-void LinePort::watch_signals(bool on) { watching_ = on; }
 
 void LinePort::tell_flush(FlushQueue queue) {
   world_->trace("{}: its peer has flushed {}", line_->name_, name_of(queue));

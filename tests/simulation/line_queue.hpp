@@ -22,7 +22,8 @@ struct Passed {
     drain,
     ask,
     // Only in the log of a port, see Line::passed.
-    peer_set,  // line::Settings of the driver; a device's port is told what `settings` it is to take by apply()
+    peer_set,  // line::Settings of the driver; a device's port is told what `settings` it is to take by
+               // apply()
     drained,   // what `drain` of this number asked for is done
     answered,
     prepare,

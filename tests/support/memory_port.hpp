@@ -131,9 +131,6 @@ class MemoryPort final : public Port, private Recorder {
   void tell(const LineEvent& event) override {
     std::visit([this](const auto& each) { note(each); }, event);
   }
-  void watch_signals(bool on) override {
-    if (on) peer_->calls += "watch_signals ";
-  }
   void hang_up(bool after_reading) override {
     peer_->calls += after_reading ? "hang_up_after_reading " : "hang_up ";
   }
@@ -185,6 +182,9 @@ class MemoryPort final : public Port, private Recorder {
   void note(const line::Refused& other) { peer_->refused.push_back(other.bytes); }
   void note(const line::Dropped&) {}
   void note(const LineFault&) {}
+  void note(const line::WatchSignals& watch) {
+    if (watch.on) peer_->calls += "watch_signals ";
+  }
 
   Result<void> request(const RecorderRequest& what) override {
     peer_->calls += what.kind == RecorderRequest::Kind::mark ? "mark:" + what.text + " " : "next_tape ";

@@ -123,7 +123,7 @@ class SignalsOfATape : public ReplayPortTest {
 
 TEST_F(SignalsOfATape, AreToldInTheirPlaceWhereTheyAreWanted) {
   start({}, OnMismatch::fail, false);
-  port->watch_signals(true);
+  port->tell(line::WatchSignals{true});
   port->open();
   EXPECT_EQ(log.events, "up cts+ ");
   write("ask");

@@ -228,7 +228,7 @@ TEST_F(ReplayRequests, SignalsAndBytesThatComeAtOnceAreInTheirOrder) {
                             cts(26, false) + cts(35, true) + encode(tape_time_us(90), event::Close{})));
   options.config.timing = Timing::none;
   ASSERT_EQ(prepared(), "");
-  port->watch_signals(true);
+  port->tell(line::WatchSignals{true});
   port->open();
   run_until(loop, [this] { return log.data.size() == 8; });
   EXPECT_EQ(log.data, "abcdefgh");

@@ -35,7 +35,7 @@ class SerialSignalsTest : public SerialPortTest {
   void make(std::map<std::string, std::string> options = {{"baud", "4800"}}, bool watched = false) {
     calls = line;
     make_port(std::move(options));
-    port->watch_signals(watched);
+    port->tell(line::WatchSignals{watched});
     ASSERT_TRUE(port->prepare().has_value());
   }
   void start(std::map<std::string, std::string> options = {{"baud", "4800"}}) {
@@ -285,7 +285,7 @@ TEST_F(SerialSignalsTest, AQuestionIsAnsweredOnceWhenTheLineIsClosed) {
 TEST_F(SerialSignalsTest, APtyHasNone) {
   make_port();
   ASSERT_TRUE(port->prepare().has_value());
-  port->watch_signals(true);
+  port->tell(line::WatchSignals{true});
   port->open();
   for (const Name name : {Name::dtr, Name::brk, Name::rts, Name::cts}) port->tell(LineSignal{name, true});
   port->write(as_bytes("a"));
@@ -518,7 +518,7 @@ TEST_F(SerialSignalsTest, ADrainWhoseLastBytesAreOnTheirWayIsDoneOnce) {
 TEST_F(SerialSignalsTest, TheDevicesAreToldWhenTheLineComesUp) {
   line->change(TIOCM_CTS | TIOCM_DSR, {}, false);
   make();
-  port->watch_signals(true);
+  port->tell(line::WatchSignals{true});
   ASSERT_EQ(::write(device.get(), "x", 1), 1);  // as early as a device can
   port->open();
   EXPECT_EQ(log.events, "up cts+ dsr+ cd- ri- ");
@@ -531,7 +531,7 @@ TEST_F(SerialSignalsTest, TheDevicesAreToldWhenTheLineComesUp) {
 
 TEST_F(SerialSignalsTest, TheDevicesAreToldBehindWhatCameBefore) {
   make();
-  port->watch_signals(true);
+  port->tell(line::WatchSignals{true});
   port->open();
   run_until(loop, [&] {
     loop.post([] {});
@@ -549,9 +549,9 @@ TEST_F(SerialSignalsTest, TheDevicesAreNotToldUnlessTheyAreWanted) {
   port->write(as_bytes("a"));
   until_journal("a");
   EXPECT_EQ(line->looks, 0);
-  port->watch_signals(true);
+  port->tell(line::WatchSignals{true});
   until_events("up cts+ dsr- cd- ri- ");
-  port->watch_signals(false);
+  port->tell(line::WatchSignals{false});
   line->change(0);
   port->tell(LineSignal{Name::rts, true});
   until_journal("a[rts+]");
@@ -583,7 +583,7 @@ TEST_F(SerialSignalsTest, OneThatStaysOpenTellsThemToEachSession) {
 TEST_F(SerialSignalsTest, OneThatIsOpenAlreadyTellsThemAtTheNextOpen) {
   make({{"baud", "4800"}, {"alwaysopen", "1"}});
   line->change(TIOCM_CTS, {}, false);
-  port->watch_signals(true);
+  port->tell(line::WatchSignals{true});
   port->open();
   EXPECT_EQ(log.events, "up cts+ dsr- cd- ri- ");
 }
@@ -612,7 +612,7 @@ TEST_F(SerialSignalsTest, TheyAreToldAgainWhenTheDeviceComesBack) {
 TEST_F(SerialSignalsTest, ADeviceThatHangsInAWaitHoldsUpTheNextOpenAlone) {
   line->hang();
   make();
-  port->watch_signals(true);
+  port->tell(line::WatchSignals{true});
   port->open();
   run_until(loop, [&] {
     loop.post([] {});
@@ -629,7 +629,7 @@ TEST_F(SerialSignalsTest, ADeviceThatHangsInAWaitHoldsUpTheNextOpenAlone) {
 
 TEST_F(SerialSignalsTest, OneThatIsWatchedIsOpenedAgainAtOnce) {
   make();
-  port->watch_signals(true);
+  port->tell(line::WatchSignals{true});
   std::string events;
   for (int i = 0; i < 50; ++i) {
     port->open();
