@@ -5,6 +5,7 @@
 #include <chrono>
 #include <fmt/format.h>
 #include <fstream>
+#include <iterator>
 #include <poll.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
@@ -116,38 +117,28 @@ void StreamListener::let_in(Newcomer newcomer) {
 void StreamListener::left() {
   taken_ = false;
   watch();
-  if (accepts_ && !context_.pulled) {
-    take_backlog();
-    drop_all_gone();
-  }
+  if (accepts_) drop_all_gone();
   if (waiting_.empty()) return;
   context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
     if (!alive.expired()) let_next_in();
   });
 }
 
-// Who has connected, and whom nothing has told of yet.
-void StreamListener::take_backlog() {
-  for (std::size_t before = waiting_.size(); before < kMostWaiting; before = waiting_.size()) {
-    pollfd backlog{fd_.get(), POLLIN, 0};
-    if (::poll(&backlog, 1, 0) > 0) on_acceptable();
-    if (waiting_.size() == before) return;
-  }
-}
-
 void StreamListener::drop_all_gone() {
-  std::erase_if(waiting_, [this](Newcomer& each) {
-    const bool gone = is_gone(each.fd.get());
-    if (gone) drop_gone(each);
-    return gone;
-  });
+  for (std::deque<Newcomer> waiting = std::exchange(waiting_, {}); !waiting.empty(); waiting.pop_front()) {
+    if (is_gone(waiting.front())) {
+      drop_gone(waiting.front());
+    } else {
+      waiting_.push_back(std::move(waiting.front()));
+    }
+  }
 }
 
 void StreamListener::let_next_in() {
   while (accepts_ && !waiting_.empty() && owner_->inside() == Inside::nobody) {
     Newcomer next = std::move(waiting_.front());
     waiting_.pop_front();
-    if (is_gone(next.fd.get())) {
+    if (is_gone(next)) {
       drop_gone(next);
     } else {
       let_in(std::move(next));
@@ -155,20 +146,22 @@ void StreamListener::let_next_in() {
   }
 }
 
-// Each newcomer by the one before it, the first by the one inside.
+// Each newcomer by the one before it, the first by the one inside. Whoever is told of one may end the line,
+// or close the port, from within: nobody waits here meanwhile.
 void StreamListener::look() {
   const Instant now = context_.loop->now();
   bool there = owner_->inside() == Inside::there;
   std::string before = inside_;
   std::optional<Instant> next;
-  for (auto each = waiting_.begin(); each != waiting_.end();) {
+  std::deque<Newcomer> waiting = std::exchange(waiting_, {});
+  for (auto each = waiting.begin(); each != waiting.end();) {
     const Instant settled = each->since + kSettling;
-    if (is_gone(each->fd.get())) {
+    if (is_gone(*each)) {
       drop_gone(*each);
-      each = waiting_.erase(each);
+      each = waiting.erase(each);
     } else if (there && now >= settled) {
       refuse(*each, fmt::format("{} is connected already (see --connections)", before));
-      each = waiting_.erase(each);
+      each = waiting.erase(each);
     } else {
       if (now < settled) next = next ? std::min(*next, settled) : settled;
       if (!there && now >= settled && !std::exchange(each->told, true))
@@ -178,16 +171,20 @@ void StreamListener::look() {
       ++each;
     }
   }
+  std::ranges::move(waiting_, std::back_inserter(waiting));
+  waiting_ = std::move(waiting);
   if (next) look_timer_.set(*next);
+  if (!accepts_) accept(false);
 }
 
 bool StreamListener::next_waits() {
   pollfd backlog{fd_.get(), POLLIN, 0};
   if (context_.pulled && ::poll(&backlog, 1, 0) > 0) return true;
-  return std::ranges::any_of(waiting_, [this](const Newcomer& each) { return !is_gone(each.fd.get()); });
+  return std::ranges::any_of(waiting_, [this](const Newcomer& each) { return !is_gone(each); });
 }
 
-bool StreamListener::is_gone(int fd) {
+bool StreamListener::is_gone(const Newcomer& newcomer) {
+  const int fd = newcomer.fd.get();
   pollfd both{fd, 0, 0};
   if (::poll(&both, 1, 0) > 0) return true;
   return has_ended(fd) && owner_->look_at_peer(fd) == PeerState::gone;

@@ -58,8 +58,8 @@ class StreamListener {
 
   // False: newcomers stay with the kernel, who waits here is turned away, and the one inside is gone.
   void accept(bool on);
-  // The one inside has gone: the next one is let in, on a later turn of the loop. Who came while it was there
-  // and has gone by now is told before this returns.
+  // The one inside has gone: the next one is let in, on a later turn of the loop. Who waited and has gone by
+  // now is told before this returns.
   void left();
   // Whether somebody waits who is there.
   [[nodiscard]] bool next_waits();
@@ -77,11 +77,10 @@ class StreamListener {
   void on_acceptable();
   void not_accepted(int error_number);
   void newcomer(Newcomer newcomer);
-  void take_backlog();
   void drop_all_gone();
   void let_next_in();
   void look();
-  [[nodiscard]] bool is_gone(int fd);
+  [[nodiscard]] bool is_gone(const Newcomer& newcomer);
   void drop_gone(Newcomer& newcomer);
   void refuse(Newcomer& newcomer, const std::string& why);
   void tell_refused();

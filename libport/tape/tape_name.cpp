@@ -104,9 +104,9 @@ Result<TapePaths> named_new_tape(std::string_view argument) {
   }
   std::error_code ignored;
   const fs::file_status there = fs::status(path, ignored);
-  if (fs::exists(there) && !fs::is_regular_file(there) && !fs::is_directory(there))
+  if (fs::is_character_file(there) || fs::is_block_file(there))
     return make_error(Errc::usage,
-                      in_quotes(argument) + " is a device or a pipe, which holds no tape; give another name");
+                      in_quotes(argument) + " is a device, which holds no tape; give another name");
   return new_tape(argument);
 }
 

@@ -30,7 +30,7 @@ TapePaths literal_tape(std::string_view name);
 // name `laser.log`.
 TapePaths new_tape(std::string_view argument);
 // The same, of a name that a person gave. Errc::usage for one that is no tape's: a folder's (`out/`, `.`), a
-// device's or a pipe's (`/dev/null`), none.
+// device's (`/dev/null`), none.
 Result<TapePaths> named_new_tape(std::string_view argument);
 
 // `laser.log`, `laser.2.log`, `laser.3.log`, …: the names of a tape that another has to make room for.

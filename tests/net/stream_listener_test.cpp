@@ -262,20 +262,6 @@ TEST_F(StreamListenerTest, WhoWentAwayIsToldBeforeTheOneInsideHasLeft) {
   EXPECT_THAT(turned_away, ElementsAre(4U));
 }
 
-TEST_F(StreamListenerTest, SoIsOneThatTheKernelHasNotToldOf) {
-  make();
-  const Socket first = call();
-  there = Inside::ended;
-  {
-    Socket dead = Socket::connect_to(socket.port());
-    dead.send("dead");
-  }
-  state = PeerState::gone;
-  door->left();
-  EXPECT_THAT(turned_away, ElementsAre(4U));
-  EXPECT_EQ(let.size(), 1U);
-}
-
 TEST_F(StreamListenerTest, WhoWentAwayIsToldAtTheLookToo) {
   make();
   const Socket first = call();

@@ -207,11 +207,11 @@ TEST_F(TtyCallsTest, WhatTheLineShowsIsReadBack) {
 }
 
 // As a serial line is opened: a pty of ours has a flag by which the kernel knows a change.
-TEST_F(TtyCallsTest, UntilItSetsTheLineADriverSeesNoEchoOfNewlines) {
+TEST_F(TtyCallsTest, UntilItSetsTheLineADriverSeesNoMarkOfIt) {
   before_start = [this] {
     termios made{};
     ::ioctl(line.line_fd(), TCGETS, &made);
-    made.c_lflag |= ECHONL;
+    made.c_iflag |= IGNBRK;
     ::ioctl(line.line_fd(), TCSETS, &made);
   };
   EXPECT_THAT(run({"shown"}), ElementsAre("shown 0 8N"));

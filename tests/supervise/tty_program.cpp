@@ -115,7 +115,7 @@ static void show_frame(int fd, FILE* out) {
   const int result = ioctl(fd, 0x5401, &tio);
   char name[4];
   fprintf(out, "shown %d %s%s%s\n", result, frame_name(tio.cflag, name), (tio.cflag & CLOCAL) != 0 ? "" : "c",
-          (tio.lflag & ECHONL) != 0 ? " echonl" : "");
+          (tio.iflag & IGNBRK) != 0 ? " ignbrk" : "");
 }
 
 static int line_bits(const char* names) {

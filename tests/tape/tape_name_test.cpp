@@ -44,7 +44,7 @@ TEST(TapeName, ANewTapeIsNoFolderAndNoDevice) {
   }
   for (const std::string device : {"/dev/null", "/dev/tty"})
     EXPECT_EQ(named_new_tape(device).error().message,
-              "'" + device + "' is a device or a pipe, which holds no tape; give another name");
+              "'" + device + "' is a device, which holds no tape; give another name");
   EXPECT_FALSE(named_new_tape("").has_value());
   test::write_file(dir / "laser", {});
   EXPECT_EQ(named_new_tape(dir / "laser")->name(), dir / "laser.log")
