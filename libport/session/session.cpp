@@ -547,6 +547,7 @@ std::optional<std::size_t> Session::left() const {
 
 void Session::end() {
   if (!end_.complete()) return;
+  takes_rest_ = false;  // the device may have more than it can take
   drain_timer_.cancel();
   open_timer_.cancel();
   end_timer_.set_after(end_.completing_limit());

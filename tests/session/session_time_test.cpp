@@ -99,6 +99,24 @@ TEST_F(SessionTimeTest, AnEndGivesUpWhatADriverLeftWhereTheDeviceTakesNothing) {
   EXPECT_TRUE(ends_within(milliseconds(200)));
 }
 
+// Found by seeds of the simulation: it was written to the device, which had more than it could take.
+TEST_F(SessionTimeTest, WhatIsGivenUpAtTheEndIsNotWritten) {
+  driver.up();
+  device.congested = true;
+  driver.left = true;
+  session->stop();
+  device.drain();
+  ASSERT_TRUE(driver.reading) << "what the driver left is taken in";
+  driver.send("some");
+  EXPECT_EQ(device.written, "some");
+  device.congested = true;
+  driver.pending = [this] { driver.send("late"); };
+  EXPECT_FALSE(ends_within(milliseconds(4900)));
+  EXPECT_TRUE(ends_within(milliseconds(200)));
+  EXPECT_EQ(device.written, "some");
+  EXPECT_EQ(device.gaps, 4);
+}
+
 TEST_F(SessionTimeTest, AnEndReadsNothingMoreOfADriverThatIsThere) {
   driver.up();
   device.congested = true;
