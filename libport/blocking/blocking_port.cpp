@@ -584,7 +584,7 @@ Result<Transfer> BlockingPort::drain() {
 
 bool BlockingPort::plays_tape() const { return spec_.get<ReplayPort::Options>() != nullptr; }
 
-// What is asked for stands on the tape before what becomes of it.
+// The tape has the request before its result.
 Result<void> BlockingPort::set_line(unsigned baud) {
   const std::optional<LineSettings> now = port_->settings();
   if (!now && !plays_tape()) return make_error(Errc::usage, port_->name() + " has no baud rate");

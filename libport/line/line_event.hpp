@@ -106,9 +106,15 @@ struct LineVisitor : Functions... {
 template <class... Functions>
 LineVisitor(Functions...) -> LineVisitor<Functions...>;
 
-// Whether it has its place among the bytes. What has none is told at once, by one who holds bytes back too: a
-// loss, a fault, what is left of a peer that has gone, an answer, what a
-// session wants to know.
+// What answers a request where there is no device that could; std::nullopt for an event that is no request.
+inline std::optional<LineEvent> answer_without_device(const LineEvent& event) {
+  if (const auto* drain = std::get_if<line::Drain>(&event)) return line::Sent{drain->number};
+  if (const auto* ask = std::get_if<line::Ask>(&event)) return line::Answer{ask->number, std::nullopt};
+  return std::nullopt;
+}
+
+// Whether the event has its place among the bytes. A port that holds bytes back reports the other events at
+// once: losses, faults, what a peer that has gone left behind, answers, and what a session wants to know.
 inline bool keeps_place(const LineEvent& event) {
   return std::holds_alternative<line::Flush>(event) || std::holds_alternative<line::Settings>(event) ||
          std::holds_alternative<LineSignal>(event) || std::holds_alternative<line::Drain>(event) ||

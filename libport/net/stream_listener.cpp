@@ -126,7 +126,7 @@ void StreamListener::left() {
 
 void StreamListener::drop_all_gone() {
   for (std::deque<Newcomer> waiting = std::exchange(waiting_, {}); !waiting.empty(); waiting.pop_front()) {
-    if (is_gone(waiting.front())) {
+    if (is_gone(waiting.front().fd.get())) {
       drop_gone(waiting.front());
     } else {
       waiting_.push_back(std::move(waiting.front()));
@@ -138,7 +138,7 @@ void StreamListener::let_next_in() {
   while (accepts_ && !waiting_.empty() && owner_->inside() == Inside::nobody) {
     Newcomer next = std::move(waiting_.front());
     waiting_.pop_front();
-    if (is_gone(next)) {
+    if (is_gone(next.fd.get())) {
       drop_gone(next);
     } else {
       let_in(std::move(next));
@@ -156,7 +156,7 @@ void StreamListener::look() {
   std::deque<Newcomer> waiting = std::exchange(waiting_, {});
   for (auto each = waiting.begin(); each != waiting.end();) {
     const Instant settled = each->since + kSettling;
-    if (is_gone(*each)) {
+    if (is_gone(each->fd.get())) {
       drop_gone(*each);
       each = waiting.erase(each);
     } else if (there && now >= settled) {
@@ -180,11 +180,10 @@ void StreamListener::look() {
 bool StreamListener::next_waits() {
   pollfd backlog{fd_.get(), POLLIN, 0};
   if (context_.pulled && ::poll(&backlog, 1, 0) > 0) return true;
-  return std::ranges::any_of(waiting_, [this](const Newcomer& each) { return !is_gone(each); });
+  return std::ranges::any_of(waiting_, [this](const Newcomer& each) { return !is_gone(each.fd.get()); });
 }
 
-bool StreamListener::is_gone(const Newcomer& newcomer) {
-  const int fd = newcomer.fd.get();
+bool StreamListener::is_gone(int fd) {
   pollfd both{fd, 0, 0};
   if (::poll(&both, 1, 0) > 0) return true;
   return has_ended(fd) && owner_->look_at_peer(fd) == PeerState::gone;

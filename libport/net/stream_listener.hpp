@@ -80,7 +80,7 @@ class StreamListener {
   void drop_all_gone();
   void let_next_in();
   void look();
-  [[nodiscard]] bool is_gone(const Newcomer& newcomer);
+  [[nodiscard]] bool is_gone(int fd);
   void drop_gone(Newcomer& newcomer);
   void refuse(Newcomer& newcomer, const std::string& why);
   void tell_refused();

@@ -20,9 +20,8 @@ namespace porttape {
 // deliver() and send(), now or later, which keep the order.
 //
 // What is held back:
-// - Events of the line, of either side, keep their place among the bytes, as far as they have one
-// (keeps_place): it goes
-//   down after the last one.
+// - An event of the line, of either side, keeps its place among the bytes if it has one (keeps_place). The
+//   line goes down after the last byte.
 // - It is congested while a write is held, since a session closes a line that is not: with delayed writes a
 //   caller has one on its way at a time.
 // - An end of writing, a hang-up and new settings wait for no `due`, and held writes go out before them: at

@@ -4,11 +4,7 @@ namespace porttape {
 
 // A line that keeps nothing has sent all, and has no device that could be asked.
 void Port::tell(const LineEvent& event) {
-  if (const auto* drain = std::get_if<line::Drain>(&event)) {
-    listener().told(line::Sent{drain->number});
-  } else if (const auto* ask = std::get_if<line::Ask>(&event)) {
-    listener().told(line::Answer{ask->number, std::nullopt});
-  }
+  if (const auto answer = answer_without_device(event)) listener().told(*answer);
 }
 
 }  // namespace porttape

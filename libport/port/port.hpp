@@ -281,16 +281,14 @@ class Port {
   virtual Result<void> apply(const LineSettings&) {
     return make_error(Errc::usage, name() + " has no line settings");
   }
-  // Something has happened at the line's other end, behind all that was written; the peer is to see it as far
-  // as the line can show it, and a port with a tape notes it, or compares it:
-  // - LineSignal: a signal changes as the peer sees it; on a device's port dtr, rts and break, on a driver's
-  // port what
-  //   the device drives. What it does not drive is what its peer is shown instead of a device's. A line
-  //   without such a thing, or that is not up, ignores it.
-  // - line::Drain: line::Sent follows, from within or later: when all that was written has left for the
-  // device, or
-  //   cannot any more, as the line is down. line::Ask: the device is asked, and line::Answer follows. Every
-  //   port answers both, the line up or not, as long as it is there.
+  // Something has happened at the line's other end, behind all that was written. The peer is to see it as far
+  // as the line can show it; a port with a tape notes it, or compares it.
+  // - LineSignal: a signal changes as the peer sees it: on a device's port dtr, rts and break, on a driver's
+  //   port what the device drives. What a port does not drive is what its peer is shown instead of a
+  //   device's. A line without such a thing, or that is not up, ignores it.
+  // - line::Drain: line::Sent follows, from within or later, when all that was written has left for the
+  //   device, or cannot any more, as the line is down. line::Ask: the device is asked, and line::Answer
+  //   follows. Every port answers both, the line up or not, as long as it is there.
   // - line::Sent, line::Answer: the answers to what this port has told.
   // - line::Settings: the program at the other end has made its line so. Whether the device's line follows is
   //   apply()'s.

@@ -23,6 +23,11 @@ constexpr Nanos kEndLook = std::chrono::milliseconds(50);
 // So many bytes of a block are shown in a trace.
 constexpr std::size_t kTraced = 32;
 
+// What a line takes before it is up.
+bool is_line_state(const LineEvent& event) {
+  return std::holds_alternative<line::Settings>(event) || std::holds_alternative<line::Flush>(event);
+}
+
 }  // namespace
 
 // Whether a port may pass on data, and what it passed on although it might not.
@@ -153,11 +158,8 @@ void Session::open_device_now() {
   pass_early_state();  // for a line that is to come up with them
 }
 
-// What a line takes before it is up.
 void Session::pass_early_state() {
-  const std::vector<LineEvent> early = early_.take([](const LineEvent& event) {
-    return std::holds_alternative<line::Settings>(event) || std::holds_alternative<line::Flush>(event);
-  });
+  const std::vector<LineEvent> early = early_.take(is_line_state);
   for (const LineEvent& event : early) {
     if (driver_up_) driver_told(event);
   }
@@ -236,6 +238,7 @@ bool Session::take_rest() {
   let_driver(true);
   return true;
 }
+
 // A next driver may be there already, and have more than it takes.
 void Session::read_device() {
   const bool driver_is_slow = driver_interrupted_ || (driver_up_ && driver_->congested());
@@ -601,32 +604,29 @@ void Session::show_settings() {
 
 // Whether the device is told of it only once it is open, or its line is up.
 bool Session::waits_for_device(const LineEvent& event) const {
-  const bool is_state =
-      std::holds_alternative<line::Settings>(event) || std::holds_alternative<line::Flush>(event);
-  if (is_state) return device_opens_later();
+  if (is_line_state(event)) return device_opens_later();
   return keeps_place(event) &&
          (device_state_ == DeviceState::opening || device_state_ == DeviceState::draining);
 }
 
 void Session::driver_told(const LineEvent& event) {
   if (waits_for_device(event)) return early_.put(event);
+  const auto to_line = [this](const LineEvent& of_line) {
+    if (device_has_line()) {
+      device_->tell(of_line);
+    } else if (const auto answer = answer_without_device(of_line)) {
+      driver_->tell(*answer);
+    }
+  };
   std::visit(LineVisitor{
                  [this](const line::Settings& settings) { driver_set(settings); },
                  [this](const line::Dropped& lost) { dropped_by_driver(lost.bytes, lost.why); },
                  [this](const line::Flush& flush) {
                    if (device_state_ != DeviceState::closed) device_->tell(flush);
                  },
-                 [this](const LineSignal& signal) {
-                   if (device_has_line()) device_->tell(signal);
-                 },
-                 [this](const line::Drain& drain) {
-                   if (device_has_line()) return device_->tell(drain);
-                   driver_->tell(line::Sent{drain.number});
-                 },
-                 [this](const line::Ask& question) {
-                   if (device_has_line()) return device_->tell(question);
-                   driver_->tell(line::Answer{question.number, std::nullopt});
-                 },
+                 [&](const LineSignal& signal) { to_line(signal); },
+                 [&](const line::Drain& drain) { to_line(drain); },
+                 [&](const line::Ask& question) { to_line(question); },
                  [](const LineFault&) {},  // of the driver's port, which no tape is around
                  [this](const auto& other) { device_->tell(other); },
              },
@@ -664,9 +664,7 @@ void Session::driver_set(const line::Settings& settings) {
 // The line that they were for is over.
 void Session::drop_early() {
   for (const LineEvent& event : early_.take_all()) {
-    if (const auto* drain = std::get_if<line::Drain>(&event)) driver_->tell(line::Sent{drain->number});
-    if (const auto* question = std::get_if<line::Ask>(&event))
-      driver_->tell(line::Answer{question->number, std::nullopt});
+    if (const auto answer = answer_without_device(event)) driver_->tell(*answer);
   }
 }
 

@@ -114,9 +114,7 @@ Result<void> ReplayPort::prepare() {
   }
   line_ = std::move(known->line);
   ended_ = known->ended;
-  missing_ = known->missing;
-  end_passed_ = known->end_passed;
-  stray_ = known->stray;
+  tape_doubts_ = doubts_of(*known);
   own_settings_ = settings_ = own_settings(line_, header);
   if (drives()) facts.totals.reset();  // what is compared is counted, and that may be less
   if (Result<void> there = check_start(*schedule_, known->last); !there) return there;
@@ -572,24 +570,8 @@ void ReplayPort::take_report(RunReport report) {
   if (options_.session > 0) report.session = options_.session;
   report.faults = faults_;
   if (faults_) faults_ = {.plan = faults_->plan, .seed = faults_->seed};
-  if (ended_ == false && !report.nobody_came) {
-    report.doubts.push_back(
-        {Doubt::Kind::gap,
-         end_passed_
-             ? "events stand behind the tape's end, which tells nothing of them: what came with them may "
-               "be missing"
-             : "the tape has no end: its recorder was killed, or still writes; what came last may be "
-               "missing"});
-  }
-  for (const std::string& stray : stray_) {
-    if (!report.nobody_came) report.doubts.push_back({Doubt::Kind::gap, stray});
-  }
-  if (!missing_.empty() && !report.nobody_came) {
-    report.doubts.push_back(
-        {Doubt::Kind::unchecked, fmt::format("{} is missing, and the tape's end does not tell what it held: "
-                                             "whether it held nothing is not known",
-                                             printable_line(missing_))});
-  }
+  if (!report.nobody_came)
+    report.doubts.insert(report.doubts.end(), tape_doubts_.begin(), tape_doubts_.end());
   if (const auto torn = ended_ ? std::nullopt : schedule_->torn_tail(); torn && !report.nobody_came)
     report.doubts.push_back({Doubt::Kind::gap, *torn + ": what came last may be missing"});
   add_output_flushes(report);

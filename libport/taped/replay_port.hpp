@@ -72,22 +72,23 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   // the tape does not tell that it took something else, or refused. None where the tape tells of none.
   [[nodiscard]] std::optional<LineSettings> settings() const override { return settings_; }
   Result<void> apply(const LineSettings& settings) override;
+  // What the driver does to its line:
   // - A driver that flushes what came to it: what is due counts as read, if the tape is stamped at arrival. A
   //   tape of another recorder (without events) holds what its driver read, and nothing that was flushed. A
   //   flush on the tape has no effect: the driver makes its own.
   // - A drain lasts as long as the one did that has its place on the tape, by the replay's rate; where the
   //   tape has none, no time.
-  // - Each run's report has what was done to its line.
+  // - A fault: each run's report has what was done to its line.
   void tell(const LineEvent& event) override;
   [[nodiscard]] PortFacets facets() override { return {.waiting = this, .playback = this}; }
   Result<void> request(const PlaybackRequest& what) override;
   [[nodiscard]] PlaybackStatus playback() override;
   [[nodiscard]] std::optional<std::size_t> unread_by_peer() const override { return std::nullopt; }
   void read_pending() override {}
+  // Each block of a tape of UDP was a datagram.
   [[nodiscard]] PortTraits traits() const override {
     return {.passive = drives(), .keeps_datagrams = datagrams_, .has_half_close = true};
   }
-  // Each block of a tape of UDP was a datagram.
   void set_reading(bool on) override;
   // The device of a tape has no line to break; the driver of one has, when its device has ended it.
   void hang_up(bool after_reading) override;
@@ -156,9 +157,7 @@ class ReplayPort final : public Port, public Playback, private WaitingCalls {
   std::unique_ptr<TapeAnswers> answers_;
   DeviceLine line_;
   std::optional<bool> ended_;       // see TapeFacts
-  bool end_passed_ = false;         // the same
-  std::vector<std::string> stray_;  // the same
-  std::string missing_;             // the same
+  std::vector<Doubt> tape_doubts_;  // of each run that somebody came to
   std::optional<TapeTime> length_;  // of what is played, if known
   std::optional<LineSettings> own_settings_;
   std::optional<LineSettings> settings_;

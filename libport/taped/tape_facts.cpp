@@ -6,6 +6,7 @@
 #include <string_view>
 #include <utility>
 
+#include "libport/base/printable.hpp"
 #include "libport/port/port_options.hpp"
 #include "libport/port/spelling.hpp"
 #include "libport/tape/block.hpp"
@@ -94,6 +95,27 @@ Error no_such_session(const TapePaths& tape, std::uint64_t session, std::uint64_
 }
 
 }  // namespace
+
+std::vector<Doubt> doubts_of(const TapeFacts& tape) {
+  std::vector<Doubt> doubts;
+  if (tape.ended == false) {
+    doubts.push_back(
+        {Doubt::Kind::gap,
+         tape.end_passed
+             ? "events stand behind the tape's end, which tells nothing of them: what came with them may "
+               "be missing"
+             : "the tape has no end: its recorder was killed, or still writes; what came last may be "
+               "missing"});
+  }
+  for (const std::string& stray : tape.stray) doubts.push_back({Doubt::Kind::gap, stray});
+  if (!tape.missing.empty()) {
+    doubts.push_back(
+        {Doubt::Kind::unchecked, fmt::format("{} is missing, and the tape's end does not tell what it held: "
+                                             "whether it held nothing is not known",
+                                             printable_line(tape.missing))});
+  }
+  return doubts;
+}
 
 Result<TapeFacts> tape_facts(const TapePaths& tape, const PlayedPart& played) {
   const std::uint64_t session = played.session;

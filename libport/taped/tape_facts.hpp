@@ -10,6 +10,7 @@
 #include "libport/replay/device_line.hpp"
 #include "libport/replay/engine.hpp"
 #include "libport/replay/give_up.hpp"
+#include "libport/replay/report.hpp"
 #include "libport/replay/tape_part.hpp"
 #include "libport/tape/tape_header.hpp"
 #include "libport/tape/tape_name.hpp"
@@ -38,6 +39,9 @@ struct PlayedPart {
   TapeTime start{};
   std::optional<TapeTime> end = {};
 };
+
+// What of that is a doubt of each run.
+std::vector<Doubt> doubts_of(const TapeFacts& tape);
 
 // Reads the events file through, which is small. Errc::usage where the tape has not so many sessions.
 Result<TapeFacts> tape_facts(const TapePaths& tape, const PlayedPart& played);

@@ -111,14 +111,18 @@ TEST_F(PtyPortTest, WhatADriverLeftUnreadIsCountedToTheLastByte) {
   EXPECT_EQ(log.left_unread, much.size());
 }
 
-TEST_F(PtyPortTest, WhatADriverLeftUnreadIsSeenThoughItAskedForLinesAndNoneIsWhole) {
-  start();
-  UniqueFd fd = driver();
-  until("up ");
+void ask_for_lines(const UniqueFd& fd) {
   termios tio{};
   ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
   tio.c_lflag |= ICANON;
   ASSERT_EQ(::tcsetattr(fd.get(), TCSANOW, &tio), 0);
+}
+
+TEST_F(PtyPortTest, WhatADriverLeftUnreadIsSeenThoughItAskedForLinesAndNoneIsWhole) {
+  start();
+  UniqueFd fd = driver();
+  until("up ");
+  ask_for_lines(fd);
   port.write(as_bytes("no end"));
   fd.reset();
   until("up closed ");
@@ -129,10 +133,7 @@ TEST_F(PtyPortTest, AHangUpTellsWhatADriverThatAskedForLinesCannotRead) {
   start();
   const UniqueFd fd = driver();
   until("up ");
-  termios tio{};
-  ASSERT_EQ(::tcgetattr(fd.get(), &tio), 0);
-  tio.c_lflag |= ICANON;
-  ASSERT_EQ(::tcsetattr(fd.get(), TCSANOW, &tio), 0);
+  ask_for_lines(fd);
   port.write(as_bytes("no end"));
   port.hang_up(true);
   until("up hung_up ");
