@@ -196,8 +196,8 @@ bool Engine::Impl::work_on_write(Input& input) {
 }
 
 bool Engine::Impl::switching() const {
-  return std::any_of(inputs.begin(), inputs.end(), [](const Input& input) {
-    return input.kind == Input::Kind::open || input.kind == Input::Kind::close ||
+  return std::any_of(inputs.begin(), inputs.end(), [this](const Input& input) {
+    return (input.kind == Input::Kind::open && !driver_open) || input.kind == Input::Kind::close ||
            input.kind == Input::Kind::finish;
   });
 }

@@ -268,6 +268,13 @@ TEST(Loops, ACloseDoesNotWaitForTheNextOne) {
   EXPECT_EQ(endless.verdict(), Verdict::pass);
 }
 
+TEST(Loops, AnOpenOfALineThatIsOpenDoesNotKeepTheNextOneFromBeginning) {
+  Rig rig(three_polls(), looped(2));
+  rig.open().write("a?b?c?a?b?c?").open().wait(200'000).close();
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+  EXPECT_EQ(rig.delivered, "ABCABC");
+}
+
 TEST(Loops, ATapeWithoutWritesExpectsNoneInAny) {
   Rig rig(MemoryTape().read(1'000, "a"), looped(0));
   rig.open().write("x");
