@@ -57,6 +57,7 @@ void Player::begin(Instant now) {
 }
 
 void Player::jump(TapeTime to, Instant now) {
+  ++jumps_;
   if (schedule_.passed(to)) {
     most_gaps_ = gaps_reached();
     schedule_.restart();

@@ -88,6 +88,8 @@ class Player {
   [[nodiscard]] TapeTime position(Instant now) const;
 
   [[nodiscard]] const Loops& loops() const { return loops_; }
+  // How often the walk has gone elsewhere: to its start, to another loop, behind the preroll, by hand.
+  [[nodiscard]] std::uint64_t jumps() const { return jumps_; }
   // What of a preroll there was on the tape, in bytes.
   [[nodiscard]] const Schedule::Totals& prerolled() const { return prerolled_; }
 
@@ -272,6 +274,7 @@ class Player {
   bool hung_up_ = false;
   HandStep by_hand_;
   Loops loops_;
+  std::uint64_t jumps_ = 0;
   std::size_t most_gaps_ = 0;  // reached before a jump back
   std::optional<TapeTime> preroll_from_;
   std::optional<Handshake> handshake_;  // in the preroll

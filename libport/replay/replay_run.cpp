@@ -99,7 +99,7 @@ void ReplayRun::begin_behind_end(Instant now) {
 void ReplayRun::begin_books(Instant now) {
   behind_end_ = tape_end_told_ = false;
   extra_.reset();
-  awaited_in_loop_.reset();
+  awaits_jump_.reset();
   matched_before_loop_ = 0;
   writes_ = 0;
   last_byte_ = now;
@@ -198,7 +198,7 @@ void ReplayRun::realign_to_walk() {
 
 std::size_t ReplayRun::write(Instant now, ByteView data, bool counted) {
   if (!ledger_) return data.size();
-  awaited_in_loop_.reset();
+  awaits_jump_.reset();
   if (!counted) {
     ledger_->written(data);
     ++writes_;
@@ -225,7 +225,7 @@ std::size_t ReplayRun::write(Instant now, ByteView data, bool counted) {
     } else if (step.outcome == Matcher::Outcome::later) {
       return data.size() - rest.size();
     } else if (step.outcome == Matcher::Outcome::extra && another_loop()) {
-      awaited_in_loop_ = player_.loops().number();
+      awaits_jump_ = player_.jumps();
       return data.size() - rest.size();
     } else if (step.outcome == Matcher::Outcome::extra && drives()) {
       keep_extra(now, rest);

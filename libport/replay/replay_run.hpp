@@ -81,9 +81,7 @@ class ReplayRun {
   std::size_t write(Instant now, ByteView data, bool counted);
   // The rest is what the driver wrote ahead of the loop's end: it belongs to the next loop, which has not
   // begun.
-  [[nodiscard]] bool awaits_next_loop() const {
-    return ledger_ && awaited_in_loop_ == player_.loops().number();
-  }
+  [[nodiscard]] bool awaits_next_loop() const { return ledger_ && awaits_jump_ == player_.jumps(); }
   // Does what is due.
   void play(Instant now, std::size_t max_bytes, ReplayActions& out);
   // The driver has made its line so.
@@ -210,16 +208,16 @@ class ReplayRun {
   bool shows_signals_ = false;
   Player player_;
 
-  std::optional<RunLedger> ledger_;               // while a run goes on
-  std::uint64_t writes_ = 0;                      // of the driver in this run
-  std::uint64_t write_begin_ = 0;                 // where in its stream the latest began
-  Instant last_byte_{};                           // of either direction, in this run
-  std::uint64_t sessions_ = 0;                    // of the driver's in this run
-  PlaybackReport steered_;                        // by hand, in this run
-  ReplayClock::Shift begun_shift_;                // when the run did
-  std::uint64_t furthest_ = 0;                    // of the matcher's positions before it went back
-  std::optional<std::uint64_t> awaited_in_loop_;  // see awaits_next_loop()
-  std::uint64_t matched_before_loop_ = 0;         // by the matcher
+  std::optional<RunLedger> ledger_;           // while a run goes on
+  std::uint64_t writes_ = 0;                  // of the driver in this run
+  std::uint64_t write_begin_ = 0;             // where in its stream the latest began
+  Instant last_byte_{};                       // of either direction, in this run
+  std::uint64_t sessions_ = 0;                // of the driver's in this run
+  PlaybackReport steered_;                    // by hand, in this run
+  ReplayClock::Shift begun_shift_;            // when the run did
+  std::uint64_t furthest_ = 0;                // of the matcher's positions before it went back
+  std::optional<std::uint64_t> awaits_jump_;  // see awaits_next_loop()
+  std::uint64_t matched_before_loop_ = 0;     // by the matcher
   bool tape_end_told_ = false;
   bool behind_end_ = false;
   bool writing_ended_ = false;  // in this session

@@ -191,6 +191,18 @@ TEST(Preroll, ASlowAnswerIsOfTheHandshake) {
   EXPECT_EQ(rig.deliveries, (Deliveries{{100, "!", {1}}, {1'000'100, "z", {1}}}));
 }
 
+TEST(Preroll, WhatComesAheadOfItsEndIsComparedOnceItIsOver) {
+  const auto tape =
+      MemoryTape().open(0).write(0, "hi").read(10'000, "H").write(6'000'000, "q").read(6'100'000, "Q");
+  ReplayConfig config = from(5'500'000);
+  config.preroll = true;
+  config.loops = 2;
+  Rig rig(tape, config);
+  rig.open().write("hiqx").wait(1'000'000);
+  EXPECT_EQ(rig.verdict(), Verdict::data_mismatch);
+  EXPECT_EQ(rig.report->mismatch->offset, 3U);
+}
+
 TEST(Loops, SoManyAreOneRun) {
   Rig rig(three_polls(), looped(3));
   rig.open();
