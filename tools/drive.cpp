@@ -94,7 +94,7 @@ Result<int> drive(const DriveRequest& request, const VerdictView& view, std::ost
   // A reader that goes away, and a limit on the size of files, are errors of a write.
   ::signal(SIGPIPE, SIG_IGN);
   ::signal(SIGXFSZ, SIG_IGN);
-  const ReplayPort::Options& options = request.replay();
+  const ReplayOptions& options = request.replay();
   return end_test(drive_device(request), view,
                   {.verb = "porttape drive", .report = options.report_file, .junit = options.junit_file}, out,
                   err);

@@ -23,7 +23,7 @@ DriveRun::DriveRun(DriveRequest request)
       signals_(loop_, [this](int number) { signalled(number); }) {}
 
 Result<RunReport> DriveRun::run() {
-  ReplayPort::Options options = request_.replay();
+  ReplayOptions options = request_.replay();
   options.report_file.clear();  // written once the exit status is known
   options.junit_file.clear();
   options.silence = request_.silence;

@@ -11,7 +11,7 @@
 #include "libport/replay/report.hpp"
 #include "libport/replay/run_list.hpp"
 #include "libport/session/make_session.hpp"
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replay_options.hpp"
 #include "tools/test_verdict.hpp"
 
 namespace porttape {
@@ -21,7 +21,7 @@ struct DriveRequest {
   ChannelPorts ports;
   std::optional<Nanos> silence;  // of the device, after which the run ends
 
-  [[nodiscard]] const ReplayPort::Options& replay() const { return *ports.driver.get<ReplayPort::Options>(); }
+  [[nodiscard]] const ReplayOptions& replay() const { return *ports.driver.get<ReplayOptions>(); }
 };
 
 // One run of a tape, in the driver's place, against a device, with the verdict. Call run() once. SIGINT,

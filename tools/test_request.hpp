@@ -9,7 +9,7 @@
 #include "libport/base/time.hpp"
 #include "libport/catalog/channel.hpp"
 #include "libport/tape/tape_name.hpp"
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replay_options.hpp"
 #include "tools/supervision.hpp"
 
 namespace porttape {
@@ -23,11 +23,11 @@ struct TestRequest {
   std::optional<TapePaths> record_to = {};  // a tape of the run itself
   std::string repeat_line = {};             // for the report, as is the next
   std::string step_line = {};
-  bool looks_on = false;          // after a mismatch, for a moment, so that the report knows more
+  bool looks_on = false;  // after a mismatch, for a moment, so that the report knows more
   std::optional<Supervision> supervision = {};
   bool output_to_stderr = false;  // the command's, where stdout is for the verdict alone
 
-  [[nodiscard]] const ReplayPort::Options& replay() const { return *ports.device.get<ReplayPort::Options>(); }
+  [[nodiscard]] const ReplayOptions& replay() const { return *ports.device.get<ReplayOptions>(); }
 };
 
 // The options of such a test: of `porttape test` and of a suite's file.

@@ -42,7 +42,7 @@ Result<RunReport> TestRun::run() {
 
 Result<void> TestRun::start_session() {
   ChannelPorts ports = request_.ports;
-  ReplayPort::Options options = request_.replay();
+  ReplayOptions options = request_.replay();
   options.report_file.clear();  // written once the command's exit status is known
   options.junit_file.clear();
   options.brief = true;

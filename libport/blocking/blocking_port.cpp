@@ -11,7 +11,7 @@
 
 #include "libport/catalog/port_types.hpp"
 #include "libport/port/context.hpp"
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replay_options.hpp"
 #include "libport/taped/types.hpp"
 
 namespace porttape {
@@ -23,7 +23,7 @@ constexpr std::size_t kWriteChunk = std::size_t{64} * 1024;
 
 // Goes on at the next open() where it was: a tape that is written or played.
 bool has_tape(const PortSpec& spec) {
-  return !spec.type().records.empty() || spec.get<ReplayPort::Options>() != nullptr;
+  return !spec.type().records.empty() || spec.get<ReplayOptions>() != nullptr;
 }
 
 Result<std::unique_ptr<BlockingPort>> made(const Result<PortSpec>& spec,
@@ -582,7 +582,7 @@ Result<Transfer> BlockingPort::drain() {
   return Transfer{0, Transfer::End::closed};
 }
 
-bool BlockingPort::plays_tape() const { return spec_.get<ReplayPort::Options>() != nullptr; }
+bool BlockingPort::plays_tape() const { return spec_.get<ReplayOptions>() != nullptr; }
 
 // The tape has the request before its result.
 Result<void> BlockingPort::set_line(unsigned baud) {

@@ -15,7 +15,7 @@
 #include "libport/faults/types.hpp"
 #include "libport/port/spelling.hpp"
 #include "libport/tape/tape_name.hpp"
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replay_options.hpp"
 #include "libport/taped/types.hpp"
 
 namespace porttape {
@@ -167,7 +167,7 @@ Result<PortSpec> replay_device(OptionValues values, const PortSpec& driver) {
 Result<PortSpec> replay_driver(const OptionValues& values) {
   Result<PortSpec> driver = replayed(ReplayUse::drive, values);
   if (!driver) return driver;
-  ReplayPort::Options options = *driver->get<ReplayPort::Options>();
+  ReplayOptions options = *driver->get<ReplayOptions>();
   options.config.writer = Writer::device;
   options.waits_for_line = values.contains("wait-device");
   driver->set(std::move(options));
@@ -177,7 +177,7 @@ Result<PortSpec> replay_driver(const OptionValues& values) {
 // Where a user has said how the device's line is to be, it is not as the recorded driver found it.
 void keep_line(PortSpec& driver, const PortSpec& device) {
   const std::vector<OptionSpec> settings = line_setting_options();
-  ReplayPort::Options options = *driver.get<ReplayPort::Options>();
+  ReplayOptions options = *driver.get<ReplayOptions>();
   options.keeps_line = std::ranges::any_of(
       settings, [&](const OptionSpec& each) { return device.written().has(std::string(each.name)); });
   driver.set(std::move(options));

@@ -8,7 +8,7 @@
 
 #include "libport/catalog/port_types.hpp"
 #include "libport/tape/tape_reader.hpp"
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replay_options.hpp"
 #include "libport/taped/types.hpp"
 
 namespace porttape {
@@ -116,7 +116,7 @@ class TapedDevices final : public DeviceGroup, private Nobody {
                       what_it_has(), connection, tapes_.size() == 1 ? "it" : "them"));
     }
     PortSpec spec = device_;
-    ReplayPort::Options own = options();
+    ReplayOptions own = options();
     own.tape = tapes_[connection - 1];
     own.connection = connection;
     own.group = reports_;
@@ -144,7 +144,7 @@ class TapedDevices final : public DeviceGroup, private Nobody {
     return tapes_.size() == 1 ? "the tape of 1 connection"
                               : fmt::format("the tapes of {} connections", tapes_.size());
   }
-  [[nodiscard]] const ReplayPort::Options& options() const { return *device_.get<ReplayPort::Options>(); }
+  [[nodiscard]] const ReplayOptions& options() const { return *device_.get<ReplayOptions>(); }
 
   // The next run's report has it, or the last one's once more.
   void note_extra(unsigned connection) {
@@ -254,8 +254,7 @@ std::vector<TapePaths> tapes_of_group(const TapePaths& first) {
 
 std::unique_ptr<DeviceGroup> make_device_group(const PortContext& context, const PortSpec& device,
                                                const std::string& driver) {
-  if (device.get<ReplayPort::Options>() != nullptr)
-    return std::make_unique<TapedDevices>(context, device, driver);
+  if (device.get<ReplayOptions>() != nullptr) return std::make_unique<TapedDevices>(context, device, driver);
   return std::make_unique<LiveDevices>(context, device, driver);
 }
 
@@ -267,7 +266,7 @@ Result<void> check_connections(const PortSpec& driver, const PortSpec& device, b
                     "(tcp-listen:, unix-listen:); {} does not",
                     driver.name()));
   }
-  const bool is_group = device.get<ReplayPort::Options>() != nullptr;  // of tapes, with one report
+  const bool is_group = device.get<ReplayOptions>() != nullptr;  // of tapes, with one report
   if (!each || is_group) return {};
   const RecordingOptions* const recording = device.get<RecordingOptions>();
   const PortSpec& live = recording != nullptr ? recording->inner : device;

@@ -12,6 +12,7 @@
 #include "libport/replay/context.hpp"
 #include "libport/replay/faults_report.hpp"
 #include "libport/replay/report.hpp"
+#include "libport/replay/seconds_text.hpp"
 
 namespace porttape {
 namespace {
@@ -243,24 +244,20 @@ JsonObject lookup_json(const LookupReport& report) {
       .add("never_asked", never);
 }
 
-double json_seconds(Nanos time) {
-  return static_cast<double>(std::chrono::floor<Micros>(time).count()) / 1e6;
-}
-
-double json_seconds(TapeTime time) { return static_cast<double>(to_us(time)) / 1e6; }
+double seconds_of(Nanos time) { return static_cast<double>(std::chrono::floor<Micros>(time).count()) / 1e6; }
 
 JsonObject playback_json(const PlaybackReport& played) {
-  const auto max_gap = played.max_gap ? std::optional(json_seconds(Nanos(*played.max_gap))) : std::nullopt;
+  const auto max_gap = played.max_gap ? std::optional(seconds_of(Nanos(*played.max_gap))) : std::nullopt;
   JsonObject json;
-  json.add("start_s", json_seconds(played.start))
-      .add_or_null("end_s", played.end ? std::optional(json_seconds(*played.end)) : std::nullopt)
+  json.add("start_s", seconds_of(played.start))
+      .add_or_null("end_s", played.end ? std::optional(seconds_of(*played.end)) : std::nullopt)
       .add_raw("preroll", played.preroll ? "true" : "false")
       .add_or_null("max_gap_s", max_gap)
       .add("loops", played.loops)
       .add("loops_complete", played.loops_complete)
       .add_or_null("loops_of", played.loops_of)
       .add("pauses", played.pauses)
-      .add("paused_s", json_seconds(played.paused))
+      .add("paused_s", seconds_of(played.paused))
       .add("steps", played.steps)
       .add("seeks", played.seeks)
       .add("rates", played.rates);
@@ -276,7 +273,7 @@ std::string run_json(const RunReport& report) {
   json.add("verdict", to_string(report.verdict))
       .add("exit", exit_status_of(report))
       .add("when", report.when)
-      .add("duration_s", json_seconds(report.duration))
+      .add("duration_s", seconds_of(report.duration))
       .add_raw("mismatch",
                mismatch
                    ? JsonObject().add("kind", name_of(mismatch->kind)).add("offset", mismatch->offset).str()
@@ -297,7 +294,7 @@ std::string to_json(const RunReport& report, std::string_view runs) {
       .add("strictness", report.strictness)
       .add("timing", name_of(report.timing))
       .add("rate", report.rate)
-      .add("duration_s", json_seconds(report.duration));
+      .add("duration_s", seconds_of(report.duration));
   add_directions(json, report,
                  JsonObject()
                      .add("bytes", report.from_driver_bytes)

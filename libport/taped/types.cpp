@@ -10,7 +10,8 @@
 
 #include "libport/base/whole_number.hpp"
 #include "libport/rules/rule_expectation.hpp"
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replayed_device.hpp"
+#include "libport/taped/replayed_driver.hpp"
 #include "libport/taped/report_file.hpp"
 #include "libport/taped/rules_file.hpp"
 #include "libport/taped/tap_port.hpp"
@@ -152,7 +153,7 @@ Result<std::shared_ptr<const Expectation>> expectation_of(const std::string& rul
   return std::shared_ptr<const Expectation>(std::make_shared<const RuleExpectation>(std::move(*rules)));
 }
 
-Result<ReplayPort::Options> replay_options(const PortOptions& written) {
+Result<ReplayOptions> replay_options(const PortOptions& written) {
   const Result<TapePaths> tape = tape_of(written);
   if (!tape) return tape.error();
   const Result<std::uint64_t> session = session_of(written.text("session"));
@@ -166,14 +167,14 @@ Result<ReplayPort::Options> replay_options(const PortOptions& written) {
     return apart.error();
   const Result<std::shared_ptr<const Expectation>> rules = expectation_of(written.text("rules"));
   if (!rules) return rules.error();
-  return ReplayPort::Options{.tape = *tape,
-                             .config = *config,
-                             .once = written.flag("once"),
-                             .start_paused = written.flag("start-paused"),
-                             .session = *session,
-                             .report_file = written.text("report"),
-                             .junit_file = written.text("junit"),
-                             .expectation = *rules};
+  return ReplayOptions{.tape = *tape,
+                       .config = *config,
+                       .once = written.flag("once"),
+                       .start_paused = written.flag("start-paused"),
+                       .session = *session,
+                       .report_file = written.text("report"),
+                       .junit_file = written.text("junit"),
+                       .expectation = *rules};
 }
 
 OnExisting on_existing(const PortOptions& written) {
@@ -410,16 +411,19 @@ PortType logreader_type() {
   });
   type.read = reads(replay_options);
   type.claims = [](const PortSpec& spec) {
-    const ReplayPort::Options& options = *spec.get<ReplayPort::Options>();
+    const ReplayOptions& options = *spec.get<ReplayOptions>();
     std::vector<PortType::Claim> claims;
     for (const std::string& file : {options.report_file, options.junit_file}) {
       if (!file.empty() && file != "-" && !file.starts_with("/dev/")) claims.emplace_back("report", file);
     }
     return claims;
   };
-  type.make = makes<ReplayPort::Options>([](const auto& context, const auto&, const auto& options) {
-    return std::make_unique<ReplayPort>(context, options);
-  });
+  type.make = makes<ReplayOptions>(
+      [](const auto& context, const auto&, const auto& options) -> std::unique_ptr<Port> {
+        if (options.config.writer == Writer::device)
+          return std::make_unique<ReplayedDriver>(context, options);
+        return std::make_unique<ReplayedDevice>(context, options);
+      });
   return type;
 }
 

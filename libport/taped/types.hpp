@@ -11,7 +11,8 @@
 
 namespace porttape {
 
-// `logreader` makes ReplayPort; its typed options are ReplayPort::Options.
+// `logreader` makes a ReplayedDevice, or a ReplayedDriver where the tape plays the driver; its typed options
+// are ReplayOptions.
 PortType logreader_type();
 
 // A port with a tape of it.

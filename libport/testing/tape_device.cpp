@@ -23,7 +23,7 @@
 #include "libport/replay/run_list.hpp"
 #include "libport/session/channel.hpp"
 #include "libport/session/make_session.hpp"
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replay_options.hpp"
 #include "libport/taped/types.hpp"
 
 namespace porttape {
@@ -69,7 +69,7 @@ class TapeDevice::Player {
   Player(const std::string& tape, Options values) {
     if (!values.contains("driver")) values["driver"] = "pty:" + folder_.emplace().path() + "/port";
     ChannelPorts ports = ports_of(tape, std::move(values));
-    ReplayPort::Options replay = *ports.device.get<ReplayPort::Options>();
+    ReplayOptions replay = *ports.device.get<ReplayOptions>();
     replay.ends_with_run = true;
     replay.on_report = [this](const RunReport& report) { runs_.add(report); };
     ports.device.set(std::move(replay));

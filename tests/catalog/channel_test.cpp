@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/catalog/port_types.hpp"
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replay_options.hpp"
 #include "libport/taped/types.hpp"
 #include "libport/tty/pty_port.hpp"
 #include "libport/tty/serial_port.hpp"
@@ -65,7 +65,7 @@ TEST(Channel, OneRunOverDatagramsEndsWithTheTape) {
     more.insert({{"tape", tape}, {"driver", driver}});
     const auto ports = ports_of(ChannelMode::replay, std::move(more));
     EXPECT_TRUE(ports.has_value());
-    return ports ? ports->device.get<ReplayPort::Options>()->config.at_end : AtEnd::hangup;
+    return ports ? ports->device.get<ReplayOptions>()->config.at_end : AtEnd::hangup;
   };
   EXPECT_EQ(at_end("udp-listen:127.0.0.1:2000", {{"once", "1"}}), AtEnd::exit);
   EXPECT_EQ(at_end("udp-listen:127.0.0.1:2000", {{"once", "1"}, {"at-end", "idle"}}), AtEnd::idle);

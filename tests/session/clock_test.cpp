@@ -11,7 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/session/session.hpp"
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replayed_device.hpp"
 #include "tests/support/manual_clock.hpp"
 #include "tests/support/memory_port.hpp"
 #include "tests/support/port_log.hpp"
@@ -50,7 +50,7 @@ class HourOfQuestions {
     }
     tape.close(std::chrono::duration_cast<Micros>(kAll).count());
     config.rate = rate;
-    ReplayPort::Options options;
+    ReplayOptions options;
     options.tape = test::write_tape(literal_tape(dir_ / "hour.log"), tape);
     options.config = config;
     options.once = true;
@@ -59,7 +59,7 @@ class HourOfQuestions {
     driver_.passive = true;
     driver_.up_at_once = false;
     session_ = std::make_unique<Session>(context, std::make_unique<MemoryPort>(driver_),
-                                         std::make_unique<ReplayPort>(context, std::move(options)),
+                                         std::make_unique<ReplayedDevice>(context, std::move(options)),
                                          [this](int status) { outcome_.status = status; });
   }
 

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/tape/event.hpp"
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replayed_driver.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
 #include "tests/support/tape_bytes.hpp"
@@ -30,13 +30,13 @@ class DrivePortTest : public testing::Test {
   }
   // The device's line is not up yet.
   void start(std::optional<Nanos> silence = std::nullopt, bool waits = false) {
-    ReplayPort::Options options;
+    ReplayOptions options;
     options.tape = literal_tape(dir / "t.log");
     options.config.writer = Writer::device;
     options.config.on_mismatch = OnMismatch::fail;
     options.silence = silence;
     options.waits_for_line = waits;
-    port = std::make_unique<ReplayPort>(PortContext{&loop, book.log()}, std::move(options));
+    port = std::make_unique<ReplayedDriver>(PortContext{&loop, book.log()}, std::move(options));
     port->listen(log);
     ASSERT_TRUE(port->prepare().has_value());
     port->open();

@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/tape/event.hpp"
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replayed_driver.hpp"
 #include "tests/support/manual_clock.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
@@ -30,11 +30,11 @@ class DriveSilence : public testing::Test {
     test::write_file(dir / "t.logr", test::block_bytes({{2'000, "42"}}));
     test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{}) + encode(tape_time_us(0), event::Open{}) +
                                               encode(tape_time_us(60'000'000), event::Close{})));
-    ReplayPort::Options options;
+    ReplayOptions options;
     options.tape = literal_tape(dir / "t.log");
     options.config.writer = Writer::device;
     options.silence = seconds(1);
-    port = std::make_unique<ReplayPort>(PortContext{&loop, book.log()}, std::move(options));
+    port = std::make_unique<ReplayedDriver>(PortContext{&loop, book.log()}, std::move(options));
     port->listen(log);
     EXPECT_TRUE(port->prepare().has_value());
     port->open();

@@ -94,9 +94,9 @@ class CheckedReplay : public ReplayPortTest {
     test::write_file(dir / file, all);
   }
   Result<void> prepared() {
-    ReplayPort::Options options;
+    ReplayOptions options;
     options.tape = literal_tape(dir / "t.log");
-    ReplayPort made(PortContext{&loop, book.log()}, std::move(options));
+    ReplayedDevice made(PortContext{&loop, book.log()}, std::move(options));
     made.listen(log);
     return made.prepare();
   }

@@ -110,10 +110,10 @@ class DiscardingReplay : public ReplayPortTest {
   bool discards(Timing asked, bool events = true) {
     test::write_file(dir / "t.logr", test::block_bytes({{0, "old"}, {3'600'000'000, "new"}}));
     if (events) test::write_file(dir / "t.loge", as_bytes(encode(TapeHeader{})));
-    ReplayPort::Options options;
+    ReplayOptions options;
     options.tape = literal_tape(dir / "t.log");
     options.config.timing = asked;
-    port = std::make_unique<ReplayPort>(PortContext{&loop, book.log()}, std::move(options));
+    port = std::make_unique<ReplayedDevice>(PortContext{&loop, book.log()}, std::move(options));
     port->listen(log);
     EXPECT_FALSE(port->waiting()->discard()) << "the tape is not open yet";
     EXPECT_TRUE(port->prepare().has_value());

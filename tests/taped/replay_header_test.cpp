@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/tape/tape_writer.hpp"
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replayed_device.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
 #include "tests/support/tape_bytes.hpp"
@@ -25,10 +25,10 @@ class ReplayHeaderTest : public testing::Test {
     writer->read_block(tape_time_us(0), as_bytes("one "));
     writer->read_block(tape_time_us(400), as_bytes("two"));
     EXPECT_TRUE(writer->finish(tape_time_us(500)).has_value());
-    ReplayPort::Options options;
+    ReplayOptions options;
     options.tape = tape;
     options.config.strictness = 0;
-    port = std::make_unique<ReplayPort>(PortContext{&loop, book.log()}, std::move(options));
+    port = std::make_unique<ReplayedDevice>(PortContext{&loop, book.log()}, std::move(options));
     port->listen(log);
     EXPECT_TRUE(port->prepare().has_value());
     return *port;
@@ -62,9 +62,9 @@ TEST_F(ReplayHeaderTest, AnIdentityThatCannotBeIsRefusedAndToldOnce) {
     test::write_file(tape.read, test::block_bytes({{1, "a"}}));
     test::write_file(tape.events,
                      as_bytes(R"({"format":"porttape-events","version":1,"identity":)" + identity + "}\n"));
-    ReplayPort::Options options;
+    ReplayOptions options;
     options.tape = tape;
-    port = std::make_unique<ReplayPort>(PortContext{&loop, book.log()}, std::move(options));
+    port = std::make_unique<ReplayedDevice>(PortContext{&loop, book.log()}, std::move(options));
     port->listen(log);
     EXPECT_TRUE(port->prepare().has_value());
     return port->identity().has_value();

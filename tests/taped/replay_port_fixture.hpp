@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/tape/event.hpp"
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replayed_device.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
 #include "tests/support/tape_bytes.hpp"
@@ -21,7 +21,7 @@ namespace porttape {
 class ReplayPortTest : public testing::Test {
  protected:
   void start(const std::string& report = {}, OnMismatch on_mismatch = OnMismatch::fail, bool open = true) {
-    ReplayPort::Options options;
+    ReplayOptions options;
     options.tape = literal_tape(dir / "t.log");
     options.config.on_mismatch = on_mismatch;
     options.config.match = match;
@@ -34,7 +34,7 @@ class ReplayPortTest : public testing::Test {
     options.ends_with_run = ends_with_run;
     options.looks_on = looks_on;
     options.session = session;
-    port = std::make_unique<ReplayPort>(PortContext{&loop, book.log()}, std::move(options));
+    port = std::make_unique<ReplayedDevice>(PortContext{&loop, book.log()}, std::move(options));
     port->listen(log);
     ASSERT_TRUE(port->prepare().has_value());
     if (open) port->open();

@@ -165,9 +165,9 @@ TEST_F(ReplayPortTest, FilesThatAreNotWhatTheEndTellsAreNotPlayed) {
                                               encode(tape_time_us(50), end)));
   };
   const auto said = [&] {
-    ReplayPort::Options options;
+    ReplayOptions options;
     options.tape = literal_tape(dir / "t.log");
-    ReplayPort other(PortContext{&loop, book.log()}, std::move(options));
+    ReplayedDevice other(PortContext{&loop, book.log()}, std::move(options));
     other.listen(log);
     const Result<void> prepared = other.prepare();
     return prepared ? std::string("plays") : prepared.error().message;
@@ -276,10 +276,10 @@ TEST_F(ReplayPortTest, ATapeOfDatagramsIsNotCut) {
   test::write_file(
       dir / "t.loge",
       as_bytes(encode(TapeHeader{.device = {}, .driver = {}, .transport = Transport::datagram})));
-  ReplayPort::Options options;
+  ReplayOptions options;
   options.tape = literal_tape(dir / "t.log");
   options.config.chunks = Chunks::random;
-  ReplayPort other(PortContext{&loop, book.log()}, std::move(options));
+  ReplayedDevice other(PortContext{&loop, book.log()}, std::move(options));
   other.listen(log);
   const Result<void> prepared = other.prepare();
   ASSERT_FALSE(prepared.has_value());
@@ -372,10 +372,10 @@ TEST_F(TwoSessions, AHintIsOfThePartThatIsPlayed) {
 }
 
 TEST_F(TwoSessions, OneThatIsNotThereIsAnErrorThatSaysHowManyThereAre) {
-  ReplayPort::Options options;
+  ReplayOptions options;
   options.tape = literal_tape(dir / "t.log");
   options.session = 3;
-  ReplayPort other(PortContext{&loop, book.log()}, std::move(options));
+  ReplayedDevice other(PortContext{&loop, book.log()}, std::move(options));
   other.listen(log);
   const Result<void> prepared = other.prepare();
   ASSERT_FALSE(prepared.has_value());
@@ -504,10 +504,10 @@ TEST_F(ReplayPortTest, TapesOfOneProgramPlayByItsClock) {
     header.zero = TapeZero{"2024-01-01T00:00:00Z", zero_us, "a boot"};
     test::write_file(dir / (std::string(tape) + "e"), as_bytes(encode(header)));
     test::write_file(dir / (std::string(tape) + "r"), test::block_bytes({{3'600'000'000, "x"}}));
-    ReplayPort::Options options;
+    ReplayOptions options;
     options.tape = literal_tape(dir / tape);
     options.config.timing = Timing::recorded;
-    auto made = std::make_unique<ReplayPort>(
+    auto made = std::make_unique<ReplayedDevice>(
         PortContext{.loop = &loop, .log = book.log(), .replay_clock = clock}, std::move(options));
     made->listen(log);
     EXPECT_TRUE(made->prepare().has_value());

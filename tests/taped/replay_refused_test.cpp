@@ -10,7 +10,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replayed_device.hpp"
 #include "tests/support/descriptor_limit.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
@@ -27,11 +27,11 @@ using testing::HasSubstr;
 class ReplayRefused : public testing::Test {
  protected:
   [[nodiscard]] Result<void> prepare(Match match) {
-    ReplayPort::Options options;
+    ReplayOptions options;
     options.tape = tape;
     options.config.match = match;
     options.config.timing = Timing::none;
-    port = std::make_unique<ReplayPort>(PortContext{&loop, book.log()}, std::move(options));
+    port = std::make_unique<ReplayedDevice>(PortContext{&loop, book.log()}, std::move(options));
     port->listen(log);
     return port->prepare();
   }

@@ -11,7 +11,8 @@
 #include <gtest/gtest.h>
 
 #include "libport/replay/replay_clock.hpp"
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replayed_device.hpp"
+#include "libport/taped/replayed_driver.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
 #include "tests/support/tape_bytes.hpp"
@@ -39,7 +40,12 @@ class ReplayRequests : public testing::Test {
   }
   // What it says that keeps it from playing; empty: it plays.
   std::string prepared() {
-    port = std::make_unique<ReplayPort>(PortContext{&loop, book.log()}, options);
+    const PortContext context{&loop, book.log()};
+    if (options.config.writer == Writer::device) {
+      port = std::make_unique<ReplayedDriver>(context, options);
+    } else {
+      port = std::make_unique<ReplayedDevice>(context, options);
+    }
     port->listen(log);
     const Result<void> ready = port->prepare();
     EXPECT_TRUE(ready || ready.error().code == Errc::usage);
@@ -60,7 +66,7 @@ class ReplayRequests : public testing::Test {
   Loop loop;
   LogBook book;
   PortLog log;
-  ReplayPort::Options options;
+  ReplayOptions options;
   std::unique_ptr<ReplayPort> port;
 };
 
@@ -91,7 +97,7 @@ TEST_F(ReplayRequests, NothingIsDoneBeforeTheTapeIsOpen) {
   options.start_paused = true;
   options.config.rate = 2;
   options.config.loops = 3;
-  port = std::make_unique<ReplayPort>(PortContext{&loop, book.log()}, options);
+  port = std::make_unique<ReplayedDevice>(PortContext{&loop, book.log()}, options);
   EXPECT_EQ(said_to({.kind = Request::Kind::pause}), "the tape is not open yet");
   EXPECT_TRUE(port->playback().paused);
   EXPECT_EQ(port->playback().rate, 2);

@@ -13,7 +13,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/replay/replay_config.hpp"
-#include "libport/taped/replay_port.hpp"
+#include "libport/taped/replay_options.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
@@ -27,20 +27,20 @@ const PortTypes& replay_types() {
   return types;
 }
 
-Result<ReplayPort::Options> read_options(const std::string& more) {
+Result<ReplayOptions> read_options(const std::string& more) {
   const Result<PortOptions> written = parse_options(replay_types(), "logreader:t.log" + more);
   if (!written) return written.error();
   const Result<PortSpec> spec = PortSpec::read(*written);
   if (!spec) return spec.error();
-  return *spec->get<ReplayPort::Options>();
+  return *spec->get<ReplayOptions>();
 }
-ReplayPort::Options options_of(const std::string& more) {
-  const Result<ReplayPort::Options> options = read_options(more);
+ReplayOptions options_of(const std::string& more) {
+  const Result<ReplayOptions> options = read_options(more);
   EXPECT_TRUE(options) << more << ": " << options.error().message;
-  return options ? *options : ReplayPort::Options{};
+  return options ? *options : ReplayOptions{};
 }
 std::string refusal_of(const std::string& more) {
-  const Result<ReplayPort::Options> options = read_options(more);
+  const Result<ReplayOptions> options = read_options(more);
   EXPECT_FALSE(options) << more;
   if (options) return {};
   EXPECT_EQ(options.error().code, Errc::usage);
@@ -57,7 +57,7 @@ ReplayConfig usual() {
 }
 
 TEST(ReplayOptions, WithoutAnyItIsAsFlexiports) {
-  const ReplayPort::Options options = options_of("");
+  const ReplayOptions options = options_of("");
   ReplayConfig config = options.config;
   const ReplayConfig due = usual();
   config.chunk_seed = due.chunk_seed;
@@ -299,7 +299,7 @@ TEST(RecordingOptionsTest, AreTheTapesAndTheRestIsThePorts) {
   EXPECT_EQ(options(",overwrite").on_existing, OnExisting::overwrite);
   EXPECT_EQ(options(",on-existing=next,overwrite").on_existing, OnExisting::overwrite);
   EXPECT_TRUE(options(",failclosed").fail_closed);
-  EXPECT_EQ(options(",rate=2,overwrite").inner.get<ReplayPort::Options>()->config.rate, 2);
+  EXPECT_EQ(options(",rate=2,overwrite").inner.get<ReplayOptions>()->config.rate, 2);
   const PortType& type = types.all().front();
   EXPECT_EQ(type.records, "logreader");
   EXPECT_EQ(type.name, "both");
