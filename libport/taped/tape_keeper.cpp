@@ -16,13 +16,8 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr Nanos kLongestRetry = seconds(30);
-// A nearly full disk takes one block and not the next: how often that is told.
-constexpr Nanos kTellingEvery = seconds(1);
-// How often a disk that does not answer is looked at, and after which silence it is told of; fail_closed ends
-// the line within two seconds.
+// How often a disk that does not answer is looked at.
 constexpr Nanos kWatchEvery = milliseconds(250);
-constexpr Nanos kSilence = seconds(1);
-constexpr Nanos kFailClosedSilence = milliseconds(700);
 
 }  // namespace
 
@@ -32,6 +27,7 @@ TapeKeeper::TapeKeeper(const PortContext& context, Options options, std::functio
       on_must_end_(std::move(on_must_end)),
       ending_(
           context, [this] { on_news(); }, [this] { must_end(); }, options_.on_ended),
+      news_(context, options_.tape.name(), options_.fail_closed),
       retry_(options_.retry),
       retry_timer_(*context.loop, [this] { start(); }),
       watch_timer_(
@@ -75,7 +71,7 @@ void TapeKeeper::start() {
                          .on_news = ending_.news(),
                          .make = options_.make,
                          .disk_clock = options_.disk_clock};
-  made_told_ = slow_told_ = sync_told_ = silence_told_ = failing_ = failure_told_ = false;
+  news_.begin();
   tape_ = std::make_unique<LiveTape>(context_.loop->workers(), context_.disks, std::move(live));
   watch_timer_.set_after(kWatchEvery);
   if (open_since_) {
@@ -95,10 +91,7 @@ void TapeKeeper::block(Direction direction, Instant at, ByteView data) {
     return;
   }
   tape_->block(direction, tape_time(at), data);
-  if (tape_->failing() != failing_) {
-    const LiveTape::Status status = tape_->status();
-    tell_failure(status.failure, status.bytes_lost);
-  }
+  if (tape_->failing() != news_.failing() && news_.failure(tape_->status())) must_end();
   if (tape_->queued() && !watch_timer_.due()) watch_timer_.set_after(kWatchEvery);
 }
 
@@ -151,23 +144,14 @@ void TapeKeeper::on_news() {
   if (!tape_) return;
   const LiveTape::Status status = tape_->status();
   if (status.phase == Phase::not_made) return not_made(status);
-  if (status.phase != Phase::being_made && !std::exchange(made_told_, true)) {
-    context_.log->info("recording to {}", status.paths.name());
+  const TapeNews::Found found = news_.look(status);
+  if (found.made) {
     retry_ = options_.retry;
     missed_since_.reset();
     missed_why_.clear();
   }
-  if (status.slowest >= LiveTape::kLongWrite && !std::exchange(slow_told_, true)) {
-    context_.log->warn(
-        "tape {}: its disk took {} ms for a write; what is recorded goes over a queue from now on",
-        options_.tape.name(), status.slowest.count());
-  }
-  if (status.sync_error != 0 && !std::exchange(sync_told_, true)) {
-    incomplete_ = true;
-    context_.log->error("{}", sync_error_text(status));
-    must_end();
-  }
-  if (status.failure.empty() != !failing_) tell_failure(status.failure, status.bytes_lost);
+  incomplete_ = incomplete_ || found.sync_failed;
+  if (found.fails) must_end();
 }
 
 void TapeKeeper::not_made(const LiveTape::Status& status) {
@@ -184,39 +168,17 @@ void TapeKeeper::not_made(const LiveTape::Status& status) {
   must_end();
 }
 
-void TapeKeeper::tell_failure(const std::string& failure, std::uint64_t lost) {
-  failing_ = !failure.empty();
-  if (!failing_) {
-    if (std::exchange(failure_told_, false))
-      context_.log->info("{} is being written again; {} bytes are missing", options_.tape.name(), lost);
-    return;
-  }
-  const Instant now = context_.loop->now();
-  if (now < next_telling_) return;
-  next_telling_ = now + kTellingEvery;
-  failure_told_ = true;
-  context_.log->error(
-      "tape {}: {}; {}", options_.tape.name(), failure,
-      options_.fail_closed ? "ending, as --fail-closed asks" : "the line stays up, the loss is counted");
-  must_end();
-}
-
 void TapeKeeper::must_end() {
   if (options_.fail_closed) on_must_end_();
 }
 
-// No event tells that a disk does not answer. Runs only while blocks come.
+// Runs only while blocks come.
 void TapeKeeper::watch_disk() {
   if (!tape_) return;
   const LiveTape::Status status = tape_->status();
   if (!status.silence) return;
   watch_timer_.set_after(kWatchEvery);
-  const Nanos silence = *status.silence;
-  if (silence >= kSilence && !std::exchange(silence_told_, true)) {
-    context_.log->error("tape {}: its disk does not answer; {} bytes wait for it", options_.tape.name(),
-                        status.bytes_waiting);
-  }
-  if (silence >= kFailClosedSilence) must_end();
+  if (news_.silence(status)) must_end();
 }
 
 Result<bool> TapeKeeper::request(Instant at, const RecorderRequest& what) {
@@ -297,7 +259,7 @@ void TapeKeeper::end_current(Instant now) {
   retry_timer_.cancel();
   watch_timer_.cancel();
   if (tape_) {
-    ending_.finish(std::move(tape_), tape_time(now), {sync_told_, std::exchange(missed_bytes_, 0)});
+    ending_.finish(std::move(tape_), tape_time(now), {news_.sync_failed(), std::exchange(missed_bytes_, 0)});
   } else {
     tell_missed();
   }

@@ -12,6 +12,7 @@
 #include "libport/taped/ending_tapes.hpp"
 #include "libport/taped/line_observer.hpp"
 #include "libport/taped/tape_group.hpp"
+#include "libport/taped/tape_news.hpp"
 
 namespace porttape {
 
@@ -71,7 +72,6 @@ class TapeKeeper final : public LineObserver {
   void tell_missed();
   void on_news();
   void not_made(const LiveTape::Status& status);
-  void tell_failure(const std::string& failure, std::uint64_t lost);
   void watch_disk();
   void must_end();
   [[nodiscard]] TapeTime tape_time(Instant at) const;
@@ -97,15 +97,8 @@ class TapeKeeper final : public LineObserver {
   bool begun_ = false;                           // the first tape
   bool incomplete_ = false;
   bool finished_ = false;
-  // Of the current tape.
-  std::string id_;
-  bool made_told_ = false;
-  bool slow_told_ = false;
-  bool sync_told_ = false;
-  bool silence_told_ = false;
-  bool failing_ = false;
-  bool failure_told_ = false;
-  Instant next_telling_{};
+  std::string id_;  // of the current tape
+  TapeNews news_;
   std::uint64_t missed_bytes_ = 0;  // while there is none, since it could not be made
   std::optional<Instant> missed_since_;
   std::string missed_why_;
