@@ -9,15 +9,6 @@
 namespace porttape {
 namespace {
 
-using std::chrono::seconds;
-
-// How long the last bytes of a driver that has closed may stand still on their way to the device (a tty's own
-// closing_wait is 30 s as well). They may take as long in all while a next driver waits, and where nobody
-// knows how many are left.
-constexpr Nanos kDrainLimit = seconds(30);
-// How long they may stand still while a next driver waits, where it is known how many are left. As often it
-// is looked.
-constexpr Nanos kNoProgress = seconds(1);
 // How often an end looks at what is left.
 constexpr Nanos kEndLook = std::chrono::milliseconds(50);
 // So many bytes of a block are shown in a trace.
@@ -101,6 +92,7 @@ Session::Session(const PortContext& context, std::unique_ptr<Port> driver, std::
       driver_(std::move(driver)),
       device_(std::move(device)),
       on_end_(std::move(on_end)),
+      news_(context_, *device_),
       end_timer_(*context.loop, [this] { on_end_timer(); }),
       drain_timer_(*context.loop, [this] { on_drain_timer(); }),
       open_timer_(*context.loop, [this] { open_device_now(); }),
@@ -121,16 +113,15 @@ Result<void> Session::start() {
 }
 
 void Session::driver_up() {
-  quiet_driver_ = failures_.in_a_row();
+  quiet_driver_ = news_.fails();
   refusal_told_ = false;
   context_.log->log(about_driver(), "{}: a driver has opened it", driver_->name());
   driver_up_ = true;
   ++counters_.opens;
   if (device_state_ == DeviceState::draining) {
     let_driver(false);  // until the last driver's bytes have gone
-    left_at_look_ = device_->unread_by_peer();
-    drain_until_ = context_.loop->now() + kDrainLimit;
-    drain_timer_.set_after(kNoProgress);
+    last_bytes_.next_driver(context_.loop->now(), device_->unread_by_peer());
+    drain_timer_.set_after(LastBytes::kLook);
   } else if (end_.running()) {
     open_device();
   }
@@ -139,9 +130,9 @@ void Session::driver_up() {
 void Session::open_device() {
   let_driver(false);
   device_state_ = DeviceState::opening;
-  if (failures_.may_open() > context_.loop->now()) {
+  if (news_.may_open() > context_.loop->now()) {
     let_device(false);  // a line that is kept open may send: the driver's bytes begin with its open
-    open_timer_.set(failures_.may_open());
+    open_timer_.set(news_.may_open());
   } else {
     open_device_now();
   }
@@ -168,7 +159,7 @@ void Session::pass_early_state() {
 // Drains last, since they wait for the bytes.
 void Session::device_up() {
   device_state_ = DeviceState::up;
-  failures_.up(context_.loop->now());
+  news_.up();
   context_.log->debug("{}: up", device_->name());
   pass_early_state();
   const std::vector<LineEvent> early =
@@ -183,6 +174,12 @@ Session::State Session::state() const {
   constexpr std::array of_device = {State::waiting,     State::opening, State::open,
                                     State::interrupted, State::broken,  State::draining};
   return end_.running() ? of_device.at(static_cast<std::size_t>(device_state_)) : State::ending;
+}
+
+Channel::Counters Session::counters() const {
+  Counters counters = counters_;
+  counters.dropped_bytes = news_.dropped_bytes();
+  return counters;
 }
 
 // Whether a driver is there (or may come) for which open() of the device has not been called: it still
@@ -262,50 +259,9 @@ PortListener::Answers Session::device_ended() {
   return PortListener::Answers::until_hang_up;
 }
 
-void Session::dropped_by_driver(std::uint64_t bytes, std::string_view why) {
-  dropped(bytes, why);
-  unnoted_.add(bytes, why);
-}
-
-void Session::dropped(std::uint64_t bytes, std::string_view why) {
-  counters_.dropped_bytes += bytes;
-  untold_.add(bytes, why);
-}
-
-// One gap a session.
-void Session::note_gap() {
-  Recorder* const recorder = device_->recorder();
-  if (const auto sum = unnoted_.take(); sum && recorder != nullptr) recorder->note_gap(sum->bytes, sum->why);
-}
-
 // While a line fails again and again, drivers that come and go are no news either.
 spdlog::level::level_enum Session::about_driver() const {
   return quiet_driver_ ? spdlog::level::debug : spdlog::level::info;
-}
-
-void Session::device_failed(const LineDown& down, spdlog::level::level_enum level, std::string_view then) {
-  const bool news = failures_.failed(context_.loop->now(), down.error.message);
-  tell_failures();
-  context_.log->log(news ? level : spdlog::level::debug, "{}{}", down.error.message, then);
-}
-
-void Session::device_works() {
-  if (!failures_.in_a_row()) return;
-  failures_.worked();
-  context_.log->info("{}: works again", device_->name());
-  tell_failures();
-  tell_dropped();
-}
-
-void Session::tell_failures() {
-  if (const auto count = failures_.take_untold())
-    context_.log->warn("{}: it had failed {} more times in the same way", device_->name(), *count);
-}
-
-void Session::tell_dropped() {
-  if (failures_.repeats()) return;  // all together later
-  if (const auto sum = untold_.take())
-    context_.log->warn("{} bytes reached nobody (the last because {})", sum->bytes, sum->why);
 }
 
 void Session::driver_interrupted(const LineDown& down) {
@@ -315,7 +271,7 @@ void Session::driver_interrupted(const LineDown& down) {
 }
 
 void Session::device_interrupted(const LineDown& down) {
-  device_failed(down, spdlog::level::warn, "; waiting for it");
+  news_.device_failed(down, spdlog::level::warn, "; waiting for it");
   if (device_state_ == DeviceState::draining) {
     close_device();
   } else if (device_state_ == DeviceState::up) {
@@ -327,9 +283,9 @@ void Session::device_interrupted(const LineDown& down) {
 }
 
 void Session::device_resumed() {
-  context_.log->log(failures_.repeats() ? spdlog::level::debug : spdlog::level::info, "{}: is back",
+  context_.log->log(news_.fails_again() ? spdlog::level::debug : spdlog::level::info, "{}: is back",
                     device_->name());
-  failures_.up(context_.loop->now());
+  news_.up();
   if (device_state_ != DeviceState::interrupted) return;
   device_state_ = DeviceState::up;
   if (!device_->congested()) read_driver();
@@ -348,7 +304,7 @@ void Session::trace(std::string_view arrow, ByteView data) const {
 
 void Session::driver_data(ByteView data) {
   if (!end_.takes_in() && !takes_rest_) {  // still read, since that is how its close is seen
-    dropped_by_driver(
+    news_.dropped_by_driver(
         data.size(), device_has_line() ? "they came after the end" : "the device was not there to take them");
     return;
   }
@@ -365,9 +321,9 @@ void Session::driver_arrivals(ByteView data, std::span<const std::size_t> ends) 
 }
 
 void Session::device_data(ByteView data) {
-  device_works();
+  news_.device_works();
   if (!driver_up_) {
-    dropped(data.size(), "no driver was there");
+    news_.dropped(data.size(), "no driver was there");
     return;
   }
   trace("<-", data);
@@ -377,7 +333,7 @@ void Session::device_data(ByteView data) {
 }
 
 void Session::driver_down(const LineDown& down) {
-  if (device_state_ == DeviceState::up) device_works();
+  if (device_state_ == DeviceState::up) news_.device_works();
   context_.log->log(about_driver(), "{}: {}", driver_->name(),
                     down.reason == LineDown::Reason::hung_up ? "hung up" : "the driver has closed it");
   driver_up_ = driver_interrupted_ = takes_rest_ = false;
@@ -388,7 +344,7 @@ void Session::driver_down(const LineDown& down) {
     driver_gone(down);
   } else if (device_has_line() && device_->congested()) {
     device_state_ = DeviceState::draining;
-    drain_wait_.emplace(context_.loop->now(), kDrainLimit);
+    last_bytes_.begin(context_.loop->now());
     on_drain_timer();
     read_device();
   } else if (device_state_ != DeviceState::closed) {
@@ -408,22 +364,17 @@ void Session::close_device() {
   drain_timer_.cancel();
   open_timer_.cancel();
   device_state_ = DeviceState::closed;
-  note_gap();
+  news_.note_gap();
   device_->close();
   read_device();  // only now: a tape that was held back would pour the rest into the closed line
-  tell_dropped();
+  news_.tell_dropped();
   if (driver_up_ && end_.running()) open_device();
   continue_end();
 }
 
-// At a limit: sooner for a next driver that waits.
 void Session::on_drain_timer() {
-  const Instant now = context_.loop->now();
-  const std::optional<std::size_t> left = device_->unread_by_peer();
-  const bool stands_still = driver_up_ && left && left == left_at_look_;
-  const bool goes_on = drain_wait_->goes_on(now, left) && (now < drain_until_ || !driver_up_);
-  left_at_look_ = left;
-  if (goes_on && !stands_still) return drain_timer_.set_after(kNoProgress);
+  if (last_bytes_.goes_on(context_.loop->now(), device_->unread_by_peer()))
+    return drain_timer_.set_after(LastBytes::kLook);
   context_.log->warn("{} does not take the driver's last bytes; they are dropped", device_->name());
   close_device();
 }
@@ -445,7 +396,7 @@ void Session::device_down(const LineDown& down) {
   switch (down.reason) {
     case LineDown::Reason::failed:
     case LineDown::Reason::lost:
-      device_failed(down, spdlog::level::err, {});
+      news_.device_failed(down, spdlog::level::err);
       ++counters_.device_losses;
       if (!driver_->passive()) exit_status_ = exit_status_of(down.error.code);  // no next driver will come
       break;
@@ -557,9 +508,9 @@ void Session::end() {
   give_up_left();
   drop_early();
   for (const Gate* gate : {&driver_side_->gate, &device_side_->gate}) {
-    if (!gate->kept.empty()) dropped_by_driver(gate->kept.size(), "the end came before them");
+    if (!gate->kept.empty()) news_.dropped_by_driver(gate->kept.size(), "the end came before them");
   }
-  note_gap();
+  news_.note_gap();
   if (std::exchange(device_state_, DeviceState::closed) != DeviceState::closed) device_->close();
   device_->finish();
 }
@@ -573,7 +524,8 @@ void Session::give_up_left() {
   const bool was_up = driver_up_;
   driver_->close();
   if (!was_up) return;
-  dropped_by_driver(driver_->unread_by_peer().value_or(0), "the driver did not read them before the end");
+  news_.dropped_by_driver(driver_->unread_by_peer().value_or(0),
+                          "the driver did not read them before the end");
 }
 
 void Session::device_complete(int exit_status) {
@@ -589,9 +541,7 @@ void Session::driver_complete() {
 void Session::complete() {
   end_.end();
   end_timer_.cancel();
-  failures_.worked();
-  tell_failures();
-  tell_dropped();
+  news_.end();
   context_.loop->post([this, alive = std::weak_ptr<int>(alive_)] {
     if (!alive.expired()) on_end_(exit_status_);
   });
@@ -620,7 +570,7 @@ void Session::driver_told(const LineEvent& event) {
   };
   std::visit(LineVisitor{
                  [this](const line::Settings& settings) { driver_set(settings); },
-                 [this](const line::Dropped& lost) { dropped_by_driver(lost.bytes, lost.why); },
+                 [this](const line::Dropped& lost) { news_.dropped_by_driver(lost.bytes, lost.why); },
                  [this](const line::Flush& flush) {
                    if (device_state_ != DeviceState::closed) device_->tell(flush);
                  },
@@ -636,7 +586,7 @@ void Session::driver_told(const LineEvent& event) {
 void Session::device_told(const LineEvent& event) {
   std::visit(LineVisitor{
                  [this](const line::Settings&) { show_settings(); },  // it took others than asked for
-                 [this](const line::Dropped& lost) { dropped(lost.bytes, lost.why); },
+                 [this](const line::Dropped& lost) { news_.dropped(lost.bytes, lost.why); },
                  [this](const LineSignal& signal) {
                    if (driver_up_) driver_->tell(signal);
                  },

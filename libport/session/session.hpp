@@ -8,15 +8,14 @@
 #include <utility>
 #include <vector>
 
-#include "libport/base/end_wait.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
 #include "libport/session/channel.hpp"
-#include "libport/session/drop_tally.hpp"
 #include "libport/session/early_events.hpp"
-#include "libport/session/failures.hpp"
+#include "libport/session/last_bytes.hpp"
 #include "libport/session/session_end.hpp"
+#include "libport/session/session_news.hpp"
 
 namespace porttape {
 
@@ -85,7 +84,7 @@ class Session final : public Channel {
   enum class State { waiting, opening, open, interrupted, broken, draining, ending };
   [[nodiscard]] State state() const;
 
-  [[nodiscard]] Counters counters() const override { return counters_; }
+  [[nodiscard]] Counters counters() const override;
   [[nodiscard]] std::vector<Session*> sessions() override { return {this}; }
   [[nodiscard]] Port& driver() override { return *driver_; }
   [[nodiscard]] Port& device() { return *device_; }
@@ -121,16 +120,9 @@ class Session final : public Channel {
   void device_drained();
   void device_down(const LineDown& down);
   void device_waits();
-  void dropped(std::uint64_t bytes, std::string_view why);
-  void dropped_by_driver(std::uint64_t bytes, std::string_view why);
-  void note_gap();
-  void tell_dropped();
   void open_device_now();
   void pass_early_state();
-  void device_works();
-  void device_failed(const LineDown& down, spdlog::level::level_enum level, std::string_view then);
   [[nodiscard]] spdlog::level::level_enum about_driver() const;
-  void tell_failures();
   void finished(int exit_status);
   void on_drain_timer();
   void driver_told(const LineEvent& event);
@@ -160,17 +152,13 @@ class Session final : public Channel {
   std::unique_ptr<Port> driver_;
   std::unique_ptr<Port> device_;
   std::function<void(int)> on_end_;
+  SessionNews news_;
   Timer end_timer_;
   Timer drain_timer_;
-  std::optional<EndWait> drain_wait_;
-  Instant drain_until_{};                    // while a next driver waits
-  std::optional<std::size_t> left_at_look_;  // that the device had not taken
+  LastBytes last_bytes_;  // of a driver that has closed
   EarlyEvents early_;
-  Timer open_timer_;  // for a device that has just failed
-  Failures failures_;
-  Counters counters_;
-  DropTally untold_;   // in the log
-  DropTally unnoted_;  // on the tape: the driver's side
+  Timer open_timer_;   // for a device that has just failed
+  Counters counters_;  // but for what was dropped
   int exit_status_ = 0;
   bool driver_up_ = false;
   bool driver_interrupted_ = false;  // it comes back by itself
