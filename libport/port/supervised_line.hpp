@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "libport/base/tty_device.hpp"
+#include "libport/line/line_event.hpp"
 #include "libport/line/line_request.hpp"
 #include "libport/line/line_settings.hpp"
 #include "libport/line/line_signal.hpp"
@@ -33,7 +34,7 @@ class LineSupervisor {
 // knows what no look at the line shows. A port without it (a socket) needs none. Loop thread only.
 class SupervisedLine {
  public:
-  // From now on the settings of the line are told by made() alone. Null: by looks again.
+  // From now on the settings of the line are told by peer_did() alone. Null: by looks again.
   virtual void supervise(LineSupervisor* supervisor) = 0;
   // The descriptor that stands for the line, as long as supervise() holds: through it settings are read and
   // made. -1: there is none just now.
@@ -43,14 +44,10 @@ class SupervisedLine {
   // Passes on what the peer has written so far, and learns of opens and closes so far. False: some of it has
   // to wait, since the device takes nothing yet.
   virtual bool catch_up() = 0;
-  // The peer has made its line so.
-  virtual void made(const LineSettings& settings, SettingsOrder order) = 0;
-  // The peer has dropped what came to it and was not read (`in`), what it wrote and was not sent, or both,
-  // and the kernel has done so.
-  virtual void flushed(bool in, bool out) = 0;
-  // The peer has changed a signal: dtr, rts, break. Where neither device nor tape has signals, also what the
-  // peer is shown of cts, dsr, cd, ri.
-  virtual void signalled(const LineSignal& signal) = 0;
+  // The peer has done this to its line, behind all that was caught up with: a flush that the kernel has done;
+  // settings; a signal: dtr, rts, break, or where neither device nor tape has signals, what it is shown of
+  // cts, dsr, cd, ri. Not for requests.
+  virtual void peer_did(const LineEvent& event) = 0;
   // The peer waits until all that it has written has left the device: `done` is called then, or when the line
   // is over; once, from within or later.
   virtual void wait_until_sent(std::function<void()> done) = 0;

@@ -45,21 +45,15 @@ DriverLine::Answer DriverLine::at_close(Instant now, std::optional<LineStep>& st
 
 DriverLine::Answer DriverLine::at_event(Instant now, std::optional<LineStep>& step) {
   const Record& head = *schedule_.head();
-  const auto* settings = head.event == nullptr ? nullptr : std::get_if<event::Settings>(head.event);
-  const auto* flush = head.event == nullptr ? nullptr : std::get_if<event::Flush>(head.event);
-  const bool sets = settings != nullptr && settings->by == Side::device;
-  const auto signal = head.event == nullptr ? std::nullopt : signal_of(*head.event);
-  const bool signals = signal && signal->by == Side::device;
-  if ((!sets && !signals && flush == nullptr) || !open_) return {.done = true};
+  auto taped = head.event == nullptr ? std::nullopt : line_event_of(*head.event);
+  // The tape is swapped: what its driver did is the device's there, but for flushes, which have no side.
+  const bool its = taped && (taped->by == Side::device || std::holds_alternative<line::Flush>(taped->what));
+  if (!its || !open_) return {.done = true};
   if (const Answer due = wait_until_due(now, head.at); !due.done) return due;
   pace_.played(head.at, pace_.due(head.at), now);
-  if (sets) {
-    step = LineStep{.kind = LineStep::Kind::settings, .settings = settings->line};
-  } else if (signals) {
-    step = LineStep{.kind = LineStep::Kind::signal, .signal = signal->signal};
-  } else {
-    step = LineStep{.kind = LineStep::Kind::flush, .queue = flush->queue};
-  }
+  // Here it is made, however its moment was seen then.
+  if (auto* settings = std::get_if<line::Settings>(&taped->what)) settings->order = SettingsOrder::exact;
+  step = LineStep{.kind = LineStep::Kind::event, .event = taped->what};
   return {.done = true};
 }
 

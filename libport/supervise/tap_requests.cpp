@@ -110,7 +110,7 @@ Outcome TapRequests::make_settings(const Call& call, const TappedFile& file, std
   if (!call.read(call.argument(2), std::span(made).first(form.size))) return outcome::Refuse{EFAULT};
   const std::uint32_t at_once = made_at_once(request);
   if (at_once == request && ::ioctl(file.fd(), request, made.data()) != 0) return outcome::Refuse{errno};
-  if (flushes_input(request)) line_->flushed(FlushQueue::in);
+  if (flushes_input(request)) line_->driver_did(line::Flush{FlushQueue::in});
   line_->made(settings_in(at_once, made.data(), file.fd()));
   return at_once == request ? Outcome(outcome::Answer{0}) : Outcome(outcome::Pass{});
 }
@@ -118,13 +118,13 @@ Outcome TapRequests::make_settings(const Call& call, const TappedFile& file, std
 Outcome TapRequests::flush(const Call& call, const TappedFile& file) {
   const auto queue = static_cast<int>(call.argument(2));
   if (::ioctl(file.fd(), TCFLSH, queue) != 0) return outcome::Refuse{errno};
-  line_->flushed(queue == TCIFLUSH ? FlushQueue::in : queue == TCOFLUSH ? FlushQueue::out : FlushQueue::both);
+  if (const auto flushed = flushed_by(queue)) line_->driver_did(line::Flush{*flushed});
   return outcome::Answer{0};
 }
 
 Outcome TapRequests::set_break(const TappedFile& file, bool on) {
   if (::ioctl(file.fd(), on ? TIOCSBRK : TIOCCBRK, 0) != 0) return outcome::Refuse{errno};
-  line_->driver_signalled({LineSignal::Name::brk, on});
+  line_->driver_did(LineSignal{LineSignal::Name::brk, on});
   return outcome::Answer{0};
 }
 
@@ -153,7 +153,7 @@ Outcome TapRequests::drive_lines(const Call& call, const TappedFile& file, std::
   const int now = request == TIOCMBIS ? bits_ | *bits : request == TIOCMBIC ? bits_ & ~*bits : *bits;
   for (const auto& [name, bit] :
        {std::pair{LineSignal::Name::dtr, TIOCM_DTR}, {LineSignal::Name::rts, TIOCM_RTS}}) {
-    if (((bits_ ^ now) & bit) != 0) line_->driver_signalled({name, (now & bit) != 0});
+    if (((bits_ ^ now) & bit) != 0) line_->driver_did(LineSignal{name, (now & bit) != 0});
   }
   bits_ = (bits_ & ~kDriven) | (now & kDriven);
   return outcome::Answer{0};
@@ -164,7 +164,7 @@ void TapRequests::tell_signals(int bits, bool all) {
                                   {LineSignal::Name::dsr, TIOCM_DSR},
                                   {LineSignal::Name::cd, TIOCM_CD},
                                   {LineSignal::Name::ri, TIOCM_RI}}) {
-    if (all || ((bits_ ^ bits) & bit) != 0) line_->device_signalled({name, (bits & bit) != 0});
+    if (all || ((bits_ ^ bits) & bit) != 0) line_->device_did(LineSignal{name, (bits & bit) != 0});
   }
   bits_ = bits;
 }

@@ -187,19 +187,15 @@ void TappedLine::got(ByteView data) {
 
 void TappedLine::made(const LineSettings& settings) {
   settings_ = settings;
-  if (driver_ != nullptr && driver_->up()) driver_->hears().told(line::Settings{SeenSettings::of(settings)});
+  driver_did(line::Settings{SeenSettings::of(settings)});
 }
 
-void TappedLine::flushed(FlushQueue queue) {
-  if (driver_ != nullptr && driver_->up()) driver_->hears().told(line::Flush{queue});
+void TappedLine::driver_did(const LineEvent& event) {
+  if (driver_ != nullptr && driver_->up()) driver_->hears().told(event);
 }
 
-void TappedLine::driver_signalled(const LineSignal& signal) {
-  if (driver_ != nullptr && driver_->up()) driver_->hears().told(signal);
-}
-
-void TappedLine::device_signalled(const LineSignal& signal) {
-  if (device_ != nullptr) device_->say([signal](PortListener& hears) { hears.told(signal); });
+void TappedLine::device_did(const LineEvent& event) {
+  if (device_ != nullptr) device_->say([event](PortListener& hears) { hears.told(event); });
 }
 
 std::function<void()> TappedLine::drains() {

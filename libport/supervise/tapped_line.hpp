@@ -40,11 +40,11 @@ class TappedLine {
   // Bytes that the device's line has taken, and that the driver gets from it.
   void wrote(ByteView data);
   void got(ByteView data);
-  // The driver has made the line so, dropped bytes, changed a signal.
+  // The driver has made the line so.
   void made(const LineSettings& settings);
-  void flushed(FlushQueue queue);
-  void driver_signalled(const LineSignal& signal);
-  void device_signalled(const LineSignal& signal);
+  // It, or the device, has done something else to it, that is no request.
+  void driver_did(const LineEvent& event);
+  void device_did(const LineEvent& event);
   // The driver waits until all that it wrote has left; the returned function is called at the end of that.
   std::function<void()> drains();
   // The driver reads and writes where it is not seen: bytes are missing, nobody knows how many. Told once for

@@ -211,11 +211,11 @@ Outcome TtyCalls::make_settings(const Call& call, std::uint32_t request, Setting
   if (::ioctl(line_->line_fd(), request, settings.data()) != 0) return outcome::Refuse{errno};
   hidden_ = flags_in(form, settings.data()) & kHidden;
   as_opened_ = false;
-  if (flushes_input(request)) line_->flushed(true, false);
+  if (flushes_input(request)) line_->peer_did(line::Flush{FlushQueue::in});
   const LineSettings made = settings_now();
   // The rate 0 lowers DTR and RTS on the device by itself, another one raises them again.
   if (std::exchange(hung_up_, made.baud == 0) != hung_up_) hung_up_ ? model_.closed() : model_.opened();
-  line_->made(made, order);
+  line_->peer_did(line::Settings{SeenSettings::of(made), order});
   look_at_inputs();
   return done_well();
 }
@@ -233,11 +233,10 @@ LineSettings TtyCalls::settings_now() const {
 // Done here, at its place; by the kernel where its descriptor is not to be had.
 Outcome TtyCalls::flush(const Call& call) {
   const auto queue = static_cast<int>(call.argument(2));
-  const bool in = queue == TCIFLUSH || queue == TCIOFLUSH;
-  const bool out = queue == TCOFLUSH || queue == TCIOFLUSH;
   const UniqueFd tty = call.duplicate(static_cast<int>(call.argument(0)));
   if (tty && ::ioctl(tty.get(), TCFLSH, queue) != 0) return outcome::Refuse{errno};
-  if (line_ != nullptr && (in || out)) line_->flushed(in, out);
+  if (const auto flushed = flushed_by(queue); line_ != nullptr && flushed)
+    line_->peer_did(line::Flush{*flushed});
   return tty ? done_well() : outcome::Pass{};
 }
 
@@ -266,7 +265,7 @@ void TtyCalls::drive(LineSignal::Name name, bool on) {
 }
 
 void TtyCalls::signalled(const LineSignal& signal) {
-  if (line_ != nullptr) line_->signalled(signal);
+  if (line_ != nullptr) line_->peer_did(signal);
 }
 
 CallPart::Decision TtyCalls::wait_for_input(Supervisor& supervisor, const Call& call) {
@@ -285,7 +284,7 @@ void TtyCalls::tell_inputs() {
                                   {LineSignal::Name::dsr, TIOCM_DSR},
                                   {LineSignal::Name::cd, TIOCM_CD},
                                   {LineSignal::Name::ri, TIOCM_RI}}) {
-    if ((changed & bit) != 0) line_->signalled({name, (bits & bit) != 0});
+    if ((changed & bit) != 0) line_->peer_did(LineSignal{name, (bits & bit) != 0});
   }
 }
 

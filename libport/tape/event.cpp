@@ -382,6 +382,16 @@ std::optional<TapedSignal> signal_of(const Event& event) {
   return std::nullopt;
 }
 
+std::optional<TapedLineEvent> line_event_of(const Event& event) {
+  if (const auto* flush = std::get_if<event::Flush>(&event))
+    return TapedLineEvent{Side::driver, line::Flush{flush->queue.value_or(FlushQueue::both)}};
+  if (const auto* settings = std::get_if<event::Settings>(&event); settings != nullptr && settings->by)
+    return TapedLineEvent{*settings->by,
+                          line::Settings{settings->line, settings->order.value_or(SettingsOrder::exact)}};
+  if (const auto signal = signal_of(event)) return TapedLineEvent{signal->by, signal->signal};
+  return std::nullopt;
+}
+
 std::string_view name_of(const Event& event) {
   return std::visit(
       []<class Kind>(const Kind& kind) -> std::string_view {

@@ -156,6 +156,14 @@ struct TapedSignal {
 Event signal_event(const TapedSignal& signal);
 std::optional<TapedSignal> signal_of(const Event& event);
 
+// What a program or a device did on the line, of the events that can be done again: settings, flushes,
+// signals. Nothing where the event is another, or it is not known who did it.
+struct TapedLineEvent {
+  Side by = Side::driver;
+  LineEvent what;
+};
+std::optional<TapedLineEvent> line_event_of(const Event& event);
+
 // The kind's name on the tape. Refers to the event.
 std::string_view name_of(const Event& event);
 

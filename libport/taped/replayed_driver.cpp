@@ -63,12 +63,8 @@ void ReplayedDriver::step_line(const LineStep& step) {
       return open_line();
     case LineStep::Kind::close:
       return close_line(LineDown::Reason::closed);
-    case LineStep::Kind::settings:
-      return listener().told(line::Settings{step.settings});
-    case LineStep::Kind::signal:
-      return listener().told(step.signal);
-    case LineStep::Kind::flush:
-      return listener().told(line::Flush{step.queue.value_or(FlushQueue::both)});
+    case LineStep::Kind::event:
+      return listener().told(*step.event);
   }
 }
 

@@ -289,7 +289,7 @@ void PtyPort::set_up(bool up, LineDown::Reason reason) {
   up_ = up;
   if (!up) return listener().on_down({.reason = reason, .error = {}});
   listener().on_up();
-  for (const LineSignal& signal : early_signals_.take()) signalled(signal);
+  for (const LineSignal& signal : early_signals_.take()) peer_did(signal);
 }
 
 void PtyPort::tell_opened() {
@@ -488,18 +488,19 @@ void PtyPort::handle_packet(ByteView packet) {
     return;
   }
   if (supervisor_ != nullptr) return;  // which has told it already
-  driver_flushed((status & TIOCPKT_FLUSHREAD) != 0, (status & TIOCPKT_FLUSHWRITE) != 0);
+  const bool in = (status & TIOCPKT_FLUSHREAD) != 0;
+  const bool out = (status & TIOCPKT_FLUSHWRITE) != 0;
+  if (in || out) driver_flushed(in && out ? FlushQueue::both : in ? FlushQueue::in : FlushQueue::out);
 }
 
-void PtyPort::driver_flushed(bool in, bool out) {
-  if (in) {
+void PtyPort::driver_flushed(FlushQueue queue) {
+  if (queue != FlushQueue::out) {
     const bool was_congested = congested();
     line_->outbox.discard();
     line_->pty.drop_backlog(was_congested);
     if (was_congested && up_) listener().on_drained();
   }
-  if (in || out)
-    listener().told(line::Flush{in && out ? FlushQueue::both : in ? FlushQueue::in : FlushQueue::out});
+  listener().told(line::Flush{queue});
 }
 
 void PtyPort::supervise(LineSupervisor* supervisor) {
@@ -517,21 +518,14 @@ bool PtyPort::catch_up() {
   return !line_ || (held_.empty() && !line_->pty.has_input());
 }
 
-void PtyPort::made(const LineSettings& settings, SettingsOrder order) {
-  if (line_) line_->settings.take_as_known();
-  if (up_) listener().told(line::Settings{SeenSettings::of(settings), order});
-}
-
-void PtyPort::flushed(bool in, bool out) {
-  if (line_) driver_flushed(in, out);
-}
-
-void PtyPort::signalled(const LineSignal& signal) {
-  if (up_) {
-    listener().told(signal);
-  } else {
-    early_signals_.put(signal);
+void PtyPort::peer_did(const LineEvent& event) {
+  if (const auto* flush = std::get_if<line::Flush>(&event)) {
+    if (line_) driver_flushed(flush->queue);
+    return;
   }
+  if (line_ && std::holds_alternative<line::Settings>(event)) line_->settings.take_as_known();
+  if (up_) return listener().told(event);
+  if (const auto* signal = std::get_if<LineSignal>(&event)) early_signals_.put(*signal);
 }
 
 void PtyPort::wait_until_sent(std::function<void()> done) {

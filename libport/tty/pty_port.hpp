@@ -115,9 +115,7 @@ class PtyPort final : public Port, private SupervisedLine {
     return line_ ? line_->device : std::nullopt;
   }
   bool catch_up() override;
-  void made(const LineSettings& settings, SettingsOrder order) override;
-  void flushed(bool in, bool out) override;
-  void signalled(const LineSignal& signal) override;
+  void peer_did(const LineEvent& event) override;
   void wait_until_sent(std::function<void()> done) override;
   void ask(const LineRequest& request, TakeAnswer done) override;
 
@@ -132,7 +130,7 @@ class PtyPort final : public Port, private SupervisedLine {
   void watch_settings();
   void look_at_settings(bool moved_on);
   void tell_settings(const SeenSettings& seen, SettingsOrder order);
-  void driver_flushed(bool in, bool out);
+  void driver_flushed(FlushQueue queue);
   void on_event();
   void handle_events(const std::vector<Pty::Event>& events);
   void handle_event(Pty::Event event);

@@ -215,9 +215,9 @@ TEST(Drive, SettingsAndFlushesOfTheDriverAreMadeInTheirPlace) {
   rig.until(9'000).write("ok").until(11'999);
   ASSERT_EQ(rig.line_steps.size(), 2U);
   EXPECT_EQ(rig.line_steps[0].first, 10'000);
-  EXPECT_EQ(rig.line_steps[0].second.settings, fast);
+  EXPECT_EQ(std::get<line::Settings>(*rig.line_steps[0].second.event).seen, fast);
   EXPECT_EQ(rig.line_steps[1].first, 11'000);
-  EXPECT_EQ(rig.line_steps[1].second.queue, FlushQueue::in);
+  EXPECT_EQ(std::get<line::Flush>(*rig.line_steps[1].second.event).queue, FlushQueue::in);
   rig.until(12'000).write("fine").wait(1'000'000);
   EXPECT_EQ(rig.verdict(), Verdict::pass);
 }
@@ -236,7 +236,7 @@ TEST(Drive, SettingsComeBetweenTheWritesThatTheyAreBetweenWithoutDelays) {
   ASSERT_EQ(rig.deliveries.size(), 2U);
   EXPECT_EQ(rig.deliveries[0].bytes, "slow");
   EXPECT_EQ(rig.deliveries[1].bytes, "fast");
-  EXPECT_EQ(kinds(rig), std::vector{Kind::settings});
+  EXPECT_EQ(kinds(rig), std::vector{Kind::event});
 }
 
 TEST(Drive, TheDriversHalfCloseIsMadeAndTheDevicesIsExpected) {
@@ -369,12 +369,13 @@ TEST(Drive, TheDriversSignalsAreStepsAndTheDevicesAreNone) {
                               .close(3'000);
   Rig rig(tape, driving());
   rig.open().until(1'999);
-  ASSERT_EQ(kinds(rig), std::vector{Kind::signal});
+  ASSERT_EQ(kinds(rig), std::vector{Kind::event});
   EXPECT_EQ(rig.line_steps[0].first, 1'000);
-  EXPECT_EQ(rig.line_steps[0].second.signal, (LineSignal{LineSignal::Name::dtr, false}));
+  EXPECT_EQ(std::get<LineSignal>(*rig.line_steps[0].second.event),
+            (LineSignal{LineSignal::Name::dtr, false}));
   rig.until(2'000);
   ASSERT_EQ(kinds(rig).size(), 2U);
-  EXPECT_EQ(rig.line_steps[1].second.signal, (LineSignal{LineSignal::Name::brk, true}));
+  EXPECT_EQ(std::get<LineSignal>(*rig.line_steps[1].second.event), (LineSignal{LineSignal::Name::brk, true}));
 }
 
 }  // namespace

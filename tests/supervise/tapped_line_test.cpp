@@ -106,9 +106,9 @@ TEST_F(TappedLineTest, WhatIsSeenComesOutOfThePortWhosePeerDidIt) {
   EXPECT_EQ(of_driver.settings, SeenSettings::of(made));
   EXPECT_EQ(of_driver.settings_order, SettingsOrder::exact);
   EXPECT_EQ(device->settings(), made);
-  line.flushed(FlushQueue::in);
-  line.driver_signalled({Name::rts, false});
-  line.device_signalled({Name::cts, true});
+  line.driver_did(line::Flush{FlushQueue::in});
+  line.driver_did(LineSignal{Name::rts, false});
+  line.device_did(LineSignal{Name::cts, true});
   EXPECT_EQ(of_driver.events, "settings flush_in rts- ");
   EXPECT_EQ(of_device.events, "cts+ ");
 }
@@ -117,8 +117,8 @@ TEST_F(TappedLineTest, OfADriverThatIsNotUpNothingIsTold) {
   driver->open();
   line.wrote(test::bytes_of("ask"));
   line.made(settings);
-  line.flushed(FlushQueue::both);
-  line.driver_signalled({Name::rts, true});
+  line.driver_did(line::Flush{FlushQueue::both});
+  line.driver_did(LineSignal{Name::rts, true});
   line.drains()();
   EXPECT_EQ(of_driver.events, "");
   EXPECT_EQ(of_driver.data, "");
@@ -129,7 +129,7 @@ TEST_F(TappedLineTest, WhatTheDeviceSaidBeforeItIsOpenedComesInItsOrder) {
   line.got(test::bytes_of("lost"));  // nobody has it open
   line.opened("/dev/ttyUSB0", settings);
   line.got(test::bytes_of("a"));
-  line.device_signalled({Name::cd, true});
+  line.device_did(LineSignal{Name::cd, true});
   line.got(test::bytes_of("b"));
   EXPECT_EQ(of_device.data, "");
   device->open();
@@ -225,9 +225,9 @@ TEST_F(TappedLineTest, EitherMayGoFirst) {
   line.wrote(test::bytes_of("x"));
   line.got(test::bytes_of("x"));
   line.made(settings);
-  line.flushed(FlushQueue::out);
-  line.driver_signalled({Name::dtr, true});
-  line.device_signalled({Name::cts, true});
+  line.driver_did(line::Flush{FlushQueue::out});
+  line.driver_did(LineSignal{Name::dtr, true});
+  line.device_did(LineSignal{Name::cts, true});
   line.lost("gone");
   over();
   line.drains()();

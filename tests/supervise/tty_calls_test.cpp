@@ -54,19 +54,27 @@ class PtyLine final : public SupervisedLine {
     if (size > 0) say("wrote " + std::string(some.data(), static_cast<std::size_t>(size)));
     return takes;
   }
-  void made(const LineSettings& settings, SettingsOrder order) override {
-    termios shown{};  // as PtyPort does, for its looks
-    ::ioctl(line_fd(), TCGETS, &shown);
-    shown.c_cflag &= ~static_cast<tcflag_t>(CLOCAL);
-    ::ioctl(line_fd(), TCSETS, &shown);
-    say(to_text(SeenSettings::of(settings)) + (order == SettingsOrder::sampled ? " sampled" : ""));
-  }
-  void flushed(bool in, bool out) override {
-    say(std::string("flushed") + (in ? " in" : "") + (out ? " out" : ""));
-  }
-  void signalled(const LineSignal& signal) override {
-    say(std::string(name_of(signal.name)) + (signal.on ? " on" : " off"));
-    if (on_signal) on_signal(signal);
+  void peer_did(const LineEvent& event) override {
+    std::visit(
+        LineVisitor{
+            [this](const line::Settings& settings) {
+              termios shown{};  // as PtyPort does, for its looks
+              ::ioctl(line_fd(), TCGETS, &shown);
+              shown.c_cflag &= ~static_cast<tcflag_t>(CLOCAL);
+              ::ioctl(line_fd(), TCSETS, &shown);
+              say(to_text(settings.seen) + (settings.order == SettingsOrder::sampled ? " sampled" : ""));
+            },
+            [this](const line::Flush& flush) {
+              say(std::string("flushed") + (flush.queue != FlushQueue::out ? " in" : "") +
+                  (flush.queue != FlushQueue::in ? " out" : ""));
+            },
+            [this](const LineSignal& signal) {
+              say(std::string(name_of(signal.name)) + (signal.on ? " on" : " off"));
+              if (on_signal) on_signal(signal);
+            },
+            [](const auto&) { FAIL() << "it is no request"; },
+        },
+        event);
   }
   void wait_until_sent(std::function<void()> done) override {
     if (!holds) return done();

@@ -127,6 +127,31 @@ TEST(EventLines, WhatIsNotWhollyKnownIsNoSignal) {
   EXPECT_EQ(signal_of(event::Open{}), std::nullopt);
 }
 
+TEST(EventLines, WhatWasDoneToTheLineCanBeDoneAgain) {
+  const auto fast = line_event_of(event::Settings{Side::device, SeenSettings{.baud = 115'200}, {}});
+  ASSERT_TRUE(fast);
+  EXPECT_EQ(fast->by, Side::device);
+  EXPECT_EQ(std::get<line::Settings>(fast->what), (line::Settings{{.baud = 115'200}, SettingsOrder::exact}));
+  const auto seen = line_event_of(event::Settings{Side::driver, {}, SettingsOrder::sampled});
+  ASSERT_TRUE(seen);
+  EXPECT_EQ(std::get<line::Settings>(seen->what).order, SettingsOrder::sampled);
+  const auto flushed = line_event_of(event::Flush{FlushQueue::in});
+  ASSERT_TRUE(flushed);
+  EXPECT_EQ(flushed->by, Side::driver);
+  EXPECT_EQ(std::get<line::Flush>(flushed->what).queue, FlushQueue::in);
+  EXPECT_EQ(std::get<line::Flush>(line_event_of(event::Flush{})->what).queue, FlushQueue::both);
+  const auto signal = line_event_of(event::Break{true, Side::device});
+  ASSERT_TRUE(signal);
+  EXPECT_EQ(signal->by, Side::device);
+  EXPECT_EQ(std::get<LineSignal>(signal->what), (LineSignal{LineSignal::Name::brk, true}));
+}
+
+TEST(EventLines, WhatNobodyIsKnownToHaveDoneCannotBeDoneAgain) {
+  EXPECT_FALSE(line_event_of(event::Settings{{}, SeenSettings{.baud = 115'200}, {}}));
+  EXPECT_FALSE(line_event_of(event::Modem{}));
+  EXPECT_FALSE(line_event_of(event::Mark{"here"}));
+}
+
 std::string again(std::string_view line, std::int64_t us) { return encode_again(line, tape_time_us(us)); }
 
 TEST(EventLines, ALineIsWrittenAgainAtAnotherTimeWithAllItsKeys) {

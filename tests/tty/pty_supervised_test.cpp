@@ -149,7 +149,7 @@ TEST_F(PtySupervised, SettingsAreToldByTheSupervisorAloneUntilItGoes) {
   EXPECT_EQ(log.events, "up ") << "a look would have seen it";
   for (const SettingsOrder order : {SettingsOrder::sampled, SettingsOrder::exact}) {
     log.events.clear();
-    line().made({.baud = 4800}, order);
+    line().peer_did(line::Settings{{.baud = 4800}, order});
     EXPECT_EQ(log.events, "settings ");
     EXPECT_EQ(log.settings.baud, 4800U);
     EXPECT_EQ(log.settings_order, order);
@@ -168,16 +168,15 @@ TEST_F(PtySupervised, SettingsAreToldByTheSupervisorAloneUntilItGoes) {
 
 TEST_F(PtySupervised, OfALineThatIsNotUpNoSettingsAreTold) {
   start_supervised();
-  line().made({.baud = 4800}, SettingsOrder::exact);
+  line().peer_did(line::Settings{{.baud = 4800}, SettingsOrder::exact});
   EXPECT_EQ(log.events, "");
 }
 
 TEST_F(PtySupervised, AFlushIsToldAsItIsTold) {
   start_supervised();
-  line().flushed(true, false);
-  line().flushed(false, true);
-  line().flushed(true, true);
-  line().flushed(false, false);
+  line().peer_did(line::Flush{FlushQueue::in});
+  line().peer_did(line::Flush{FlushQueue::out});
+  line().peer_did(line::Flush{FlushQueue::both});
   EXPECT_EQ(log.events, "flush_in flush_out flush_both ");
 }
 
@@ -196,14 +195,14 @@ TEST_F(PtySupervised, AFlushOfWhatComesInEndsTheCongestionAndOneOfTheRestDoesNot
   const UniqueFd fd = driver();
   until("up ");
   while (!port.congested()) port.write(as_bytes(std::string(4096, 'q')));
-  line().flushed(false, true);
+  line().peer_did(line::Flush{FlushQueue::out});
   EXPECT_TRUE(port.congested());
   EXPECT_EQ(log.events, "up flush_out ");
-  line().flushed(true, false);
+  line().peer_did(line::Flush{FlushQueue::in});
   EXPECT_FALSE(port.congested());
   EXPECT_EQ(log.events, "up flush_out drained flush_in ");
   EXPECT_EQ(port.unread_by_peer(), 0U) << "nor has the driver anything to read";
-  line().flushed(true, false);
+  line().peer_did(line::Flush{FlushQueue::in});
   EXPECT_EQ(log.events, "up flush_out drained flush_in flush_in ");
 }
 
@@ -212,13 +211,13 @@ TEST_F(PtySupervised, SignalsOfADriverThatIsEarlyWaitForTheLine) {
   port.close();
   const UniqueFd fd = driver();
   settle(loop);
-  line().signalled({Name::dtr, true});
-  line().signalled({Name::rts, false});
+  line().peer_did(LineSignal{Name::dtr, true});
+  line().peer_did(LineSignal{Name::rts, false});
   EXPECT_EQ(log.events, "");
   port.open();
   settle(loop);
   EXPECT_EQ(log.events, "up dtr+ rts- ");
-  line().signalled({Name::rts, true});
+  line().peer_did(LineSignal{Name::rts, true});
   EXPECT_EQ(log.events, "up dtr+ rts- rts+ ");
 }
 
@@ -227,13 +226,13 @@ TEST_F(PtySupervised, SignalsBetweenTwoSessionsAreTheNextOnesUnlessTheDriverIsAn
   UniqueFd fd = driver();
   until("up ");
   port.close();
-  line().signalled({Name::dtr, true});
-  line().signalled({Name::rts, false});
+  line().peer_did(LineSignal{Name::dtr, true});
+  line().peer_did(LineSignal{Name::rts, false});
   EXPECT_EQ(log.events, "up ");
   port.open();
   EXPECT_EQ(log.events, "up up dtr+ rts- ");
   port.close();
-  line().signalled({Name::dtr, false});
+  line().peer_did(LineSignal{Name::dtr, false});
   fd.reset();
   fd = driver();
   settle(loop);
