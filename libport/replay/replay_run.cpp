@@ -2,25 +2,15 @@
 
 #include <algorithm>
 #include <chrono>
-#include <fmt/format.h>
 #include <string>
 #include <utility>
 
-#include "libport/replay/seconds_text.hpp"
+#include "libport/replay/run_doubts.hpp"
 
 namespace porttape {
 namespace {
 
 constexpr std::size_t kMostMismatchesHeld = 16;  // between two calls of advance(); the rest is only counted
-
-constexpr std::size_t kMostGapsTold = 8;
-
-std::string text_of(const TapeGap& gap, const Roles& roles) {
-  const std::string what = gap.bytes > 0 ? std::to_string(gap.bytes) + " bytes are" : "something is";
-  return what + " missing on the tape from " + seconds_text(to_us(gap.from)) + " to " +
-         seconds_text(to_us(gap.to)) + (gap.why.empty() ? "" : " (" + gap.why.for_line() + ")") + ": what " +
-         std::string(roles.one) + ' ' + std::string(roles.wrote) + " there was not compared";
-}
 
 ReplayConfig effective(ReplayConfig config, const Engine::Parts& parts) {
   if (parts.clock != nullptr) config.rate = parts.clock->rate();
@@ -101,9 +91,6 @@ void ReplayRun::begin_books(Instant now) {
   extra_.reset();
   awaits_jump_.reset();
   matched_before_loop_ = 0;
-  writes_ = 0;
-  last_byte_ = now;
-  sessions_ = 1;
   clock_.join();
   steered_ = {};
   if (clock_.stands()) steered_.pauses = 1;
@@ -200,12 +187,10 @@ std::size_t ReplayRun::write(Instant now, ByteView data, bool counted) {
   if (!ledger_) return data.size();
   awaits_jump_.reset();
   if (!counted) {
-    ledger_->written(data);
-    ++writes_;
-    write_begin_ = looks_up() ? lookup_->written() : matcher_.written();
+    ledger_->written(data, looks_up() ? lookup_->written() : matcher_.written());
   }
   exchanged_ = true;
-  last_byte_ = std::max(last_byte_, now);
+  ledger_->byte(now);
   pause_if_due(now);
   if (looks_up()) return ask(now, data);
   const bool recorded = config_.timing == Timing::recorded;
@@ -282,7 +267,7 @@ void ReplayRun::find_asked(Instant now) {
     if (!mismatch) return;
     if (config_.strictness == 0) continue;
     mismatch->real = ledger_->since_begin(now);
-    place_in_write(*mismatch);
+    ledger_->place_in_write(*mismatch);
     add_mismatch(now, *mismatch);
   }
 }
@@ -397,7 +382,7 @@ void ReplayRun::count_delivered(Instant now, Before before, ReplayActions& out, 
   if (out.end_sending && lookup_) lookup_->player().end_sending();
   ledger_->delivered(fresh);
   exchanged_ = exchanged_ || fresh > 0;
-  if (fresh > 0) last_byte_ = now;
+  if (fresh > 0) ledger_->byte(now);
   if (fresh > 0) question_.clear();
   if (fresh > 0 && before.bytes == 0 && !was_blocked_ && !clock_.stands() && due)
     ledger_->lateness(now - *due);
@@ -451,7 +436,6 @@ void ReplayRun::end(Instant now, EndedBy by) {
   report.playback = playback(any_unsent == false && matcher_.any_unsent() == false &&
                              (player_.used_up() || matcher_.matched() > 0));
   report.missed_half_close = player_.missed_half_close();
-  report.sessions_made = sessions_;
   report.sessions_of = std::max<std::uint64_t>(1, opens_);
   report.from_driver_matched = matcher_.matched();
   report.delivered = fails() && report.mismatch ? report.mismatch->delivered : player_.reads_delivered();
@@ -462,7 +446,6 @@ void ReplayRun::end(Instant now, EndedBy by) {
   report.leaves_out = leaves_out_;
   report.rewritten = replies_ != nullptr;
   report.think_times = player_.think_times().times();
-  report.idle = std::chrono::floor<Micros>(now - last_byte_);
   report.closed = by == EndedBy::close;
   if (!any_unsent && ledger_->report(config_, now, {.unsent = true}).verdict != report.verdict) {
     report.undecided_from = matcher_.position();
@@ -476,8 +459,8 @@ void ReplayRun::end(Instant now, EndedBy by) {
   }
   if (config_.match == Match::lookup) lookup_->report(report);
   if (totals_) add_totals(report, *totals_);
-  add_gaps(report);
-  add_doubtful_answers(report);
+  add_gaps(report, gaps_, std::max(matcher_.gaps_reached(), player_.gaps_reached()));
+  add_doubtful_answers(report, player_.doubtful_answers());
   pending_.run_ended = std::move(report);
   ledger_.reset();
   clock_.leave();
@@ -510,31 +493,6 @@ Micros ReplayRun::since_begin(Instant now) const {
   return ledger_->since_begin(now) + std::chrono::floor<Micros>(behind());
 }
 
-// The gaps that the run came to.
-void ReplayRun::add_gaps(RunReport& report) const {
-  const std::size_t reached = std::max(matcher_.gaps_reached(), player_.gaps_reached());
-  for (std::size_t i = 0; i < std::min(reached, gaps_.size()); ++i) {
-    if (i == kMostGapsTold) {
-      report.doubts.push_back({Doubt::Kind::gap, "and " + std::to_string(reached - i) + " more gaps"});
-      return;
-    }
-    report.doubts.push_back({Doubt::Kind::gap, text_of(gaps_[i], roles_of(config_.writer))});
-  }
-}
-
-void ReplayRun::add_doubtful_answers(RunReport& report) const {
-  const std::uint64_t answers = player_.doubtful_answers();
-  if (answers == 0) return;
-  const std::string what =
-      answers == 1 ? "what the tape has" : fmt::format("{} times what the tape has", answers);
-  report.doubts.push_back(
-      {Doubt::Kind::answer,
-       fmt::format(
-           "{} behind a frame that {} left out came all the same; whether it answers that frame, with_answer "
-           "in the rule says",
-           what, roles_of(config_.writer).one)});
-}
-
 void ReplayRun::stop_if_damaged(Instant now) {
   if (!ledger_) return;
   const std::optional<Error>& found = error();
@@ -554,7 +512,7 @@ const std::optional<Error>& ReplayRun::error() {
 Mismatch ReplayRun::difference(Instant now, ByteView got) {
   Mismatch mismatch = matcher_.describe(got);
   mismatch.real = since_begin(now);
-  place_in_write(mismatch);
+  ledger_->place_in_write(mismatch);
   return mismatch;
 }
 
@@ -572,12 +530,6 @@ void ReplayRun::tell_extra() {
   extra_->exchange = player_.schedule().exchange_of(extra_->tape_offset);
   ledger_->mismatch(*extra_);
   pending_.mismatches.push_back(*std::exchange(extra_, std::nullopt));
-}
-
-void ReplayRun::place_in_write(Mismatch& mismatch) const {
-  if (mismatch.offset < write_begin_) return;
-  mismatch.write = writes_;
-  mismatch.write_offset = mismatch.offset - write_begin_;
 }
 
 void ReplayRun::tell_fault(Instant now, const Player::TimingFault& fault) {

@@ -60,8 +60,10 @@ class ReplayRun {
   // And that is the next loop's.
   void begin_next_loop(Instant now);
   // And that is a further session of the run.
-  void count_session() { ++sessions_; }
-  [[nodiscard]] std::uint64_t sessions() const { return sessions_; }
+  void count_session() {
+    if (ledger_) ledger_->session();
+  }
+  [[nodiscard]] std::uint64_t sessions() const { return ledger_ ? ledger_->sessions() : 0; }
   // Recorded writes that the driver has not made in this loop.
   [[nodiscard]] std::optional<bool> any_writes_left() { return matcher_.any_unsent(); }
   // The driver writes no more in this session and still reads.
@@ -171,12 +173,9 @@ class ReplayRun {
   void tell_mismatch(Instant now, Mismatch mismatch);
   [[nodiscard]] Mismatch difference(Instant now, ByteView got);
   void add_mismatch(Instant now, const Mismatch& mismatch);
-  void place_in_write(Mismatch& mismatch) const;
   [[nodiscard]] const std::optional<Error>& error();
   void tell_difference(Instant now, ByteView got);
   void tell_fault(Instant now, const Player::TimingFault& fault);
-  void add_gaps(RunReport& report) const;
-  void add_doubtful_answers(RunReport& report) const;
   [[nodiscard]] std::optional<bool> any_unsent();
   [[nodiscard]] PlaybackReport playback(bool complete) const;
   [[nodiscard]] Micros since_begin(Instant now) const;
@@ -209,10 +208,6 @@ class ReplayRun {
   Player player_;
 
   std::optional<RunLedger> ledger_;           // while a run goes on
-  std::uint64_t writes_ = 0;                  // of the driver in this run
-  std::uint64_t write_begin_ = 0;             // where in its stream the latest began
-  Instant last_byte_{};                       // of either direction, in this run
-  std::uint64_t sessions_ = 0;                // of the driver's in this run
   PlaybackReport steered_;                    // by hand, in this run
   ReplayClock::Shift begun_shift_;            // when the run did
   std::uint64_t furthest_ = 0;                // of the matcher's positions before it went back

@@ -12,12 +12,20 @@ double in_us(Nanos time) { return static_cast<double>(time.count()) / 1000.0; }
 }  // namespace
 
 // Where something was wrong, what followed is kept for those who look for the reason.
-void RunLedger::written(ByteView data) {
+void RunLedger::written(ByteView data, std::uint64_t offset) {
+  ++writes_;
+  write_begin_ = offset;
   from_driver_ += data.size();
   if (!first_data_) return;
   Bytes& came = first_data_->came;
   const ByteView more = data.first(std::min(data.size(), Mismatch::kMostCame - came.size()));
   came.insert(came.end(), more.begin(), more.end());
+}
+
+void RunLedger::place_in_write(Mismatch& mismatch) const {
+  if (mismatch.offset < write_begin_) return;
+  mismatch.write = writes_;
+  mismatch.write_offset = mismatch.offset - write_begin_;
 }
 
 void RunLedger::mismatch(const Mismatch& mismatch) {
@@ -44,6 +52,8 @@ RunReport RunLedger::report(const ReplayConfig& config, Instant now, Missing mis
   if (config.chunks == Chunks::bytes) report.chunks = "bytes";
   if (config.chunks == Chunks::random) report.chunks = "random:" + std::to_string(config.chunk_seed);
   report.duration = now - begun_;
+  report.idle = std::chrono::floor<Micros>(now - last_byte_);
+  report.sessions_made = sessions_;
   report.to_driver_bytes = to_driver_;
   report.from_driver_bytes = from_driver_;
   report.mismatches = mismatches_;

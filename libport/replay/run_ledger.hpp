@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -16,10 +17,18 @@ namespace porttape {
 // follows. A plain value; starts at the driver's first open.
 class RunLedger {
  public:
-  explicit RunLedger(Instant begun) : begun_(begun) {}
+  explicit RunLedger(Instant begun) : begun_(begun), last_byte_(begun) {}
 
   void delivered(std::size_t bytes) { to_driver_ += bytes; }
-  void written(ByteView data);
+  // The driver's write, which begins at `offset` of its stream.
+  void written(ByteView data, std::uint64_t offset);
+  // Something went over the line, either way.
+  void byte(Instant now) { last_byte_ = std::max(last_byte_, now); }
+  // The driver has begun a further session.
+  void session() { ++sessions_; }
+  [[nodiscard]] std::uint64_t sessions() const { return sessions_; }
+  // Tells where in the latest write it is, if it is in that.
+  void place_in_write(Mismatch& mismatch) const;
   void lateness(Nanos late) {
     lateness_.add(late);
     last_late_ = late;
@@ -43,6 +52,10 @@ class RunLedger {
 
  private:
   Instant begun_;
+  Instant last_byte_;
+  std::uint64_t sessions_ = 1;
+  std::uint64_t writes_ = 0;
+  std::uint64_t write_begin_ = 0;  // of the latest, in the driver's stream
   std::uint64_t to_driver_ = 0;
   std::uint64_t from_driver_ = 0;
   std::uint64_t mismatches_ = 0;
