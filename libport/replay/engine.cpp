@@ -393,7 +393,6 @@ void Engine::finish(Instant now) { impl_->tell({.kind = Impl::Input::Kind::finis
 
 bool Engine::finished() const { return impl_->finished; }
 void Engine::give_up(Instant now) { impl_->give_up(now); }
-void Engine::set_totals(const TapeTotals& totals) { impl_->run.set_totals(totals); }
 std::size_t Engine::backlog() const { return impl_->backlog; }
 
 std::optional<Instant> Engine::next_deadline() const {

@@ -166,9 +166,6 @@ class Engine {
   // looked at yet; its report comes from advance().
   void give_up(Instant now);
 
-  // The tape is counted.
-  void set_totals(const TapeTotals& totals);
-
   // Bytes it was told of by on_write and has not looked at yet; they grow with a driver that writes on.
   [[nodiscard]] std::size_t backlog() const;
 

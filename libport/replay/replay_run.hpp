@@ -113,7 +113,6 @@ class ReplayRun {
   // The walk has gone on to a recorded open: what the driver has not written before it is not waited for.
   void realign_to_walk();
 
-  void set_totals(const TapeTotals& totals) { totals_ = totals; }
   // The driver has read all that was delivered; a piece that is due waits for that.
   void taken(Instant now) { pieces_.taken(now); }
   [[nodiscard]] bool holds_piece() const {

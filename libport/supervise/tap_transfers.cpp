@@ -4,6 +4,7 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <fmt/format.h>
 #include <optional>
 #include <poll.h>
 #include <span>
@@ -17,6 +18,7 @@
 #include <vector>
 
 #include "libport/base/printable.hpp"
+#include "libport/supervise/cooked_line.hpp"
 
 namespace porttape {
 namespace {
@@ -127,12 +129,12 @@ struct TapTransfers::Transfer {
   std::weak_ptr<KeptCall> kept = {};  // whose owner has this
 };
 
-TapTransfers::TapTransfers(Loop& loop, TappedLine& line, TappedFiles& files, std::function<void()> on_idle)
+TapTransfers::TapTransfers(Loop& loop, TappedLine& line, TappedFiles& files, Calls calls)
     : loop_(&loop),
       line_(&line),
       files_(&files),
       ready_(std::make_shared<UniqueFd>(::epoll_create1(EPOLL_CLOEXEC))),
-      on_idle_(std::move(on_idle)) {
+      calls_(std::move(calls)) {
   if (!*ready_) return;
   ready_watch_.emplace(loop, ready_->get(), [this] { on_ready(); });
   ready_watch_->watch_readable(true);
@@ -206,7 +208,7 @@ std::optional<Outcome> TapTransfers::write_now(Transfer& transfer) {
     const ssize_t size = ::write(transfer.file->fd(), left.data(), left.size());
     if (size < 0 && errno == EINTR) continue;
     if (size >= 0) {
-      if (size > 0) line_->wrote(left.first(static_cast<std::size_t>(size)));
+      if (size > 0) wrote(transfer.file->fd(), left.first(static_cast<std::size_t>(size)));
       transfer.done += static_cast<std::size_t>(size);
       const bool all = transfer.done == transfer.size;
       const bool full = static_cast<std::size_t>(size) < left.size();
@@ -281,7 +283,7 @@ std::optional<Outcome> TapTransfers::read_now(Transfer& transfer) {
     return outcome::Refuse{error};
   }
   bytes.resize(static_cast<std::size_t>(size));
-  if (size > 0) line_->got(bytes);
+  if (size > 0) got(fd, bytes);
   if (size == 0 && hung_up(fd)) line_->lost("the line hung up");
   const bool all = for_each_part(transfer.parts, 0, bytes, [&](std::uint64_t address, auto part) {
     return transfer.call.write(address, std::as_bytes(part));
@@ -308,6 +310,28 @@ void TapTransfers::wait(const std::shared_ptr<KeptCall>& kept, const std::shared
     }
   }
   if (!watch(*transfer)) return kept->call_after(kShortOf, again);
+}
+
+void TapTransfers::wrote(int fd, ByteView data) {
+  termios line{};
+  if (::tcgetattr(fd, &line) == 0)
+    tell_line_changes(changed_when_written(line, data), "sends other bytes than it was given");
+  line_->wrote(data);
+}
+
+void TapTransfers::got(int fd, ByteView data) {
+  termios line{};
+  if (::tcgetattr(fd, &line) == 0)
+    tell_line_changes(sent_back_when_read(line, data), "sends back what comes to it");
+  line_->got(data);
+}
+
+void TapTransfers::tell_line_changes(std::string_view setting, std::string_view what) {
+  if (setting.empty()) return;
+  calls_.tell(fmt::format(
+      "{}: with the setting '{}' the device's line {}; the tape has what the command wrote and read, and a "
+      "replay of it may differ there (porttape record without --tap has what the line sent)",
+      line_->device_name(), setting, what));
 }
 
 // Once, as long as it tells of what is waited for. False: that is not to be had.
@@ -386,7 +410,7 @@ void TapTransfers::end(Transfer& transfer) {
   const bool was_first = !writers_.empty() && writers_.front() == ended;
   std::erase_if(writers_, is_it);
   if (was_first && !writers_.empty()) go_on(std::shared_ptr(writers_.front()));
-  if (kept_.empty()) on_idle_();
+  if (kept_.empty()) calls_.on_idle();
 }
 
 void TapTransfers::go_on(const std::shared_ptr<Transfer>& transfer) {

@@ -21,8 +21,13 @@ namespace porttape {
 // and tried again when the device can. Loop thread only; outlives the supervisor's kept calls.
 class TapTransfers {
  public:
-  // `on_idle`: the last one that waited does not any more.
-  TapTransfers(Loop& loop, TappedLine& line, TappedFiles& files, std::function<void()> on_idle);
+  struct Calls {
+    std::function<void()> on_idle;  // the last one that waited does not any more
+    // What the user should know, for each transfer that tells of it.
+    std::function<void(const std::string& what)> tell;
+  };
+
+  TapTransfers(Loop& loop, TappedLine& line, TappedFiles& files, Calls calls);
 
   // A read or write of `file`, the device: also by several parts.
   CallPart::Decision decide(Supervisor& supervisor, const Call& call, std::shared_ptr<TappedFile> file);
@@ -46,6 +51,9 @@ class TapTransfers {
   std::optional<Outcome> read_now(Transfer& transfer);
   std::optional<std::size_t> readable_now(Transfer& transfer) const;
   std::optional<Outcome> write_now(Transfer& transfer);
+  void wrote(int fd, ByteView data);
+  void got(int fd, ByteView data);
+  void tell_line_changes(std::string_view setting, std::string_view what);
 
   Loop* loop_;
   TappedLine* line_;
@@ -55,7 +63,7 @@ class TapTransfers {
   std::shared_ptr<UniqueFd> ready_;
   std::optional<FdWatch> ready_watch_;  // none: they are looked at by the clock
   std::map<std::uint64_t, std::weak_ptr<TappedFile>> watched_;
-  std::function<void()> on_idle_;
+  Calls calls_;
   std::list<std::shared_ptr<Transfer>> kept_;
   // Writes that wait: a tty takes one after the other, whole.
   std::list<std::shared_ptr<Transfer>> writers_;

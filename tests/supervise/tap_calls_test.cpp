@@ -29,6 +29,7 @@
 #include "libport/loop/fd_watch.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/supervise/caller_rights.hpp"
+#include "libport/supervise/cooked_line.hpp"
 #include "libport/supervise/supervised_command.hpp"
 #include "libport/supervise/waiting_open.hpp"
 #include "tests/support/descriptor_limit.hpp"
@@ -137,6 +138,15 @@ class EchoDevice {
     ::tcsetattr(kept_.get(), TCSANOW, &made);
     watch_ = std::make_unique<FdWatch>(loop, master_.get(), [this] { answer(); });
     watch_->watch_readable(true);
+  }
+
+  // The program finds its line with these.
+  void set_up(tcflag_t output, tcflag_t local) {
+    termios made{};
+    ::tcgetattr(kept_.get(), &made);
+    made.c_oflag |= output;
+    made.c_lflag |= local;
+    ::tcsetattr(kept_.get(), TCSANOW, &made);
   }
 
   // What the program has written last.
@@ -608,6 +618,48 @@ TEST_F(TapCallsTest, WhatIsMovedWhereItIsNotSeenIsMissingOnTheTape) {
               ElementsAre("open 0", "write 1", "dup20 0", "write 1"));
   EXPECT_THAT(told, ElementsAre(HasSubstr("moved its device to descriptor 20")));
   EXPECT_THAT(events.all, ElementsAre("open", "w a", "missing", "close"));
+}
+
+// The tape is of what the program does: where the wire differs, that is told, once.
+TEST_F(TapCallsTest, ThatTheLineSendsOtherBytesThanItIsGivenIsTold) {
+  device = std::make_unique<EchoDevice>(loop);
+  device->set_up(OPOST | ONLCR, 0);
+  EXPECT_THAT(run({"open", "write:a"}, true), ElementsAre("open 0", "write 1"));
+  EXPECT_THAT(told, IsEmpty()) << "there was nothing to change";
+  EXPECT_THAT(run({"open", "write:b\n", "write:c\n"}, true), ElementsAre("open 0", "write 2", "write 2"));
+  EXPECT_THAT(told, ElementsAre(HasSubstr("'onlcr' the device's line sends other bytes")));
+  EXPECT_EQ(device->wire, "ab\r\nc\r\n");
+  EXPECT_EQ(events.written, "ab\nc\n");
+}
+
+TEST_F(TapCallsTest, ThatTheLineSendsBackWhatComesIsTold) {
+  device = std::make_unique<EchoDevice>(loop);
+  device->set_up(0, ECHO);
+  EXPECT_THAT(run({"open", "write:give x", "read:1"}, true), ElementsAre("open 0", "write 6", "read 1 x"));
+  EXPECT_THAT(told, ElementsAre(HasSubstr("'echo' the device's line sends back")));
+  EXPECT_EQ(device->wire, "give xx");
+}
+
+TEST(CookedLine, EachSettingCountsForTheBytesThatItChanges) {
+  const auto changed = [](tcflag_t output, std::string_view data) {
+    termios line{};
+    line.c_oflag = output;
+    return changed_when_written(line, as_bytes(data));
+  };
+  EXPECT_EQ(changed(OPOST | ONLCR, "a\n"), "onlcr");
+  EXPECT_EQ(changed(OPOST | ONLCR, "a\r\t"), "");
+  EXPECT_EQ(changed(OPOST | OCRNL, "\r"), "ocrnl");
+  EXPECT_EQ(changed(OPOST | ONOCR, "\r"), "onocr");
+  EXPECT_EQ(changed(OPOST | XTABS, "\t"), "tab3");
+  EXPECT_EQ(changed(OPOST | OLCUC, "Az"), "olcuc");
+  EXPECT_EQ(changed(OPOST | OLCUC, "AZ{`"), "");
+  EXPECT_EQ(changed(OPOST | OCRNL | ONOCR | XTABS, "az\n"), "");
+  EXPECT_EQ(changed(ONLCR | OCRNL | ONOCR | XTABS | OLCUC, "a\n\r\t"), "") << "without opost none counts";
+  termios line{};
+  EXPECT_EQ(sent_back_when_read(line, as_bytes("a")), "");
+  line.c_lflag = ECHO;
+  EXPECT_EQ(sent_back_when_read(line, as_bytes("a")), "echo");
+  EXPECT_EQ(sent_back_when_read(line, {}), "");
 }
 
 TEST_F(TapCallsTest, NoFileOfAnotherThreadIsReplaced) {
