@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <fmt/format.h>
+#include <fmt/ostream.h>
 #include <system_error>
 
 #include "libport/base/printable.hpp"
