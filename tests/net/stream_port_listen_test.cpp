@@ -377,6 +377,20 @@ TEST_F(ListeningPort, IsDrainedWhenTheLineIsOver) {
   EXPECT_EQ(done, 2);
 }
 
+TEST_F(ListeningPort, IsDrainedWhenWhatWaitsIsDiscarded) {
+  make_listening();
+  const Socket peer = up();
+  port->write(as_bytes(std::string(std::size_t{16} << 20, 'x')));
+  bool done = false;
+  log.drain(*port, [&done] { done = true; });
+  EXPECT_TRUE(port->waiting()->discard());
+  EXPECT_FALSE(port->congested());
+  run_ready();
+  EXPECT_TRUE(done);
+  EXPECT_EQ(log.dropped, 0U) << "it was asked for";
+  EXPECT_EQ(log.events, "up ");
+}
+
 TEST_F(ListeningPort, NotReadingIsBackpressureToThePeer) {
   make_listening();
   Socket peer = up();

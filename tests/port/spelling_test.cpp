@@ -184,6 +184,9 @@ TEST_F(Spelling, ATypeByItsOtherNameIsAnsweredWithOurs) {
   EXPECT_THAT(refused("tty:/dev/ttyUSB0"), testing::EndsWith("unknown type 'tty'; did you mean 'serial'?"));
   EXPECT_THAT(refused("seriel:/dev/ttyUSB0"), testing::EndsWith("; did you mean 'serial'?"));
   EXPECT_THAT(refused("elephant:x"), testing::EndsWith("unknown type 'elephant'; accepted: net, serial"));
+  EXPECT_THAT(refused("elephant-listen:7"),
+              testing::EndsWith("unknown type 'elephant-listen'; accepted: net, serial"));
+  EXPECT_FALSE(names_type(all, "elephant-listen:7"));
   EXPECT_EQ(refused("type=,port=7"), "port 'type=,port=7': option 'type' is missing; accepted: net, serial");
   EXPECT_THAT(refused(" , "), testing::StartsWith("a port is missing; name one as TYPE:MAIN"));
 }

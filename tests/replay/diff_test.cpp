@@ -59,6 +59,10 @@ TEST(ByteDiff, WhatMayStillComeIsNotLeftOut) {
   EXPECT_EQ(diff("abc", "ab", true), "a b");
 }
 
+TEST(ByteDiff, OfTwoBeginningsThatAreAsGoodTheShorterIsTaken) {
+  EXPECT_EQ(diff("ababX", "aab", true), "a +a b") << "\"abab\" differs by one byte as well";
+}
+
 TEST(ByteDiff, LongOnesAreBounded) {
   EXPECT_LE(diff_bytes(Bytes(100'000, 'a'), Bytes(100'000, 'b')).size(), 2 * kMostDiffed);
 }

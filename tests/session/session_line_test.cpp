@@ -166,6 +166,7 @@ TEST_F(SessionLineTest, HowADeviceGoesIsToldAndOnlyATroubleIsALoss) {
   };
   EXPECT_EQ(losses_after(Reason::closed), 0U);
   EXPECT_TRUE(told("device: closed by the device"));
+  EXPECT_FALSE(told("device: hangs up"));
   EXPECT_EQ(losses_after(Reason::hung_up), 0U);
   EXPECT_TRUE(told("device: hangs up"));
   EXPECT_FALSE(told("unplugged"));

@@ -705,6 +705,26 @@ TEST_F(SessionTest, APortThatPassesOnWhatItShouldNotHaveReadIsToldAndLosesNothin
   EXPECT_EQ(device.written, "early");
 }
 
+TEST_F(SessionTest, WhatAPortPassedOnAlthoughItWasNotReadIsLostAtAnEndThatComesFirst) {
+#ifndef NDEBUG
+  GTEST_SKIP() << "builds with assertions end there";
+#endif
+  start();
+  driver.up();
+  driver.congested = true;
+  device.send("answer");
+  ASSERT_FALSE(device.reading);
+  device.send("early");
+  session->stop();
+  session->stop();
+  run_ready();
+  EXPECT_EQ(driver.written, "answer");
+  EXPECT_EQ(session->counters().dropped_bytes, 5U);
+  EXPECT_NE(book.text().find("5 bytes reached nobody (the last because the end came before them)"),
+            std::string::npos)
+      << book.text();
+}
+
 TEST_F(SessionTest, AMissingDeviceIsTheEndForADriverThatIsConnectedTo) {
   driver.passive = false;
   driver.up_at_once = true;

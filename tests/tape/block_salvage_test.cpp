@@ -121,6 +121,20 @@ TEST(BlockSalvage, AHeaderThatIsDestroyedCostsItsBlockInEitherLayout) {
   }
 }
 
+TEST(BlockSalvage, ABlockAtTheEndOfASecondIsFoundBehindGarbageToo) {
+  std::vector<Block> blocks;
+  for (std::int64_t n = 0; n < 20; ++n) blocks.push_back({990'000 + n * 500, "data"});
+  for (const bool native64 : {false, true}) {
+    const std::size_t head = native64 ? 24 : 12;
+    Bytes bytes = test::block_bytes(blocks, native64);
+    overwrite(bytes, head + 4, kGarbage.substr(0, head));
+    const std::vector<std::string> all = salvaged(bytes, native64 ? Layout::native64 : Layout::big_endian);
+    ASSERT_EQ(all.size(), 20U) << native64;
+    EXPECT_THAT(all[1], HasSubstr("lost " + std::to_string(head + 4)));
+    EXPECT_EQ(all[2], "991000 4@" + std::to_string(2 * (head + 4) + head));
+  }
+}
+
 // `count` blocks behind garbage, and whether they were found.
 bool finds(std::size_t count, std::string_view behind, std::size_t before = 10) {
   const Bytes lead = test::block_bytes(numbered(before));

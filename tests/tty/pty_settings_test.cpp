@@ -120,6 +120,27 @@ TEST_F(PtySettingsTest, WhatADriverFindsIsNoNews) {
   EXPECT_EQ(log.events, "up ");
 }
 
+TEST_F(PtySettingsTest, IgnbrkIsSetAgainForADriverThatHasLeftItsLineAloneAndLeavesClocalAlone) {
+  FileEvents events(loop);
+  Result<Pty> pty = Pty::create(events, {});
+  ASSERT_TRUE(pty.has_value());
+  const UniqueFd fd(::open(pty->slave_path().c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
+  PtySettings settings(pty->master());
+  const auto is_set_after_a_look = [&] {
+    (void)settings.look(false);
+    termios tio{};
+    return ::tcgetattr(fd.get(), &tio) == 0 && (tio.c_iflag & static_cast<tcflag_t>(IGNBRK)) != 0;
+  };
+  set(fd, [](termios& tio) { tio.c_iflag &= ~static_cast<tcflag_t>(IGNBRK); });
+  EXPECT_FALSE(is_set_after_a_look()) << "tcsetattr itself reads back at once";
+  EXPECT_TRUE(is_set_after_a_look());
+  set(fd, [](termios& tio) {
+    tio.c_iflag &= ~static_cast<tcflag_t>(IGNBRK);
+    tio.c_cflag |= CLOCAL;
+  });
+  for (int look = 0; look < 3; ++look) EXPECT_FALSE(is_set_after_a_look()) << look;
+}
+
 TEST_F(PtySettingsTest, AnyRateStopBitsAndFlowControlAreTold) {
   start();
   const UniqueFd fd = driver();

@@ -161,6 +161,17 @@ TEST_F(SettingsQueueTest, OfSeveralChangesWithNoByteBetweenThemTheLastCounts) {
   EXPECT_EQ(told, "2400 ");
 }
 
+TEST_F(SettingsQueueTest, AChangeThatBecomesOneOfFlowControlAloneWaitsNoLonger) {
+  congest();
+  queue->change({.baud = 4800});
+  settle(loop);
+  EXPECT_EQ(told, "");
+  queue->change({.baud = 9600, .hw_flow = true});
+  settle(loop);
+  EXPECT_EQ(told, "9600 ");
+  EXPECT_TRUE(queue->left().empty());
+}
+
 TEST_F(SettingsQueueTest, AChangeBehindAByteIsMadeForItself) {
   congest();
   queue->change({.baud = 4800});
