@@ -92,8 +92,8 @@ struct WatchSignals {
 // stands when the line comes up. LineFault: a wrapper has done this to the line on purpose; the bytes
 // concerned come next, if any do.
 //
-// A new kind is its struct here, the port that tells it, and whoever acts on it: wrappers, sessions and
-// queues pass on what they do not know.
+// A new kind is its struct here, the port that tells it, and whoever acts on it. Wrappers and queues pass on
+// all kinds, a session those of its driver; of its device's it passes on the ones that it names.
 using LineEvent =
     std::variant<line::Flush, line::Settings, LineSignal, line::Drain, line::Sent, line::Ask, line::Answer,
                  line::LeftUnread, line::Refused, line::Dropped, LineFault, line::WatchSignals>;

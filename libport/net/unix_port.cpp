@@ -50,15 +50,15 @@ std::unique_ptr<StreamPort> UnixPort::port_of(UniqueFd connection) {
 }
 
 UnixPort::~UnixPort() {
-  if (!node_) return;
-  if (const Result<TrustedName> place = find_trusted_name(path_))
-    (void)remove_if_same(place->folder.get(), place->name, *node_);
+  // Opens nothing: there may be no descriptor left.
+  if (node_) (void)remove_if_same(place_.folder.get(), place_.name, *node_);
 }
 
-Result<void> UnixPort::free_place(const SocketAddress& address, const TrustedName& place) const {
-  const std::optional<FileIdentity> old = FileIdentity::at(place.folder.get(), place.name);
+Result<void> UnixPort::free_place(const SocketAddress& address) const {
+  const std::optional<FileIdentity> old = FileIdentity::at(place_.folder.get(), place_.name);
   struct stat status {};
-  if (!old || ::fstatat(place.folder.get(), place.name.c_str(), &status, AT_SYMLINK_NOFOLLOW) != 0) return {};
+  if (!old || ::fstatat(place_.folder.get(), place_.name.c_str(), &status, AT_SYMLINK_NOFOLLOW) != 0)
+    return {};
   if (!S_ISSOCK(status.st_mode)) {
     return make_error(
         Errc::usage,
@@ -72,7 +72,7 @@ Result<void> UnixPort::free_place(const SocketAddress& address, const TrustedNam
     return make_error(Errc::usage, fmt::format("socket {} is in use; end that program or choose another path",
                                                in_quotes(path_)));
   }
-  (void)remove_if_same(place.folder.get(), place.name, *old);
+  (void)remove_if_same(place_.folder.get(), place_.name, *old);
   return {};
 }
 
@@ -82,16 +82,17 @@ Result<UniqueFd> UnixPort::make_listener() {
   std::error_code unknown;
   const std::filesystem::path folder = std::filesystem::absolute(path_, unknown).parent_path();
   if (!std::filesystem::exists(folder, unknown)) return cannot_make(path_, ENOENT);
-  const Result<TrustedName> place = find_trusted_name(path_);
+  Result<TrustedName> place = find_trusted_name(path_);
   if (!place) return place.error();
-  if (Result<void> free = free_place(*address, *place); !free) return free.error();
+  place_ = std::move(*place);
+  if (Result<void> free = free_place(*address); !free) return free.error();
   UniqueFd fd = make_socket();
   // The file's permissions are the socket's less the umask: never wider than `mode`, from the start.
   if (!fd || ::fchmod(fd.get(), mode_) != 0 || ::bind(fd.get(), address->get(), address->size) != 0)
     return cannot_make(path_, errno);
   // At once: who finds the file may connect.
   const int error = ::listen(fd.get(), StreamListener::kBacklog) == 0 ? 0 : errno;
-  if (Result<void> own = own_node(*place); !own) return own.error();
+  if (Result<void> own = own_node(); !own) return own.error();
   if (error != 0) return cannot_make(path_, error);
   context_.log->info("listening on {}", path_);
   return fd;
@@ -99,8 +100,8 @@ Result<UniqueFd> UnixPort::make_listener() {
 
 // Takes note of the socket file that bind() made, and gives it what the umask took from its permissions. What
 // the name means may have changed since: only a socket of our own is touched, and no link is followed.
-Result<void> UnixPort::own_node(const TrustedName& place) {
-  const UniqueFd node(::openat(place.folder.get(), place.name.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
+Result<void> UnixPort::own_node() {
+  const UniqueFd node(::openat(place_.folder.get(), place_.name.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
   struct stat status {};
   // What cannot be looked at is left where it is; the next listener finds that nobody answers there.
   if ((!node && errno != ENOENT && errno != ELOOP) || (node && ::fstat(node.get(), &status) != 0))

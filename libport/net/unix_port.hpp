@@ -39,12 +39,13 @@ class UnixPort final : public StreamPort {
   std::unique_ptr<StreamPort> port_of(UniqueFd connection) override;
 
  private:
-  [[nodiscard]] Result<void> free_place(const SocketAddress& address, const TrustedName& place) const;
-  Result<void> own_node(const TrustedName& place);
+  [[nodiscard]] Result<void> free_place(const SocketAddress& address) const;
+  Result<void> own_node();
 
   const std::string path_;
   const mode_t mode_;
-  std::optional<FileIdentity> node_;  // the socket file we made
+  TrustedName place_;                 // of a socket file that is to be made
+  std::optional<FileIdentity> node_;  // that we made
 };
 
 }  // namespace porttape

@@ -8,9 +8,9 @@
 
 namespace porttape {
 
-// Where a tty passes on other bytes than a program writes, or sends back what comes to it: the words of
-// stty(1) for the first reason found, empty where the bytes go as they are. termios(3), "Output flags" and
-// ECHO.
+// A tty's settings may change the bytes that a program writes, or echo the bytes that come. Each function
+// returns the first such setting that concerns `data`, as stty(1) names it, or an empty text. Source:
+// termios(3), c_oflag and ECHO.
 inline std::string_view changed_when_written(const termios& line, ByteView data) {
   const tcflag_t flags = line.c_oflag;
   if ((flags & OPOST) == 0) return {};

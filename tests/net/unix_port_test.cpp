@@ -18,6 +18,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/catalog/port_types.hpp"
+#include "tests/support/descriptor_limit.hpp"
 #include "tests/support/port_log.hpp"
 #include "tests/support/quiet_log.hpp"
 #include "tests/support/refused_calls.hpp"
@@ -68,6 +69,13 @@ TEST_F(UnixPortTest, TheSocketIsPrivateAndGoesAwayAtTheEnd) {
   struct stat status {};
   ASSERT_EQ(::lstat(path.c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 0777U, 0600U);
+  port.reset();
+  EXPECT_FALSE(fs::exists(path));
+}
+
+TEST_F(UnixPortTest, TheSocketGoesAwayThoughNoDescriptorIsLeft) {
+  ASSERT_TRUE(make(",listen"));
+  const test::NoDescriptors none;
   port.reset();
   EXPECT_FALSE(fs::exists(path));
 }
