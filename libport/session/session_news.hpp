@@ -24,7 +24,7 @@ class SessionNews {
   void up() { failures_.up(context_.loop->now()); }
   void device_failed(const LineDown& down, spdlog::level::level_enum level, std::string_view then = {});
   void device_works();
-  // When it may be opened, and whether that is now.
+  // Of the device, as Failures has them.
   [[nodiscard]] Instant may_open() const { return failures_.may_open(); }
   [[nodiscard]] bool fails() const { return failures_.in_a_row(); }
   [[nodiscard]] bool fails_again() const { return failures_.repeats(); }

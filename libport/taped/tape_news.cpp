@@ -22,9 +22,8 @@ constexpr Nanos kFailClosedSilence = milliseconds(700);
 }  // namespace
 
 TapeNews::Found TapeNews::look(const LiveTape::Status& status) {
-  using Phase = LiveTape::Status::Phase;
   Found found;
-  if (status.phase != Phase::being_made && !std::exchange(told_.made, true)) {
+  if (status.phase != LiveTape::Status::Phase::being_made && !std::exchange(told_.made, true)) {
     context_.log->info("recording to {}", status.paths.name());
     found.made = true;
   }
