@@ -100,7 +100,7 @@ TEST(SignalWatch, ASignalForWhichThereIsNoRoomIsLostAndLeavesErrnoAlone) {
 TEST(SignalWatch, AProgramWithoutDescriptorsIsToldThatItHasNoPipe) {
   PORTTAPE_SKIP_UNDER_SANITIZERS();
   Loop loop;
-  const test::NoDescriptors none;
+  const test::NoDescriptors none(unsanitized);
   try {
     const SignalWatch watch(loop, [](int) {});
     FAIL() << "there is a pipe";

@@ -230,7 +230,7 @@ TEST_F(UrgentEventsTest, WithoutDescriptorsNothingIsWatchedUntilThereAreSome) {
   for (const std::size_t left : {0U, 1U, 2U}) {
     UrgentEvents own;
     {
-      const test::FewDescriptors few(left);
+      const test::FewDescriptors few(unsanitized, left);
       EXPECT_FALSE(own.watch(one.own.get(), answer)) << left;
     }
     EXPECT_TRUE(own.watch(one.own.get(), answer)) << left;

@@ -373,7 +373,7 @@ TEST_F(StreamListenerTest, WithoutADescriptorItTriesAgainEachTenthOfASecondAndTe
   make();
   const Socket peer = Socket::connect_to(socket.port());
   {
-    const test::NoDescriptors none;
+    const test::NoDescriptors none(unsanitized);
     settle(loop);
     EXPECT_EQ(told("a connection cannot be accepted"), 1);
     pass(milliseconds(300));
@@ -439,7 +439,7 @@ TEST_F(StreamListenerTest, AFailureAfterOneThatWasAcceptedIsToldAgain) {
     there = Inside::nobody;
     const Socket peer = Socket::connect_to(socket.port());
     {
-      const test::NoDescriptors none;
+      const test::NoDescriptors none(unsanitized);
       settle(loop);
     }
     EXPECT_EQ(told("a connection cannot be accepted"), n);

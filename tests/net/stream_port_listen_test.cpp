@@ -450,7 +450,7 @@ TEST_F(ListeningPort, WithoutADescriptorAConnectionWaitsAndIsTriedAgain) {
       "a connection cannot be accepted: Too many open files (the limit of this process; see ulimit -n); it "
       "waits, and is tried again";
   {
-    const test::NoDescriptors none;
+    const test::NoDescriptors none(unsanitized);
     run_until(loop, [&] { return book.text().find(told) != std::string::npos; });
   }
   EXPECT_NE(book.text().find(told), std::string::npos) << book.text();

@@ -200,7 +200,7 @@ class TapCallsTest : public testing::Test {
     std::optional<pid_t> process;
     if (tapped) {
       std::optional<test::NoDescriptors> none;
-      if (without_epoll) none.emplace();
+      if (without_epoll) none.emplace(*without_epoll);
       parts.push_back(std::make_unique<TapCalls>(
           loop, line,
           TapCalls::Options{.processes = [&] { return processes_of(process); },
@@ -270,8 +270,8 @@ class TapCallsTest : public testing::Test {
   TappedEvents events{line};
   std::unique_ptr<EchoDevice> device;
   Steps told;
-  bool without_epoll = false;
-  std::vector<test::RefusedCall> refused;  // to us, once the program runs
+  std::optional<test::Unsanitized> without_epoll;  // set: TapCalls gets no descriptor
+  std::vector<test::RefusedCall> refused;          // to us, once the program runs
 };
 
 TEST_F(TapCallsTest, AReadTakesWhatIsThereAndNoMore) {
@@ -601,7 +601,7 @@ TEST_F(TapCallsTest, WhatIsReadBeforeTheSessionIsReadyIsKept) {
 
 TEST_F(TapCallsTest, WithoutEpollAReadIsLookedAt) {
   PORTTAPE_SKIP_UNDER_SANITIZERS();
-  without_epoll = true;
+  without_epoll = unsanitized;
   EXPECT_THAT(same({"open", "raw:5:0", "write:give |abcde", "read:9"}),
               ElementsAre("open 0", "write 11", "read 5 abcde"));
 }

@@ -9,8 +9,6 @@
 
 #include "libport/base/unique_fd.hpp"
 
-// The sanitizers open a pipe to find out whether memory can be read, and take a refusal for bad memory. A
-// test that leaves porttape without descriptors while its objects are used therefore begins with this.
 #if defined(__has_feature)
 #if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
 #define PORTTAPE_IS_SANITIZED 1  // clang
@@ -18,13 +16,22 @@
 #elif defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define PORTTAPE_IS_SANITIZED 1  // g++
 #endif
-#ifdef PORTTAPE_IS_SANITIZED
-#define PORTTAPE_SKIP_UNDER_SANITIZERS() GTEST_SKIP() << "the sanitizers need descriptors themselves"
-#else
-#define PORTTAPE_SKIP_UNDER_SANITIZERS() static_cast<void>(0)
+#ifndef PORTTAPE_IS_SANITIZED
+#define PORTTAPE_IS_SANITIZED 0
 #endif
 
+// Skips the test in a sanitized build. In each other build it makes `unsanitized`, which NoDescriptors and
+// FewDescriptors ask for.
+#define PORTTAPE_SKIP_UNDER_SANITIZERS()                            \
+  [[maybe_unused]] const porttape::test::Unsanitized unsanitized{}; \
+  if (PORTTAPE_IS_SANITIZED) GTEST_SKIP() << "the sanitizers need descriptors themselves"
+
 namespace porttape::test {
+
+// Says that the test does not run in a sanitized build: PORTTAPE_SKIP_UNDER_SANITIZERS() makes it. The
+// sanitizers open a pipe to find out whether memory can be read, and take a refusal for bad memory, so that a
+// sanitized test without descriptors fails wherever it uses an object of porttape's.
+struct Unsanitized {};
 
 // While it lives, this process gets no new descriptor whose number is `limit` or more. Those it has stay
 // open.
@@ -47,13 +54,13 @@ class DescriptorLimit {
 // are open.
 class NoDescriptors : public DescriptorLimit {
  public:
-  NoDescriptors() : DescriptorLimit(3) {}
+  explicit NoDescriptors(Unsanitized /*unused*/) : DescriptorLimit(3) {}
 };
 
 // While it lives, this process gets `left` new descriptors, and no more.
 class FewDescriptors {
  public:
-  explicit FewDescriptors(std::size_t left) : limit_(256) {
+  FewDescriptors(Unsanitized /*unused*/, std::size_t left) : limit_(256) {
     for (int fd = ::dup(0); fd >= 0; fd = ::dup(0)) taken_.emplace_back(fd);
     taken_.resize(taken_.size() - left);
   }

@@ -135,7 +135,7 @@ TEST(FileSource, WithoutADescriptorToBeHadTheFileIsNotToBlame) {
   const TempDir dir;
   test::write_file(dir / "f", test::bytes_of("abcdef"));
   const auto source = [&] {
-    const test::NoDescriptors none;
+    const test::NoDescriptors none(unsanitized);
     return FileSource::open(dir / "f");
   }();
   EXPECT_EQ(source.error(), make_error(Errc::io, "cannot read " + (dir / "f") + ": Too many open files"));

@@ -54,7 +54,7 @@ TEST_F(ReplayRefused, WhereDescriptorsRunOutItIsToldWhicheverIsTheFirst) {
     for (bool prepared = false; !prepared; ++left) {
       ASSERT_LT(left, 30U);
       port.reset();
-      const test::FewDescriptors few(left);
+      const test::FewDescriptors few(unsanitized, left);
       const Result<void> done = prepare(match);
       prepared = done.has_value();
       if (prepared) continue;

@@ -168,7 +168,7 @@ TEST_F(PtyLimits, WhereItCannotBeSeenADriverHasFiveSecondsToRead) {
   PORTTAPE_SKIP_UNDER_SANITIZERS();
   port.write(as_bytes("tail"));
   {
-    const test::NoDescriptors none;
+    const test::NoDescriptors none(unsanitized);
     port.hang_up(true);
     pass(milliseconds(2));  // the first look, which finds no answer
     EXPECT_TRUE(told("it has 5 s to close")) << book.text();
@@ -183,7 +183,7 @@ TEST_F(PtyLimits, WhereItCannotBeSeenADriverHasFiveSecondsToRead) {
 TEST_F(PtyLimits, APtyThatCannotBeMadeIsTriedAgainEverLaterUpToFiveSeconds) {
   PORTTAPE_SKIP_UNDER_SANITIZERS();
   {
-    const test::NoDescriptors none;
+    const test::NoDescriptors none(unsanitized);
     port.hang_up(false);
     settle(loop);
     EXPECT_EQ(log.events, "up hung_up ");

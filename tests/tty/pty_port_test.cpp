@@ -444,7 +444,7 @@ TEST_F(PtyPortTest, ANewPtyThatCannotBeMadeIsTriedAgain) {
   const UniqueFd first = driver();
   until("up ");
   {
-    const test::NoDescriptors none;
+    const test::NoDescriptors none(unsanitized);
     port.hang_up(false);
     until("up hung_up ");
     run_until(loop, [&] { return book.text().find("is dead until") != std::string::npos; });
@@ -462,7 +462,7 @@ TEST_F(PtyPortTest, AHangUpNeedsNoMoreDescriptorsThanThePtyHad) {
   until("up ");
   std::filesystem::path pty = std::filesystem::read_symlink(link);
   {
-    const test::FewDescriptors few(1);  // making a pty takes two for a moment
+    const test::FewDescriptors few(unsanitized, 1);  // making a pty takes two for a moment
     port.hang_up(false);
     until("up hung_up ");
     run_until(loop, [&] { return std::filesystem::read_symlink(link) != pty; });

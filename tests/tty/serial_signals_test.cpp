@@ -315,7 +315,7 @@ TEST_F(SerialSignalsTest, WithoutADescriptorForTheJobItIsDoneAtOnce) {
   std::string told;
   int done = 0;
   {
-    const test::NoDescriptors none;
+    const test::NoDescriptors none(unsanitized);
     port->tell(LineSignal{Name::rts, true});
     EXPECT_EQ(line->journal(), "[rts+]");
     port->tell(LineSignal{Name::brk, true});
@@ -336,7 +336,7 @@ TEST_F(SerialSignalsTest, WithoutADescriptorABreakThatWouldHaveToWaitIsLeftOut) 
   line->queued = 1;
   std::string told;
   {
-    const test::NoDescriptors none;
+    const test::NoDescriptors none(unsanitized);
     port->tell(LineSignal{Name::brk, true});
     port->tell(LineSignal{Name::brk, false});
     ask({.kind = LineRequest::Kind::last_break}, told);
