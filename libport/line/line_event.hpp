@@ -92,8 +92,9 @@ struct WatchSignals {
 // stands when the line comes up. LineFault: a wrapper has done this to the line on purpose; the bytes
 // concerned come next, if any do.
 //
-// A new kind is its struct here, the port that tells it, and whoever acts on it. Wrappers and queues pass on
-// all kinds, a session those of its driver; of its device's it passes on the ones that it names.
+// A new kind is its struct here, the port that tells it, and whoever acts on it. Wrappers, queues and
+// sessions pass on all kinds; tapes hold, and play, those that event_of() and line_event_of() of
+// tape/event.hpp name.
 using LineEvent =
     std::variant<line::Flush, line::Settings, LineSignal, line::Drain, line::Sent, line::Ask, line::Answer,
                  line::LeftUnread, line::Refused, line::Dropped, LineFault, line::WatchSignals>;
@@ -113,12 +114,20 @@ inline std::optional<LineEvent> answer_without_device(const LineEvent& event) {
   return std::nullopt;
 }
 
-// Whether the event has its place among the bytes. A port that holds bytes back reports the other events at
-// once: losses, faults, what a peer that has gone left behind, answers, and what a session wants to know.
+// Whether the event has its place among the bytes. A port that holds bytes back reports the others at once:
+// losses, faults, what a peer that has gone left behind, answers, and what a session wants to know.
 inline bool keeps_place(const LineEvent& event) {
-  return std::holds_alternative<line::Flush>(event) || std::holds_alternative<line::Settings>(event) ||
-         std::holds_alternative<LineSignal>(event) || std::holds_alternative<line::Drain>(event) ||
-         std::holds_alternative<line::Ask>(event);
+  return std::visit(LineVisitor{
+                        [](const line::Sent&) { return false; },
+                        [](const line::Answer&) { return false; },
+                        [](const line::LeftUnread&) { return false; },
+                        [](const line::Refused&) { return false; },
+                        [](const line::Dropped&) { return false; },
+                        [](const LineFault&) { return false; },
+                        [](const line::WatchSignals&) { return false; },
+                        [](const auto&) { return true; },
+                    },
+                    event);
 }
 
 }  // namespace porttape

@@ -20,23 +20,11 @@ struct Engine::Impl {
   enum class Reopen : std::uint8_t { next_open, restart_session, next_loop, resume };
 
   struct Input {
-    enum class Kind : std::uint8_t {
-      open,
-      write,
-      writing_ended,
-      line_ended,
-      flush,
-      settings,
-      signal,
-      seek,
-      close,
-      finish
-    };
+    enum class Kind : std::uint8_t { open, write, writing_ended, line_ended, event, seek, close, finish };
     Kind kind = Kind::write;
     Instant at{};
     Bytes data{};          // write
-    SeenSettings line{};   // settings
-    LineSignal signal{};   // signal
+    LineEvent what{};      // event
     TapeTime to{};         // seek
     std::size_t used = 0;  // of data
     // open, close: what it means is settled, and the walk is on its way; write: the run's books have it
@@ -163,13 +151,9 @@ bool Engine::Impl::work_on(Input& input) {
       return true;
     case Input::Kind::line_ended:
       return line_ended();
-    case Input::Kind::flush:
-      return !driver_open || run.flush(now);
-    case Input::Kind::settings:
-      run.set_line(input.line);
-      return true;
-    case Input::Kind::signal:
-      run.signalled(now, input.signal);
+    case Input::Kind::event:
+      if (std::holds_alternative<line::Flush>(input.what)) return !driver_open || run.flush(now);
+      run.driver_did(now, input.what);
       return true;
     case Input::Kind::seek:
       run.seek(now, input.to);
@@ -379,12 +363,8 @@ void Engine::on_write(Instant now, ByteView data) { impl_->tell_write(now, data)
 void Engine::on_writing_ended(Instant now) {
   impl_->tell({.kind = Impl::Input::Kind::writing_ended, .at = now});
 }
-void Engine::on_flush(Instant now) { impl_->tell({.kind = Impl::Input::Kind::flush, .at = now}); }
-void Engine::on_settings(Instant now, const SeenSettings& settings) {
-  impl_->tell({.kind = Impl::Input::Kind::settings, .at = now, .line = settings});
-}
-void Engine::on_signal(Instant now, const LineSignal& signal) {
-  impl_->tell({.kind = Impl::Input::Kind::signal, .at = now, .signal = signal});
+void Engine::on_event(Instant now, const LineEvent& event) {
+  impl_->tell({.kind = Impl::Input::Kind::event, .at = now, .what = event});
 }
 void Engine::show_signals(bool on) { impl_->run.show_signals(on); }
 void Engine::on_close(Instant now) { impl_->tell({.kind = Impl::Input::Kind::close, .at = now}); }

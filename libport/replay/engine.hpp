@@ -8,7 +8,7 @@
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/time.hpp"
-#include "libport/line/line_signal.hpp"
+#include "libport/line/line_event.hpp"
 #include "libport/replay/answer_source.hpp"
 #include "libport/replay/expectation.hpp"
 #include "libport/replay/line_step.hpp"
@@ -25,12 +25,12 @@ struct ReplayActions {
   Bytes deliver;
   // Where each (piece of an) arrival ends in `deliver`; the last is its size.
   std::vector<std::size_t> block_ends;
-  // Of the device, each behind so many bytes of `deliver`.
-  struct Signal {
+  // What the device does besides, each behind so many bytes of `deliver`.
+  struct Told {
     std::size_t behind = 0;
-    LineSignal signal;
+    LineEvent event;
   };
-  std::vector<Signal> signals;
+  std::vector<Told> events;
   // Where the tape plays the driver: what it does with its line then.
   std::optional<LineStep> line_step;
   // New ones, to tell. At most 16 between two calls; the report counts all.
@@ -48,7 +48,7 @@ struct ReplayActions {
   bool exit = false;
 
   [[nodiscard]] bool empty() const {
-    return deliver.empty() && signals.empty() && !line_step && mismatches.empty() && !end_sending &&
+    return deliver.empty() && events.empty() && !line_step && mismatches.empty() && !end_sending &&
            !hang_up && !run_ended && !exit;
   }
 };
@@ -114,12 +114,10 @@ class Engine {
   // It writes no more in this session and still reads (a connection closed in one direction): the device ends
   // its own when all that the tape has for it without further writes was delivered.
   void on_writing_ended(Instant now);
-  // It throws away what is due and was not delivered yet; what is due later still comes.
-  void on_flush(Instant now);
-  // It has made its line so. What the tape has of that and it never makes is in the run's report.
-  void on_settings(Instant now, const SeenSettings& settings);
-  // It has changed a signal of its line.
-  void on_signal(Instant now, const LineSignal& signal);
+  // What it did on its line besides. A flush throws away what is due and was not delivered yet; what is due
+  // later still comes. Of settings and signals, what the tape has and it never makes is in the run's report.
+  // Other events change nothing.
+  void on_event(Instant now, const LineEvent& event);
   // Its line shows signals: the device's are played, and its own are gates and checked. Before on_open().
   void show_signals(bool on);
   void on_close(Instant now);

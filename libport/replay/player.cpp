@@ -40,7 +40,7 @@ void Player::begin(Instant now) {
   sessions_.forget_passed_open();
   driver_line_.begin();
   signals_.forget();
-  late_signals_.clear();
+  late_events_.clear();
   missed_half_close_.reset();
   think_times_ = {};
   gaps_reached_ = most_gaps_ = 0;
@@ -90,7 +90,7 @@ void Player::start_at(TapeTime tape, Instant now, Begins begins) {
   answer_ = LeftOut::no;
   session_start_ = tape;
   signals_.begin_session(now);
-  late_signals_.clear();
+  late_events_.clear();
   session_bytes_ = schedule_.passed().reads + schedule_.passed().writes;
   wake_ = now;
   pieces_.begin(now);
@@ -138,7 +138,8 @@ std::optional<Player::TimingFault> Player::play(Instant now, std::size_t max_byt
   Turn turn{now, Mode::deliver, blocked, max_bytes, &out};
   if (out.deliver.empty()) delivered_due_.reset();
   holds_piece_ = false;
-  for (const LineSignal& signal : late_signals_.take()) out.signals.push_back({out.deliver.size(), signal});
+  for (LineEvent& event : late_events_.take_all())
+    out.events.push_back({out.deliver.size(), std::move(event)});
   for (bool go_on = true; go_on;) {
     if (!seek()) break;
     turn.blocked = blocked || by_hand_.stands();
@@ -187,33 +188,39 @@ Player::Progress Player::step(Turn& turn) {
 
 Player::Progress Player::at_event(Turn& turn) {
   const Record& head = *schedule_.head();
-  const std::optional<TapedSignal> taped = head.event == nullptr ? std::nullopt : signal_of(*head.event);
-  if (taped && shows_signals_ && !schedule_.line_closed()) {
-    return taped->by == Side::device ? at_device_signal(turn, taped->signal)
-                                     : at_driver_signal(turn, taped->signal);
+  const auto taped = head.event == nullptr ? std::nullopt : line_event_of(*head.event);
+  if (taped && !schedule_.line_closed()) {
+    const auto* signal = std::get_if<LineSignal>(&taped->what);
+    const bool shown = signal == nullptr || shows_signals_;
+    if (taped->by == Side::driver && signal != nullptr && shown) return at_driver_signal(turn, *signal);
+    // Its settings are what the driver's are answered with (ReplayedDevice).
+    const bool told = shown && !std::holds_alternative<line::Settings>(taped->what);
+    if (taped->by == Side::device && told) return at_device_event(turn, taped->what);
   }
   pop();
   return Progress::passed;
 }
 
-// Due as a read would be. How it stood when the line came up is told then; a flush drops bytes alone.
-Player::Progress Player::at_device_signal(Turn& turn, const LineSignal& signal) {
+// Due as a read would be. How a signal stood when the line came up is told then; a flush drops bytes alone.
+Player::Progress Player::at_device_event(Turn& turn, const LineEvent& event) {
   const TapeTime at = schedule_.head()->at;
-  const bool stood = signal.name != LineSignal::Name::brk && !signals_.told(signal.name) &&
+  const auto* signal = std::get_if<LineSignal>(&event);
+  const bool stood = signal != nullptr && signal->name != LineSignal::Name::brk &&
+                     !signals_.told(signal->name) &&
                      session_bytes_ == schedule_.passed().reads + schedule_.passed().writes;
   if (!gate_opens(turn.now, at)) return Progress::waits;
   const Instant due = pace_.due(at);
-  const bool at_once = stood || (answers_signal_ && due < turn.now + kAtOnce);
+  const bool at_once = stood || (signal != nullptr && answers_signal_ && due < turn.now + kAtOnce);
   const Instant when = at_once ? std::min(turn.now, due) : due;
   const bool passed_over =
       hung_up_ || turn.mode == Mode::drop_all || (turn.mode != Mode::deliver && passes_over(turn, when));
-  if (!hung_up_ && turn.mode != Mode::drop_all && passed_over) late_signals_.put(signal);
+  if (!hung_up_ && turn.mode != Mode::drop_all && passed_over) late_events_.put(event);
   if (!passed_over) {
     if (turn.blocked) return wait(std::nullopt);
     if (turn.mode != Mode::deliver || early(turn, when)) return wait(when);
-    turn.out->signals.push_back({turn.out->deliver.size(), signal});
+    turn.out->events.push_back({turn.out->deliver.size(), event});
   }
-  signals_.tell(signal.name);
+  if (signal != nullptr) signals_.tell(signal->name);
   if (!at_once || passed_over) pace_.played(at, when, passed_over ? when : turn.now);
   pop();
   return Progress::passed;

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "libport/base/time.hpp"
-#include "libport/line/signal_queue.hpp"
+#include "libport/line/waiting_events.hpp"
 #include "libport/replay/arrivals.hpp"
 #include "libport/replay/driver_line.hpp"
 #include "libport/replay/engine.hpp"
@@ -59,9 +59,11 @@ class Player {
   void set_replies(Replies* replies) { replies_ = replies; }
   // The driver's line shows signals: its own are gates like writes. Before begin().
   void show_signals(bool on) { shows_signals_ = on; }
-  // The driver has changed one.
-  void signalled(Instant now, const LineSignal& signal) {
-    if (shows_signals_) signals_.made(now, signal);
+  // The driver has changed one, or its settings.
+  void driver_did(Instant now, const LineEvent& event) {
+    const auto* signal = std::get_if<LineSignal>(&event);
+    if (signal == nullptr) return;
+    if (shows_signals_) signals_.made(now, *signal);
     wake_ = now;
   }
 
@@ -121,7 +123,7 @@ class Player {
   // The driver's line was hung up: nothing comes on it before it is opened anew.
   void set_hung_up(bool hung_up) {
     hung_up_ = hung_up;
-    if (hung_up) late_signals_.clear();
+    if (hung_up) late_events_.clear();
   }
   // The driver writes no more in this session since then; nothing: it may.
   void set_writing_ended(std::optional<Instant> since);
@@ -209,7 +211,7 @@ class Player {
   Progress at_half_close(Turn& turn);
   Progress at_driver_end(Turn& turn, bool seen);
   Progress at_event(Turn& turn);
-  Progress at_device_signal(Turn& turn, const LineSignal& signal);
+  Progress at_device_event(Turn& turn, const LineEvent& event);
   Progress at_driver_signal(Turn& turn, const LineSignal& signal);
   Progress at_own_step(const Turn& turn,
                        DriverLine::Answer (DriverLine::*way)(Instant, std::optional<LineStep>&));
@@ -280,7 +282,7 @@ class Player {
   std::optional<Handshake> handshake_;  // in the preroll
   SignalSteps signals_;
   std::uint64_t session_bytes_ = 0;  // passed before the session
-  SignalQueue late_signals_;         // of the device, passed while bytes were dropped
+  WaitingEvents late_events_;        // of the device, passed while bytes were dropped
   bool shows_signals_ = false;
   bool answers_signal_ = false;  // nothing but signals of the device stand between the driver's and the walk
   Schedule::Totals prerolled_;

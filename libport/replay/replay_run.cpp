@@ -373,7 +373,7 @@ void ReplayRun::count_delivered(Instant now, Before before, ReplayActions& out, 
   if (sending_ended_) {
     out.deliver.resize(before.bytes);
     std::erase_if(out.block_ends, [before](std::size_t end) { return end > before.bytes; });
-    for (ReplayActions::Signal& signal : out.signals) signal.behind = std::min(signal.behind, before.bytes);
+    for (ReplayActions::Told& told : out.events) told.behind = std::min(told.behind, before.bytes);
     out.end_sending = before.ended;
   }
   const std::size_t fresh = out.deliver.size() - before.bytes;

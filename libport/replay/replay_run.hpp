@@ -86,15 +86,11 @@ class ReplayRun {
   [[nodiscard]] bool awaits_next_loop() const { return ledger_ && awaits_jump_ == player_.jumps(); }
   // Does what is due.
   void play(Instant now, std::size_t max_bytes, ReplayActions& out);
-  // The driver has made its line so.
-  void set_line(const SeenSettings& settings) {
-    if (ledger_) settings_.made(settings);
-  }
-  // The driver has changed a signal, on a line that shows them.
-  void signalled(Instant now, const LineSignal& signal) {
+  // The driver has changed its line's settings or, on a line that shows them, a signal.
+  void driver_did(Instant now, const LineEvent& event) {
     if (!ledger_) return;
-    settings_.made(signal);
-    player_.signalled(now, signal);
+    settings_.made(event);
+    player_.driver_did(now, event);
   }
   void show_signals(bool on) {
     shows_signals_ = on;

@@ -94,13 +94,14 @@ void SettingsCheck::end_latest(TapeTime at) {
   if (latest != taped_.rend()) latest->seen = at - latest->at >= kSeenAfter;
 }
 
-void SettingsCheck::made(const SeenSettings& settings) {
+void SettingsCheck::made(const LineEvent& event) {
+  if (const auto* signal = std::get_if<LineSignal>(&event)) return add_made(LineView::of(*signal));
+  const auto* settings = std::get_if<line::Settings>(&event);
+  if (settings == nullptr) return;
   if (!keys_) keys_ = Keys{false, false, false, false, false, false, shows_signals_};
-  keys_->add(settings);
-  add_made(LineView::of(settings));
+  keys_->add(settings->seen);
+  add_made(LineView::of(settings->seen));
 }
-
-void SettingsCheck::made(const LineSignal& signal) { add_made(LineView::of(signal)); }
 
 void SettingsCheck::add_made(const LineView& line) {
   if (made_.size() == kMostHeld) settle();

@@ -6,8 +6,7 @@
 #include <vector>
 
 #include "libport/base/time.hpp"
-#include "libport/line/line_settings.hpp"
-#include "libport/line/line_signal.hpp"
+#include "libport/line/line_event.hpp"
 #include "libport/replay/line_view.hpp"
 #include "libport/tape/record.hpp"
 
@@ -52,8 +51,7 @@ class SettingsCheck {
   // Something behind what was passed has reached the driver.
   void delivered() { delivered_ = taped_.size(); }
   // The driver has made its line so, or changed a signal.
-  void made(const SeenSettings& settings);
-  void made(const LineSignal& signal);
+  void made(const LineEvent& event);
 
   // How far the driver came, and so what of the passed counts: what is before its last byte, that of so many
   // bytes of recorded writes; also what is before the last that reached it; or all.

@@ -574,11 +574,11 @@ void Session::driver_told(const LineEvent& event) {
                  [this](const line::Flush& flush) {
                    if (device_state_ != DeviceState::closed) device_->tell(flush);
                  },
-                 [&](const LineSignal& signal) { to_line(signal); },
-                 [&](const line::Drain& drain) { to_line(drain); },
-                 [&](const line::Ask& question) { to_line(question); },
                  [](const LineFault&) {},  // of the driver's port, which no tape is around
-                 [this](const auto& other) { device_->tell(other); },
+                 [&](const auto& other) {
+                   if (keeps_place(other)) return to_line(other);
+                   device_->tell(other);
+                 },
              },
              event);
 }
@@ -587,12 +587,14 @@ void Session::device_told(const LineEvent& event) {
   std::visit(LineVisitor{
                  [this](const line::Settings&) { show_settings(); },  // it took others than asked for
                  [this](const line::Dropped& lost) { news_.dropped(lost.bytes, lost.why); },
-                 [this](const LineSignal& signal) {
-                   if (driver_up_) driver_->tell(signal);
-                 },
                  [this](const line::Sent& sent) { driver_->tell(sent); },
                  [this](const line::Answer& answer) { driver_->tell(answer); },
-                 [](const auto&) {},
+                 [](const line::Flush&) {},  // a driver alone asks for this, and for the next two
+                 [](const line::Drain&) {},
+                 [](const line::Ask&) {},
+                 [this](const auto& other) {
+                   if (driver_up_ && keeps_place(other)) driver_->tell(other);
+                 },
              },
              event);
 }

@@ -8,11 +8,11 @@
 #include <utility>
 #include <vector>
 
+#include "libport/line/waiting_events.hpp"
 #include "libport/loop/timer.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
 #include "libport/session/channel.hpp"
-#include "libport/session/early_events.hpp"
 #include "libport/session/last_bytes.hpp"
 #include "libport/session/session_end.hpp"
 #include "libport/session/session_news.hpp"
@@ -156,7 +156,7 @@ class Session final : public Channel {
   Timer end_timer_;
   Timer drain_timer_;
   LastBytes last_bytes_;  // of a driver that has closed
-  EarlyEvents early_;
+  WaitingEvents early_;
   Timer open_timer_;   // for a device that has just failed
   Counters counters_;  // but for what was dropped
   int exit_status_ = 0;

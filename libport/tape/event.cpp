@@ -382,6 +382,27 @@ std::optional<TapedSignal> signal_of(const Event& event) {
   return std::nullopt;
 }
 
+std::optional<Event> event_of(const TapedLineEvent& event) {
+  using Taped = std::optional<Event>;
+  const bool by_driver = event.by == Side::driver;
+  return std::visit(
+      LineVisitor{
+          [&](const line::Flush& flush) { return by_driver ? Taped(event::Flush{flush.queue}) : Taped(); },
+          [&](const line::Settings& settings) {
+            return Taped(event::Settings{event.by, settings.seen, settings.order});
+          },
+          [&](const LineSignal& signal) {
+            return Taped(signal_event({event.by, signal}));
+          },
+          [&](const line::Dropped& lost) {
+            return by_driver ? Taped() : Taped(event::Gap{lost.bytes, std::nullopt, std::string(lost.why)});
+          },
+          [&](const LineFault& fault) { return by_driver ? Taped() : Taped(event::Fault{fault}); },
+          [](const auto&) { return Taped(); },
+      },
+      event.what);
+}
+
 std::optional<TapedLineEvent> line_event_of(const Event& event) {
   if (const auto* flush = std::get_if<event::Flush>(&event))
     return TapedLineEvent{Side::driver, line::Flush{flush->queue.value_or(FlushQueue::both)}};

@@ -156,12 +156,15 @@ struct TapedSignal {
 Event signal_event(const TapedSignal& signal);
 std::optional<TapedSignal> signal_of(const Event& event);
 
-// What a program or a device did on the line, of the events that can be done again: settings, flushes,
-// signals. Nothing where the event is another, or it is not known who did it.
+// What the driver or the device did on the line, as the event of a tape; nothing where no tape holds it, or
+// not from that side.
 struct TapedLineEvent {
   Side by = Side::driver;
   LineEvent what;
 };
+std::optional<Event> event_of(const TapedLineEvent& event);
+// And back, of the events that can be done again: settings, flushes, signals. Nothing where the event is
+// another, or it is not known who did it.
 std::optional<TapedLineEvent> line_event_of(const Event& event);
 
 // The kind's name on the tape. Refers to the event.

@@ -12,6 +12,13 @@ void RepeatFilter::on_bytes() {
   out_since_.reset();
 }
 
+bool RepeatFilter::is_new(const TapedLineEvent& event, Instant now) {
+  if (const auto* settings = std::get_if<line::Settings>(&event.what))
+    return is_new(event.by, settings->seen);
+  if (const auto* flush = std::get_if<line::Flush>(&event.what)) return is_new(flush->queue, now);
+  return true;
+}
+
 bool RepeatFilter::is_new(Side by, const SeenSettings& settings) {
   std::optional<SeenSettings>& last = by == Side::driver ? driver_ : device_;
   const SeenSettings line = settings.over(line_);

@@ -21,6 +21,8 @@ class RepeatFilter {
   void begin_session();
   void on_bytes();
 
+  // Of settings and flushes as below; all others are new.
+  bool is_new(const TapedLineEvent& event, Instant now);
   // Whether it is not as `by` had it already, or the other side had changed it since. Then that is how it is
   // from now on.
   bool is_new(Side by, const SeenSettings& settings);

@@ -119,19 +119,17 @@ void ReplayPort::set_reading(bool on) {
 }
 
 void ReplayPort::tell(const LineEvent& event) {
-  const auto tell_engine = [this](const auto& tell) {
-    tell(now());
+  const auto tell_engine = [this, &event] {
+    engine_->on_event(now(), event);
     pump();
   };
   std::visit(LineVisitor{
-                 [this](const line::Flush& flush) { flushed(flush.queue); },
-                 [&](const line::Settings& settings) {
-                   tell_engine([&](Instant at) { engine_->on_settings(at, settings.seen); });
-                 },
+                 [this](const line::Flush& flush) { flushed(flush); },
+                 [&](const line::Settings&) { tell_engine(); },
                  [&](const LineSignal& signal) {
                    if (!is_output(signal.name) && signal.name != LineSignal::Name::brk)
                      return;  // shown to the driver only
-                   tell_engine([&](Instant at) { engine_->on_signal(at, signal); });
+                   tell_engine();
                  },
                  [this](const line::LeftUnread& left) { notes_.left_unread(left); },
                  [this](const line::Refused& refused) { notes_.refused(refused); },
@@ -144,12 +142,12 @@ void ReplayPort::tell(const LineEvent& event) {
              event);
 }
 
-void ReplayPort::flushed(FlushQueue queue) {
-  if (queue != FlushQueue::out) notes_.input_flushed();
+void ReplayPort::flushed(const line::Flush& flush) {
+  if (flush.queue != FlushQueue::out) notes_.input_flushed();
   if (!sources_->schedule->has_events()) return;
-  if (queue != FlushQueue::in) notes_.output_flushed();
-  if (queue == FlushQueue::out) return;
-  engine_->on_flush(now());
+  if (flush.queue != FlushQueue::in) notes_.output_flushed();
+  if (flush.queue == FlushQueue::out) return;
+  engine_->on_event(now(), flush);
   pump();
 }
 
@@ -248,7 +246,7 @@ void ReplayPort::drop_due() {
   dropping_ = false;
 }
 
-// Bytes and signals in their order.
+// Bytes and events in their order.
 void ReplayPort::deliver(const ReplayActions& actions) {
   const ByteView all(actions.deliver);
   if (!all.empty() && !dropping_) notes_.delivered();
@@ -263,11 +261,11 @@ void ReplayPort::deliver(const ReplayActions& actions) {
     listener().on_arrivals(all.subspan(done, end - done), ends);
     done = end;
   };
-  for (const ReplayActions::Signal& each : actions.signals) {
+  for (const ReplayActions::Told& each : actions.events) {
     deliver_to(each.behind);
-    listener().told(each.signal);
+    listener().told(each.event);
   }
-  if (actions.signals.empty() && !all.empty() && !dropping_)
+  if (actions.events.empty() && !all.empty() && !dropping_)
     return listener().on_arrivals(all, actions.block_ends);
   deliver_to(all.size());
 }

@@ -96,7 +96,7 @@ class ReplayPort : public Port, public Playback {
   // Why no other place of the tape can be gone to by hand; empty: one can.
   [[nodiscard]] virtual std::string why_in_order() const = 0;
 
-  void flushed(FlushQueue queue);
+  void flushed(const line::Flush& flush);
   [[nodiscard]] Result<void> check_seek(Micros to) const;
   [[nodiscard]] Instant pump_time(Instant now) const;
   void deliver(const ReplayActions& actions);

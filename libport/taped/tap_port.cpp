@@ -86,7 +86,7 @@ std::size_t TapPort::write_some(ByteView data) {
 bool TapPort::discard() {
   tell_passed();
   const bool dropped = ForwardingPort::discard();
-  if (dropped) note_flush(FlushQueue::both);
+  if (dropped) note_line({Side::driver, line::Flush{FlushQueue::both}});
   return dropped;
 }
 
@@ -114,35 +114,21 @@ void TapPort::read_pending() {
 
 void TapPort::tell(const LineEvent& event) {
   tell_passed();
-  std::visit(LineVisitor{
-                 [this](const line::Flush& flush) { note_flush(flush.queue); },
-                 [this](const line::Settings& settings) { note_settings(Side::driver, settings); },
-                 [this](const LineSignal& signal) {
-                   const bool by_driver = is_output(signal.name) || signal.name == LineSignal::Name::brk;
-                   note_signal(by_driver ? Side::driver : Side::device, signal);
-                 },
-                 [this](const line::Drain& drain) {
-                   if (open_) drains_.emplace(drain.number, loop_->now());
-                 },
-                 [](const auto&) {},
-             },
-             event);
+  const auto* const drain = std::get_if<line::Drain>(&event);
+  if (drain != nullptr && open_) drains_.emplace(drain->number, loop_->now());
+  // What the driver's line shows of the device's signals is not the driver's.
+  const auto* const signal = std::get_if<LineSignal>(&event);
+  const bool shown = signal != nullptr && !is_output(signal->name) && signal->name != LineSignal::Name::brk;
+  note_line({shown ? Side::device : Side::driver, event});
   ForwardingPort::tell(event);
 }
 
 void TapPort::told(const LineEvent& event) {
-  std::visit(LineVisitor{
-                 [this](const line::Settings& settings) { note_settings(Side::device, settings); },
-                 [this](const LineSignal& signal) { note_signal(Side::device, signal); },
-                 [this](const line::Sent& sent) {
-                   if (const auto drain = drains_.extract(sent.number))
-                     note(event::Drain{std::chrono::duration_cast<Micros>(loop_->now() - drain.mapped())});
-                 },
-                 [this](const line::Dropped& lost) { note_gap(lost.bytes, lost.why); },
-                 [this](const LineFault& fault) { note(event::Fault{fault}); },
-                 [](const auto&) {},
-             },
-             event);
+  if (const auto* const sent = std::get_if<line::Sent>(&event)) {
+    if (const auto drain = drains_.extract(sent->number))
+      note(event::Drain{std::chrono::duration_cast<Micros>(loop_->now() - drain.mapped())});
+  }
+  note_line({Side::device, event});
   ForwardingPort::told(event);
 }
 
@@ -155,7 +141,7 @@ Result<void> TapPort::apply(const LineSettings& settings) {
 }
 
 void TapPort::note_gap(std::uint64_t bytes, std::string_view why) {
-  note(event::Gap{bytes, std::nullopt, std::string(why)});
+  note_line({Side::device, line::Dropped{bytes, why}});
 }
 
 void TapPort::on_data(ByteView data) {
@@ -311,21 +297,15 @@ void TapPort::note(const Event& event) {
   tell_observers([now = loop_->now(), event](LineObserver& observer) { observer.note(now, event); });
 }
 
-void TapPort::note_flush(FlushQueue queue) {
+void TapPort::note_line(const TapedLineEvent& event) {
+  const std::optional<Event> taped = event_of(event);
+  if (!taped) return;
   tell_passed();
-  if (!repeats_.is_new(queue, loop_->now())) return;
-  note(event::Flush{queue});
-}
-
-void TapPort::note_signal(Side by, const LineSignal& signal) { note(signal_event({by, signal})); }
-
-void TapPort::note_settings(Side by, const line::Settings& settings) {
-  tell_passed();
-  if (repeats_.is_new(by, settings.seen)) note(event::Settings{by, settings.seen, settings.order});
+  if (repeats_.is_new(event, loop_->now())) note(*taped);
 }
 
 void TapPort::note_device_settings() {
-  if (const auto own = settings()) note_settings(Side::device, {SeenSettings::of(*own)});
+  if (const auto own = settings()) note_line({Side::device, line::Settings{SeenSettings::of(*own)}});
 }
 
 void TapPort::note_lost(const LineDown& down, bool hung_up) {

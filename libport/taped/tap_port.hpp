@@ -86,9 +86,7 @@ class TapPort final : public ForwardingPort, private Recorder {
   void tell_observers(const Tell& what);
   void tell_blocks(const Blocks& blocks);
   void note(const Event& event);
-  void note_flush(FlushQueue queue);
-  void note_signal(Side by, const LineSignal& signal);
-  void note_settings(Side by, const line::Settings& settings);
+  void note_line(const TapedLineEvent& event);
   void note_device_settings();
   void note_lost(const LineDown& down, bool hung_up);
 

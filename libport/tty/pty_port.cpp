@@ -289,11 +289,11 @@ void PtyPort::set_up(bool up, LineDown::Reason reason) {
   up_ = up;
   if (!up) return listener().on_down({.reason = reason, .error = {}});
   listener().on_up();
-  for (const LineSignal& signal : early_signals_.take()) peer_did(signal);
+  for (const LineEvent& event : early_.take_all()) peer_did(event);
 }
 
 void PtyPort::tell_opened() {
-  early_signals_.clear();
+  early_.clear();
   if (supervisor_ != nullptr) supervisor_->line_opened();
 }
 
@@ -525,7 +525,7 @@ void PtyPort::peer_did(const LineEvent& event) {
   }
   if (line_ && std::holds_alternative<line::Settings>(event)) line_->settings.take_as_known();
   if (up_) return listener().told(event);
-  if (const auto* signal = std::get_if<LineSignal>(&event)) early_signals_.put(*signal);
+  if (const auto* signal = std::get_if<LineSignal>(&event)) early_.put(*signal);
 }
 
 void PtyPort::wait_until_sent(std::function<void()> done) {

@@ -10,7 +10,7 @@
 
 #include "libport/base/end_wait.hpp"
 #include "libport/base/tty_device.hpp"
-#include "libport/line/signal_queue.hpp"
+#include "libport/line/waiting_events.hpp"
 #include "libport/line/waiting_requests.hpp"
 #include "libport/loop/backoff.hpp"
 #include "libport/loop/fd_watch.hpp"
@@ -165,7 +165,7 @@ class PtyPort final : public Port, private SupervisedLine {
   LineSupervisor* supervisor_ = nullptr;
   WaitingRequests<std::function<void()>> drains_;
   WaitingRequests<TakeAnswer> questions_;
-  SignalQueue early_signals_;         // of a driver that has opened the line, until the listener knows it
+  WaitingEvents early_;               // of a driver that has opened the line, until the listener knows it
   std::optional<LineSettings> home_;  // what the next driver finds; none: what the last one left
   std::unique_ptr<Line> line_;        // null before prepare(), and while no new pty can be made
   Timer hang_up_timer_;

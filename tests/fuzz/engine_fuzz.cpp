@@ -123,9 +123,9 @@ class Play {
         } else if (engine_.holds_piece() && input(2) == 0) {
           engine_.on_taken(now_);
         } else if (input(3) == 0) {
-          engine_.on_settings(now_, {.baud = 300 * (1 + input(3))});
+          engine_.on_event(now_, line::Settings{{.baud = 300 * (1 + input(3))}});
         } else if (shows_signals_ && input(2) == 0) {
-          engine_.on_signal(now_, {static_cast<LineSignal::Name>(input(2)), input(2) == 1});
+          engine_.on_event(now_, LineSignal{static_cast<LineSignal::Name>(input(2)), input(2) == 1});
         } else {
           engine_.set_blocked(blocked_ = !blocked_);
         }

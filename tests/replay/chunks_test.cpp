@@ -71,7 +71,7 @@ TEST(Chunks, HoldingIsNoLateness) {
 TEST(Chunks, AFlushDropsThePiecesThatAreHeld) {
   Rig rig(MemoryTape().read(1000, "abc").read(9000, "d"), cut(Chunks::bytes));
   rig.open().until(1000);
-  rig.engine.on_flush(rig.now());
+  rig.engine.on_event(rig.now(), line::Flush{});
   EXPECT_EQ(rig.settle().until(20'000).read(), "ad");
 }
 

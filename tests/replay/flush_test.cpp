@@ -8,7 +8,7 @@ namespace porttape::test {
 namespace {
 
 Rig& flush(Rig& rig) {
-  rig.engine.on_flush(rig.now());
+  rig.engine.on_event(rig.now(), line::Flush{});
   return rig.settle();
 }
 

@@ -326,7 +326,7 @@ TEST(Lookup, ACloseLosesWhatWasNotDelivered) {
 TEST(Lookup, AFlushDropsWhatIsDue) {
   Rig rig(MemoryTape().write(0, "q").read(1000, "a").read(9000, "b"), lookup());
   rig.open().blocked(true).write("q").wait(2000);
-  rig.engine.on_flush(rig.now());
+  rig.engine.on_event(rig.now(), line::Flush{});
   EXPECT_EQ(rig.settle().blocked(false).wait(10'000).read(), "b");
 }
 

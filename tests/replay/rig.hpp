@@ -69,15 +69,15 @@ class Rig {
     return settle();
   }
   Rig& set(const SeenSettings& settings) {
-    engine.on_settings(now(), settings);
+    engine.on_event(now(), line::Settings{settings});
     return settle();
   }
   Rig& signal(LineSignal::Name name, bool on) {
-    engine.on_signal(now(), {name, on});
+    engine.on_event(now(), LineSignal{name, on});
     return settle();
   }
   Rig& flush() {
-    engine.on_flush(now());
+    engine.on_event(now(), line::Flush{});
     return settle();
   }
   Rig& stand(bool on = true) {
@@ -137,13 +137,13 @@ class Rig {
   void advance() {
     if (++advances_ > 5'000'000) FAIL() << "no progress";
     ReplayActions actions = engine.advance(now(), max_bytes);
-    const bool tells = !actions.deliver.empty() || !actions.signals.empty() || actions.end_sending;
+    const bool tells = !actions.deliver.empty() || !actions.events.empty() || actions.end_sending;
     EXPECT_FALSE(line_gone_ && tells) << "something is told on a line that was hung up, at " << now_us();
     line_gone_ = line_gone_ || (actions.hang_up && !drives_);
-    for (const ReplayActions::Signal& each : actions.signals) {
-      signals.push_back(std::string(name_of(each.signal.name)) + (each.signal.on ? " on" : " off") +
-                        " behind " + std::to_string(delivered.size() + each.behind) + " at " +
-                        std::to_string(now_us()));
+    for (const ReplayActions::Told& each : actions.events) {
+      const auto& signal = std::get<LineSignal>(each.event);
+      signals.push_back(std::string(name_of(signal.name)) + (signal.on ? " on" : " off") + " behind " +
+                        std::to_string(delivered.size() + each.behind) + " at " + std::to_string(now_us()));
     }
     if (!actions.deliver.empty()) {
       deliveries.push_back({now_us(), std::string(as_text(actions.deliver)), actions.block_ends});

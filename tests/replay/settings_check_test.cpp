@@ -46,7 +46,7 @@ class SettingsCheckTest : public testing::Test {
     for (const unsigned rate : rates) wait().taped(baud(rate));
   }
   void make(const std::vector<unsigned>& rates) {
-    for (const unsigned rate : rates) check.made(baud(rate));
+    for (const unsigned rate : rates) check.made(line::Settings{baud(rate)});
   }
   // "made/recorded" and the rates that are missing.
   [[nodiscard]] std::string result(Reach reach = Reach::all, std::uint64_t up_to = 0) const {
@@ -139,9 +139,9 @@ TEST_F(SettingsCheckTest, OnlyWhatTheReplayingLineShowsCounts) {
   taped(SeenSettings::of({.parity = Parity::even})).wait();  // as before, to one who sees no parity
   taped(SeenSettings::of({.baud = 300, .parity = Parity::odd})).wait();
   EXPECT_EQ(result(), "0/1 300");
-  check.made({.baud = 300});
+  check.made(line::Settings{{.baud = 300}});
   EXPECT_EQ(result(), "1/1");
-  check.made(SeenSettings::of({.baud = 300}));  // this one does see it
+  check.made(line::Settings{SeenSettings::of({.baud = 300})});  // this one does see it
   EXPECT_EQ(result(), "1/2 9600");
 }
 
@@ -250,7 +250,7 @@ TEST_F(SettingsCheckTest, EachKeyCountsWhereTheReplayingLineShowsIt) {
     for (std::size_t shown = 0; shown < each.size(); ++shown) {
       check.begin(SeenSettings::of({}));
       wait().taped(each[taped_key]).wait();
-      check.made(each[shown]);
+      check.made(line::Settings{each[shown]});
       EXPECT_EQ(result(), taped_key == shown ? "1/1" : "0/0") << taped_key << ' ' << shown;
     }
   }
@@ -262,8 +262,8 @@ TEST_F(SettingsCheckTest, AKeyThatWasShownOnceCounts) {
   for (std::size_t key = 0; key < each.size(); ++key) {
     check.begin(SeenSettings::of({}));
     wait().taped(each[key]).wait();
-    check.made(each[key]);
-    check.made(each[(key + 1) % each.size()]);
+    check.made(line::Settings{each[key]});
+    check.made(line::Settings{each[(key + 1) % each.size()]});
     EXPECT_EQ(result(), "1/1") << key;
   }
 }

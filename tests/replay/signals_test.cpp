@@ -55,7 +55,7 @@ TEST(Signals, ALineThatShowsNoneIsNotHeldUp) {
 TEST(Signals, AFlushDropsBytesAndNoSignal) {
   Shown rig(answers_and_drops());
   rig.open().write("ask").blocked(true);
-  rig.clock(50'000).engine.on_flush(rig.now());
+  rig.clock(50'000).engine.on_event(rig.now(), line::Flush{});
   rig.blocked(false);
   EXPECT_EQ(rig.delivered, "");
   EXPECT_THAT(rig.signals, ElementsAre("cts on behind 0 at 0", testing::StartsWith("cts off behind 0")));

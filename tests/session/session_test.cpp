@@ -276,12 +276,12 @@ TEST_F(SessionTest, OfVeryManyEarlySignalsTheLastOfEachIsKept) {
   start();
   driver.up();
   driver.signal({LineSignal::Name::dtr, false});
-  for (std::size_t i = 0; i < 10 * EarlyEvents::kMostSignals; ++i)
+  for (std::size_t i = 0; i < 10 * WaitingEvents::kMost; ++i)
     driver.signal({LineSignal::Name::rts, i % 2 == 0});
   driver.signal({LineSignal::Name::brk, true});
   device.calls.clear();
   device.up();
-  EXPECT_LE(device.calls.size(), (EarlyEvents::kMostSignals + 2) * std::string("rts_off ").size());
+  EXPECT_LE(device.calls.size(), (WaitingEvents::kMost + 2) * std::string("rts_off ").size());
   EXPECT_TRUE(device.calls.starts_with("dtr_off rts_"));
   EXPECT_TRUE(device.calls.ends_with("rts_off break_on "));
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <deque>
+#include <functional>
 #include <utility>
 #include <vector>
 
@@ -10,19 +11,21 @@
 
 namespace porttape {
 
-// What a driver did to its line while its device is being opened: in order, until the device takes it. Of
-// settings the last ones are kept, and all flushes as one; of very many signals the older changes are left
-// out: how each signal stands at a request and at the end is always there. A plain value.
-class EarlyEvents {
+// Events of one peer that wait until they can be told: in order. Of settings the last ones are kept, and all
+// flushes as one; of very many others the older ones of a kind are left out, but no request: how each signal
+// stands at a request and at the end is always there. A plain value.
+class WaitingEvents {
  public:
-  static constexpr std::size_t kMostSignals = 256;  // behind the last request
+  static constexpr std::size_t kMost = 256;  // behind the last question
 
   void put(const LineEvent& event) {
     if (const auto* flush = std::get_if<line::Flush>(&event)) return put_flush(*flush);
-    if (const auto* signal = std::get_if<LineSignal>(&event)) drop_older(*signal);
-    if (std::holds_alternative<line::Settings>(event))
+    if (std::holds_alternative<line::Settings>(event)) {
       std::erase_if(events_,
                     [](const LineEvent& each) { return std::holds_alternative<line::Settings>(each); });
+    } else if (!is_request(event)) {
+      drop_older(event);
+    }
     events_.push_back(event);
   }
 
@@ -44,6 +47,7 @@ class EarlyEvents {
   std::vector<LineEvent> take_all() {
     return take([](const LineEvent&) { return true; });
   }
+  void clear() { events_.clear(); }
 
  private:
   void put_flush(const line::Flush& flush) {
@@ -55,15 +59,19 @@ class EarlyEvents {
     }
     events_.emplace_back(flush);
   }
-  void drop_older(const LineSignal& signal) {
-    const auto is_request = [](const LineEvent& each) { return std::holds_alternative<line::Ask>(each); };
-    const auto is_signal = [](const LineEvent& each) { return std::holds_alternative<LineSignal>(each); };
-    const auto begin = std::find_if(events_.rbegin(), events_.rend(), is_request).base();
-    if (std::count_if(begin, events_.end(), is_signal) < static_cast<std::ptrdiff_t>(kMostSignals)) return;
-    const auto older = std::find_if(begin, events_.end(), [&signal](const LineEvent& each) {
-      const auto* const other = std::get_if<LineSignal>(&each);
-      return other != nullptr && other->name == signal.name;
-    });
+  static bool is_request(const LineEvent& event) { return answer_without_device(event).has_value(); }
+  static bool is_alike(const LineEvent& one, const LineEvent& other) {
+    const auto* const signal = std::get_if<LineSignal>(&one);
+    return one.index() == other.index() &&
+           (signal == nullptr || signal->name == std::get<LineSignal>(other).name);
+  }
+  void drop_older(const LineEvent& event) {
+    const auto is_question = [](const LineEvent& each) { return std::holds_alternative<line::Ask>(each); };
+    const auto begin = std::find_if(events_.rbegin(), events_.rend(), is_question).base();
+    if (std::count_if(begin, events_.end(), std::not_fn(is_request)) < static_cast<std::ptrdiff_t>(kMost))
+      return;
+    const auto older =
+        std::find_if(begin, events_.end(), [&](const LineEvent& each) { return is_alike(event, each); });
     if (older != events_.end()) events_.erase(older);
   }
 
