@@ -58,7 +58,7 @@ Reply mark(ControlTarget& target, const Values& values) {
   if (text.size() > kMaxEventText)
     return usage_error(
         fmt::format("mark: the text has {} bytes; at most {} fit", text.size(), kMaxEventText));
-  return reply_of(target.mark(value_of(values, "channel"), text));
+  return reply_of(target.record(value_of(values, "channel"), RecorderRequest::mark(text)));
 }
 
 Reply play(ControlTarget& target, const Values& values, const PlaybackRequest& what) {

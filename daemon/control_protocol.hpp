@@ -22,7 +22,7 @@ class ControlTarget {
   // The keys of a reply to `status`, as a JSON object.
   [[nodiscard]] virtual std::string status() const = 0;
   // Errc::usage: there is no such channel. Errc::io: none of them could do it.
-  virtual Result<Outcome> mark(const std::string& channel, const std::string& text) = 0;
+  virtual Result<Outcome> record(const std::string& channel, const RecorderRequest& what) = 0;
   virtual Result<Outcome> play(const std::string& channel, const PlaybackRequest& what) = 0;
   virtual Result<Outcome> stop(const std::string& channel) = 0;
 

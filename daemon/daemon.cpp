@@ -74,8 +74,8 @@ Result<std::vector<std::string>> Daemon::running(const std::string& channel) con
                     fmt::format("there is no channel '{}'; known: {}", channel, fmt::join(names, ", ")));
 }
 
-Result<Daemon::Outcome> Daemon::mark(const std::string& channel, const std::string& text) {
-  return ask(channel, RecorderRequest::mark(text), "none of the channels takes a mark");
+Result<Daemon::Outcome> Daemon::record(const std::string& channel, const RecorderRequest& what) {
+  return ask(channel, what, "none of the channels takes a mark");
 }
 
 Result<Daemon::Outcome> Daemon::play(const std::string& channel, const PlaybackRequest& what) {

@@ -46,7 +46,7 @@ class Daemon final : public ControlTarget {
 
   // For the control socket.
   [[nodiscard]] std::string status() const override;
-  Result<Outcome> mark(const std::string& channel, const std::string& text) override;
+  Result<Outcome> record(const std::string& channel, const RecorderRequest& what) override;
   Result<Outcome> play(const std::string& channel, const PlaybackRequest& what) override;
   Result<Outcome> stop(const std::string& channel) override;
 

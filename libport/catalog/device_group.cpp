@@ -62,7 +62,7 @@ class LiveDevices final : public DeviceGroup, private Nobody {
     return make_port(context_, spec_for(connection), driver_);
   }
   void request(const RecorderRequest& what) override {
-    if (what.kind == RecorderRequest::Kind::next_tape && group_) group_->rotate(context_.loop->now());
+    if (!what.note && group_) group_->rotate(context_.loop->now());
   }
   void finish(unsigned, std::function<void(int)> done) override { done(exit_status::kPass); }
   [[nodiscard]] bool must_not_fail() const override {

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <variant>
 
@@ -78,6 +79,12 @@ struct Dropped {
   friend bool operator==(const Dropped&, const Dropped&) = default;
 };
 
+// Somebody who looks on has this to say of the line at this moment.
+struct Mark {
+  std::string text;
+  friend bool operator==(const Mark&, const Mark&) = default;
+};
+
 // Signals that the device drives are to be told from now on, or not any more; at any time. Where they are,
 // and the line has such signals, they are told when it comes up (or is resumed), before any bytes, and
 // whenever they change.
@@ -97,7 +104,7 @@ struct WatchSignals {
 // tape/event.hpp name.
 using LineEvent =
     std::variant<line::Flush, line::Settings, LineSignal, line::Drain, line::Sent, line::Ask, line::Answer,
-                 line::LeftUnread, line::Refused, line::Dropped, LineFault, line::WatchSignals>;
+                 line::LeftUnread, line::Refused, line::Dropped, LineFault, line::Mark, line::WatchSignals>;
 
 // What std::visit needs: one function for each kind that matters, and one for all others.
 template <class... Functions>

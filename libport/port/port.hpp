@@ -121,15 +121,11 @@ class WaitingCalls {
 
 // What a user asks of those who record, while they do.
 struct RecorderRequest {
-  enum class Kind : std::uint8_t {
-    next_tape,  // ends the tape and begins another
-    mark        // notes `text` on the tape, in its place among the bytes
-  };
-  Kind kind = Kind::next_tape;
-  std::string text = {};
+  // Notes this on the tape, in its place among the bytes; nothing: ends the tape and begins another.
+  std::optional<LineEvent> note;
 
   static RecorderRequest next_tape() { return {}; }
-  static RecorderRequest mark(std::string text) { return {Kind::mark, std::move(text)}; }
+  static RecorderRequest mark(std::string text) { return {line::Mark{std::move(text)}}; }
 };
 
 // How a recording stands, for one who asks.

@@ -381,6 +381,7 @@ void ReplayRun::count_delivered(Instant now, Before before, ReplayActions& out, 
   sending_ended_ = sending_ended_ || out.end_sending;
   if (out.end_sending && lookup_) lookup_->player().end_sending();
   ledger_->delivered(fresh);
+  for (std::size_t n = before.events; n < out.events.size(); ++n) ledger_->told(out.events[n].event);
   exchanged_ = exchanged_ || fresh > 0;
   if (fresh > 0) ledger_->byte(now);
   if (fresh > 0) question_.clear();

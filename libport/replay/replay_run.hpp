@@ -160,8 +160,10 @@ class ReplayRun {
   void play_answers(Instant now, std::size_t max_bytes, ReplayActions& out);
   // What `out` held before it was played into.
   struct Before {
-    explicit Before(const ReplayActions& out) : bytes(out.deliver.size()), ended(out.end_sending) {}
+    explicit Before(const ReplayActions& out)
+        : bytes(out.deliver.size()), events(out.events.size()), ended(out.end_sending) {}
     std::size_t bytes;
+    std::size_t events;
     bool ended;
   };
   void count_delivered(Instant now, Before before, ReplayActions& out, std::optional<Instant> due);

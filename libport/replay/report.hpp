@@ -166,6 +166,8 @@ struct RunReport {
   std::uint64_t to_driver_bytes = 0;
   std::optional<std::uint64_t> to_driver_of;  // nothing: the tape was not counted
   std::uint64_t from_driver_bytes = 0;
+  // What the device did besides sending, in its place: how often, by the event's kind on the tape.
+  std::map<std::string, std::uint64_t, std::less<>> told;
   std::uint64_t from_driver_matched = 0;
   std::optional<std::uint64_t> from_driver_of;
   std::optional<Mismatch> mismatch;  // the first one

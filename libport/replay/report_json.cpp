@@ -310,11 +310,14 @@ std::string to_json(const RunReport& report, std::string_view runs) {
       .add("mismatches", report.mismatches)
       .add_raw("doubts", doubts_json(report.doubts))
       .add_raw("next_expected", report.next_expected.empty() ? "null" : next_expected_json(report));
+  JsonObject told;
+  for (const auto& [kind, count] : report.told) told.add(kind, count);
   json.add("sessions", JsonObject().add("made", report.sessions_made).add("of", report.sessions_of))
       .add_or_null("session", report.session)
       .add_or_null("missed_half_close_us",
                    report.missed_half_close ? std::optional(to_us(*report.missed_half_close)) : std::nullopt)
       .add("settings", settings_json(report))
+      .add("told", told)
       .add("playback", playback_json(report.playback));
   json.add("writer", roles_of(report.writer).name);
   if (report.lookup) json.add("lookup", lookup_json(*report.lookup));

@@ -175,6 +175,13 @@ std::string settings_lines(const RunReport& report) {
   return out;
 }
 
+std::string told_line(const RunReport& report) {
+  std::string out;
+  for (const auto& [kind, count] : report.told)
+    out += (out.empty() ? "  events    of the device: " : ", ") + std::to_string(count) + ' ' + kind;
+  return out.empty() ? out : out + '\n';
+}
+
 // What the driver left out beside bytes: sessions, and its end of sending.
 std::vector<std::string> left_out(const RunReport& report) {
   std::vector<std::string> out;
@@ -330,7 +337,7 @@ std::string to_text(const RunReport& report, bool color) {
   const bool by_what_came = report.verdict == Verdict::incomplete && !is_incomplete_by_unread(report);
   const std::size_t said = by_what_came && all_came(report) ? 1 : 0;  // as the cause
   for (std::size_t n = said; n < left.size(); ++n) out += "  " + left[n] + '\n';
-  out += settings_lines(report);
+  out += settings_lines(report) + told_line(report);
   if (report.lookup) out += never_asked_lines(*report.lookup);
   if (report.chunks.starts_with("random"))
     out += "  chunks    cut by chance; --chunks " + report.chunks + " cuts so again\n";

@@ -4,6 +4,8 @@
 #include <chrono>
 #include <string>
 
+#include "libport/tape/event.hpp"
+
 namespace porttape {
 namespace {
 
@@ -20,6 +22,10 @@ void RunLedger::written(ByteView data, std::uint64_t offset) {
   Bytes& came = first_data_->came;
   const ByteView more = data.first(std::min(data.size(), Mismatch::kMostCame - came.size()));
   came.insert(came.end(), more.begin(), more.end());
+}
+
+void RunLedger::told(const LineEvent& event) {
+  if (const auto taped = event_of({Side::device, event})) ++told_[std::string(name_of(*taped))];
 }
 
 void RunLedger::place_in_write(Mismatch& mismatch) const {
@@ -56,6 +62,7 @@ RunReport RunLedger::report(const ReplayConfig& config, Instant now, Missing mis
   report.sessions_made = sessions_;
   report.to_driver_bytes = to_driver_;
   report.from_driver_bytes = from_driver_;
+  report.told = told_;
   report.mismatches = mismatches_;
   report.timer_late_p50_us = in_us(lateness_.quantile(0.5));
   report.timer_late_p99_us = in_us(lateness_.quantile(0.99));

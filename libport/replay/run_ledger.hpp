@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
 
 #include "libport/base/time.hpp"
+#include "libport/line/line_event.hpp"
 #include "libport/replay/lateness.hpp"
 #include "libport/replay/report.hpp"
 
@@ -20,6 +23,8 @@ class RunLedger {
   explicit RunLedger(Instant begun) : begun_(begun), last_byte_(begun) {}
 
   void delivered(std::size_t bytes) { to_driver_ += bytes; }
+  // What the device did besides.
+  void told(const LineEvent& event);
   // The driver's write, which begins at `offset` of its stream.
   void written(ByteView data, std::uint64_t offset);
   // Something went over the line, either way.
@@ -58,6 +63,7 @@ class RunLedger {
   std::uint64_t write_begin_ = 0;  // of the latest, in the driver's stream
   std::uint64_t to_driver_ = 0;
   std::uint64_t from_driver_ = 0;
+  std::map<std::string, std::uint64_t, std::less<>> told_;
   std::uint64_t mismatches_ = 0;
   std::optional<Mismatch> first_data_;  // or extra
   std::optional<Mismatch> first_timing_;

@@ -397,6 +397,7 @@ std::optional<Event> event_of(const TapedLineEvent& event) {
           [&](const line::Dropped& lost) {
             return by_driver ? Taped() : Taped(event::Gap{lost.bytes, std::nullopt, std::string(lost.why)});
           },
+          [](const line::Mark& mark) { return Taped(event::Mark{mark.text}); },
           [&](const LineFault& fault) { return by_driver ? Taped() : Taped(event::Fault{fault}); },
           [](const auto&) { return Taped(); },
       },

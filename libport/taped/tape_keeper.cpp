@@ -182,18 +182,17 @@ void TapeKeeper::watch_disk() {
 }
 
 Result<bool> TapeKeeper::request(Instant at, const RecorderRequest& what) {
-  switch (what.kind) {
-    case RecorderRequest::Kind::next_tape:
-      rotate(at);
-      return true;
-    case RecorderRequest::Kind::mark:
-      if (Result<void> made = mark(at, what.text); !made) return made.error();
-      return true;
+  if (!what.note) {
+    rotate(at);
+    return true;
   }
-  return false;
+  const std::optional<Event> taped = event_of({Side::device, *what.note});
+  if (!taped) return false;
+  if (Result<void> noted = note_asked(at, *taped); !noted) return noted.error();
+  return true;
 }
 
-Result<void> TapeKeeper::mark(Instant at, const std::string& text) {
+Result<void> TapeKeeper::note_asked(Instant at, const Event& event) {
   if (!begun_) {
     return make_error(Errc::usage,
                       "tape " + options_.tape.name() +
@@ -208,7 +207,7 @@ Result<void> TapeKeeper::mark(Instant at, const std::string& text) {
   if (queued) {
     if (Result<void> can = can_write(); !can) return can;
   }
-  note(at, event::Mark{text});
+  note(at, event);
   return queued ? Result<void>() : can_write();
 }
 

@@ -63,7 +63,7 @@ class TapeKeeper final : public LineObserver {
  private:
   void begin();
   void rotate(Instant now);
-  Result<void> mark(Instant at, const std::string& text);
+  Result<void> note_asked(Instant at, const Event& event);
   [[nodiscard]] Result<void> can_write() const;
   void start();
   void take_part(const TapeGroup::Part& part);

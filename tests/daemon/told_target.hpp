@@ -16,8 +16,8 @@ class ToldTarget final : public ControlTarget {
     if (on_status) on_status();
     return state;
   }
-  Result<Outcome> mark(const std::string& channel, const std::string& text) override {
-    calls += "mark(" + channel + "," + text + ") ";
+  Result<Outcome> record(const std::string& channel, const RecorderRequest& what) override {
+    calls += "mark(" + channel + "," + std::get<line::Mark>(what.note.value()).text + ") ";
     if (error) return *error;
     return Outcome{{channel.empty() ? "all" : channel}, {}};
   }

@@ -22,7 +22,8 @@ class Target final : public ControlTarget {
     ++calls;
     return "{}";
   }
-  Result<Outcome> mark(const std::string& channel, const std::string& text) override {
+  Result<Outcome> record(const std::string& channel, const RecorderRequest& what) override {
+    const std::string& text = std::get<line::Mark>(what.note.value()).text;
     require(!text.empty() && text.size() <= kMaxEventText, "a mark has a text of its size");
     return outcome(channel);
   }

@@ -88,6 +88,23 @@ TEST(WaitingEventsTest, OfVeryManySignalsTheOlderChangesAreLeftOut) {
   EXPECT_EQ(text_of({kept.end() - 2, kept.end()}), "rts- dtr- ");
 }
 
+TEST(WaitingEventsTest, OfVeryManyOfAnotherKindTheOlderOnesAreLeftOut) {
+  WaitingEvents waiting;
+  waiting.put(LineSignal{Name::rts, true});
+  for (int n = 0; n < 10'000; ++n) waiting.put(line::Mark{std::to_string(n)});
+  const std::vector<LineEvent> kept = waiting.take_all();
+  ASSERT_EQ(kept.size(), WaitingEvents::kMost);
+  EXPECT_EQ(text_of({kept.front()}), "rts+ ") << "it is of no kind that comes again";
+  EXPECT_EQ(std::get<line::Mark>(kept[1]).text, std::to_string(10'001 - WaitingEvents::kMost));
+  EXPECT_EQ(std::get<line::Mark>(kept.back()).text, "9999");
+}
+
+TEST(WaitingEventsTest, NoRequestIsLeftOut) {
+  WaitingEvents waiting;
+  for (RequestNumber n = 0; n < 2 * WaitingEvents::kMost; ++n) waiting.put(line::Drain{n});
+  EXPECT_EQ(waiting.take_all().size(), 2 * WaitingEvents::kMost) << "who asked waits for each answer";
+}
+
 TEST(WaitingEventsTest, HowSignalsStandAtARequestIsKept) {
   WaitingEvents waiting;
   waiting.put(LineSignal{Name::rts, true});

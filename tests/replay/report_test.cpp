@@ -62,7 +62,7 @@ TEST(ReportJson, HoldsTheKeysOfTheContractInOrder) {
       R"("timer_late_us":{"p50":12.5,"p99":80,"max":131},"command_exit":null,)"
       R"("mismatches":0,"doubts":[],"next_expected":null,)"
       R"("sessions":{"made":1,"of":1},"session":null,"missed_half_close_us":null,)"
-      R"("settings":{"recorded":0,"made":0,"missing":[],"checked":false},)"
+      R"("settings":{"recorded":0,"made":0,"missing":[],"checked":false},"told":{},)"
       R"("playback":{"start_s":0,"end_s":null,"preroll":false,"max_gap_s":null,"loops":1,"loops_complete":0,)"
       R"("loops_of":1,"pauses":0,"paused_s":0,"steps":0,"seeks":0,"rates":0},"writer":"driver",)"
       R"("cause":null,"diff":[],"previous":null,"next":null,"latency_us":null,"left_unread":null,"unread":null,"idle_us":0,)"

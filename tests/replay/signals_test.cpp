@@ -12,7 +12,9 @@ using Name = LineSignal::Name;
 using test::MemoryTape;
 using test::Rig;
 using testing::ElementsAre;
+using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
 
 Event by_device(Name name, bool on) { return signal_event({Side::device, {name, on}}); }
 Event by_driver(Name name, bool on) { return signal_event({Side::driver, {name, on}}); }
@@ -43,6 +45,15 @@ TEST(Signals, TheDevicesComeAtTheirTimeAmongTheBytes) {
   EXPECT_EQ(rig.delivered, "answerrest");
   rig.close();
   EXPECT_EQ(rig.verdict(), Verdict::pass);
+  EXPECT_THAT(to_json(*rig.report), HasSubstr(R"("told":{"modem":2})"));
+  EXPECT_THAT(to_text(*rig.report), HasSubstr("\n  events    of the device: 2 modem\n"));
+}
+
+TEST(Signals, WhatTheDriverWasNotToldOfIsNotCounted) {
+  Rig rig(answers_and_drops());
+  rig.open().write("ask").wait(20'000).close();
+  EXPECT_THAT(to_json(*rig.report), HasSubstr(R"("told":{},)"));
+  EXPECT_THAT(to_text(*rig.report), Not(HasSubstr("events")));
 }
 
 TEST(Signals, ALineThatShowsNoneIsNotHeldUp) {

@@ -300,6 +300,31 @@ TEST_F(SessionTest, ADeviceThatTellsItsSignalsAsItComesUpIsShownToTheDriver) {
   EXPECT_EQ(driver.calls, "") << "no driver is there";
 }
 
+TEST_F(SessionTest, WhatItKnowsNothingOfPassesFromEachSideToTheOther) {
+  device.up_at_once = false;
+  start();
+  driver.up();
+  driver.tell(line::Mark{"early"});
+  driver.calls.clear();
+  device.calls.clear();
+  device.up();
+  EXPECT_EQ(device.calls, "mark:early ");
+  driver.tell(line::Mark{"later"});
+  EXPECT_EQ(device.calls, "mark:early mark:later ");
+  device.tell(line::Mark{"here"});
+  EXPECT_EQ(driver.calls, "mark:here ");
+}
+
+TEST_F(SessionTest, OfADeviceNoDriverIsToldWhatADriverAloneAsksFor) {
+  start();
+  driver.up();
+  driver.calls.clear();
+  device.tell(line::Flush{});
+  device.tell(line::Drain{1});
+  device.tell(line::Ask{2, {}});
+  EXPECT_EQ(driver.calls, "");
+}
+
 TEST_F(SessionTest, ADrainForADeviceThatNeverComesEndsWithTheSession) {
   device.up_at_once = false;
   limit({.without_progress = {}, .completing = std::chrono::hours(1), .failed_step = {}, .at_once = {}});

@@ -154,6 +154,7 @@ class MemoryPort final : public Port, private Recorder {
   void note(const LineSignal& signal) {
     peer_->calls += std::string(name_of(signal.name)) + (signal.on ? "_on " : "_off ");
   }
+  void note(const line::Mark& mark) { peer_->calls += "mark:" + mark.text + " "; }
   void note(const line::Drain& drain) {
     peer_->calls += "drain ";
     peer_->drains.push_back([this, drain] { listener().told(line::Sent{drain.number}); });
@@ -187,7 +188,7 @@ class MemoryPort final : public Port, private Recorder {
   }
 
   Result<void> request(const RecorderRequest& what) override {
-    peer_->calls += what.kind == RecorderRequest::Kind::mark ? "mark:" + what.text + " " : "next_tape ";
+    peer_->calls += what.note ? "mark:" + std::get<line::Mark>(*what.note).text + " " : "next_tape ";
     return peer_->requested;
   }
   void note_gap(std::uint64_t bytes, std::string_view why) override {

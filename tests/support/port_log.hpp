@@ -126,6 +126,7 @@ class PortLog final : public PortListener {
   void note(const line::LeftUnread& left) { left_unread = left.bytes; }
   void note(const line::Refused& other) { refused.push_back(other.bytes); }
   void note(const LineFault&) {}
+  void note(const line::Mark& mark) { events += "mark:" + mark.text + " "; }
   void note(const line::WatchSignals&) {}
 };
 

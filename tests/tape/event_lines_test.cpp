@@ -146,6 +146,32 @@ TEST(EventLines, WhatWasDoneToTheLineCanBeDoneAgain) {
   EXPECT_EQ(std::get<LineSignal>(signal->what), (LineSignal{LineSignal::Name::brk, true}));
 }
 
+TEST(EventLines, WhatWasDoneToTheLineIsAnEventOfTheTape) {
+  const auto flush = event_of(TapedLineEvent{Side::driver, line::Flush{FlushQueue::out}});
+  EXPECT_EQ(flush, Event(event::Flush{FlushQueue::out}));
+  const line::Settings seen{{.baud = 300}, SettingsOrder::sampled};
+  EXPECT_EQ(event_of(TapedLineEvent{Side::driver, seen}),
+            Event(event::Settings{Side::driver, {.baud = 300}, SettingsOrder::sampled}));
+  EXPECT_EQ(event_of(TapedLineEvent{Side::device, LineSignal{LineSignal::Name::cts, true}}),
+            Event(event::Modem{LineSignal::Name::cts, true, Side::device}));
+  EXPECT_EQ(event_of(TapedLineEvent{Side::driver, LineSignal{LineSignal::Name::brk, false}}),
+            Event(event::Break{false, Side::driver}));
+  EXPECT_EQ(event_of(TapedLineEvent{Side::device, line::Dropped{7, "no room"}}),
+            Event(event::Gap{7, std::nullopt, std::string("no room")}));
+  EXPECT_EQ(event_of(TapedLineEvent{Side::device, LineFault{.kind = "drop"}}),
+            Event(event::Fault{{.kind = "drop"}}));
+  EXPECT_EQ(event_of(TapedLineEvent{Side::device, line::Mark{"here"}}),
+            Event(event::Mark{std::string("here")}));
+}
+
+TEST(EventLines, WhatNoTapeHoldsOrNotFromThatSideIsNone) {
+  EXPECT_EQ(event_of(TapedLineEvent{Side::device, line::Flush{}}), std::nullopt);
+  EXPECT_EQ(event_of(TapedLineEvent{Side::driver, line::Dropped{7, "no room"}}), std::nullopt);
+  EXPECT_EQ(event_of(TapedLineEvent{Side::driver, LineFault{.kind = "drop"}}), std::nullopt);
+  EXPECT_EQ(event_of(TapedLineEvent{Side::driver, line::Drain{1}}), std::nullopt);
+  EXPECT_EQ(event_of(TapedLineEvent{Side::device, line::WatchSignals{}}), std::nullopt);
+}
+
 TEST(EventLines, WhatNobodyIsKnownToHaveDoneCannotBeDoneAgain) {
   EXPECT_FALSE(line_event_of(event::Settings{{}, SeenSettings{.baud = 115'200}, {}}));
   EXPECT_FALSE(line_event_of(event::Modem{}));
