@@ -210,11 +210,11 @@ class Play {
   }
 
   void check_signals(const ReplayActions& actions) {
-    require(actions.signals.empty() || (open_ && shows_signals_), "signals go to a line that shows them");
+    require(actions.events.empty() || (open_ && shows_signals_), "signals go to a line that shows them");
     std::size_t behind = 0;
-    for (const ReplayActions::Signal& each : actions.signals) {
+    for (const ReplayActions::Told& each : actions.events) {
       require(each.behind >= behind && each.behind <= actions.deliver.size(), "signals have their place");
-      require(!is_output(each.signal.name), "they are the device's");
+      require(!is_output(std::get<LineSignal>(each.event).name), "they are the device's");
       behind = each.behind;
     }
   }
