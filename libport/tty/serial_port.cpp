@@ -404,9 +404,7 @@ std::size_t SerialPort::write_some(ByteView data) {
 
 std::optional<std::size_t> SerialPort::unread_by_peer() const {
   if (!line_) return 0;
-  int queued = 0;
-  const bool known = ::ioctl(line_->fd.get(), TIOCOUTQ, &queued) == 0 && queued > 0;
-  return line_->changes.pending() + (known ? static_cast<std::size_t>(queued) : 0);
+  return line_->changes.pending() + calls_->unsent(line_->fd.get());
 }
 
 bool SerialPort::discard() {
