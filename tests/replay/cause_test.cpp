@@ -66,6 +66,21 @@ TEST(CauseOfData, OneThatIsSentTwice) {
             "request 6, the last, sent twice");
 }
 
+TEST(CauseOfData, ItMayBeginAgainInTheMiddle) {
+  EXPECT_EQ(text(laser(), {"VV\n", "PP\n", "II\n", "BM\n", "PP\n", "II\n"}),
+            "it began again with request 2 instead of going on");
+  EXPECT_EQ(text(laser(), {"VV\n", "PP\n", "II\n", "BM\n", "PP\n", "VV\n"}),
+            "looks like request 2 sent again before request 5");
+  EXPECT_EQ(text(laser(), {"VV\n", "PP\n", "II\n", "BM\n", "GD0044\n", "QT\n", "PP\n"}),
+            "request 2 sent again");
+}
+
+TEST(CauseOfData, TheTapesLastRequestMayComeTooEarly) {
+  EXPECT_EQ(text(laser(), {"VV\n", "PP\n", "QT\n", "II\n"}), "wrong order: request 6 came before request 3");
+  EXPECT_EQ(text(laser(), {"VV\n", "PP\n", "QT\n"}),
+            "looks like request 3 to 5 left out, or swapped with request 6, which came instead");
+}
+
 TEST(CauseOfData, OneThatIsSentTwiceBeforeItsAnswerCame) {
   Rig rig(laser(), config());
   rig.open().write("VV\n").wait(5'000).write("VV\n");

@@ -309,6 +309,16 @@ TEST(BlockSalvage, HoldsBlocksWhereTheyFollowOneAnother) {
   EXPECT_FALSE(holds(test::block_bytes(numbered(3), true)));
 }
 
+TEST(BlockSalvage, OneBlockFromTheFirstByteToTheLastIsEnough) {
+  for (const bool native64 : {false, true}) {
+    const Bytes bytes = test::block_bytes(numbered(1), native64);
+    MemorySource source("s", bytes);
+    const Layout layout = native64 ? Layout::native64 : Layout::big_endian;
+    EXPECT_TRUE(*BlockSalvage::holds_blocks(source, layout, bytes.size()));
+    EXPECT_FALSE(*BlockSalvage::holds_blocks(source, layout, bytes.size() - 1)) << "a torn one is none";
+  }
+}
+
 TEST(BlockSalvage, AFailedReadIsItsErrorWhereverItComes) {
   std::vector<Block> blocks = numbered(20);
   blocks[5].us = 5;

@@ -1,5 +1,7 @@
 #include "libport/tape/recover_tape.hpp"
 
+#include <algorithm>
+#include <cstdint>
 #include <filesystem>
 #include <random>
 #include <set>
@@ -67,6 +69,7 @@ class RecoverTapeTest : public testing::Test {
 
   test::TempDir dir;
   TapePaths made;
+  int made_count = 0;
 
  private:
   int count_ = 0;
@@ -238,6 +241,69 @@ TEST_F(RecoverTapeTest, BadLinesOfTheEvents) {
   EXPECT_THAT(with(R"({"format")", R"({"fromat")"), ElementsAre("one 10", "two 20", "three 30"));
   EXPECT_THAT(with("\n{\"t_us\":0", "\n\0\0\n{\"t_us\":0"), ElementsAre("one 10", "two 20", "three 30"));
   EXPECT_EQ(header_of(made)->device, "");
+}
+
+// The gap stands where the events go on, and is from the last one that was sound.
+TEST_F(RecoverTapeTest, LostLinesAreAGapBetweenTheEventsAroundThem) {
+  const TapePaths source = test::write_tape(literal_tape(dir / "t"), MemoryTape()
+                                                                         .open(0)
+                                                                         .event(10, event::Mark{"one"})
+                                                                         .event(20, event::Mark{"two"})
+                                                                         .event(25, event::Mark{"three"})
+                                                                         .event(30, event::Mark{"four"})
+                                                                         .close(50));
+  const std::string good(as_text(test::read_file(source.events)));
+  const auto gap_without = [&](const std::vector<std::string>& lost) {
+    std::string text = good;
+    for (const std::string& mark : lost) text.replace(text.find(mark), mark.size(), "\x01");
+    test::write_file(source.events, as_bytes(text));
+    EXPECT_TRUE(recover(source));
+    EXPECT_THAT(gaps(), SizeIs(1));
+    return gaps().empty() ? std::string() : gaps().front();
+  };
+  EXPECT_THAT(
+      gap_without({"two"}),
+      testing::StartsWith(R"({"t_us":25,"event":"gap","bytes":0,"from_us":10,"why":"te: line 4 lost: )"));
+  EXPECT_THAT(
+      gap_without({"two", "three"}),
+      testing::StartsWith(
+          R"({"t_us":30,"event":"gap","bytes":0,"from_us":10,"why":"te: 2 lines from line 4 on lost: )"));
+}
+
+TEST_F(RecoverTapeTest, OfMoreLossesThan64AllAreCountedAndTheFirstAreTold) {
+  const TapePaths source = exchanges(700);
+  const Bytes good = test::read_file(source.write);
+  std::vector<std::size_t> headers{0};
+  for (const Block& block : test::decode_independently(good))
+    headers.push_back(headers.back() + kHeaderSize + block.data.size());
+  for (std::size_t n = 5; n < 5 + 66 * 10; n += 10) change(source.write, headers[n], std::string(12, '\xff'));
+  const auto done = recover(source);
+  ASSERT_TRUE(done);
+  EXPECT_EQ(done->loss_count, 66U);
+  ASSERT_THAT(done->losses, SizeIs(64));
+  EXPECT_THAT(done->losses.front(), HasSubstr("at offset " + std::to_string(headers[5])));
+  EXPECT_THAT(done->losses.back(), HasSubstr("at offset " + std::to_string(headers[5 + 63 * 10])));
+  EXPECT_THAT(gaps(), SizeIs(66));
+}
+
+TEST_F(RecoverTapeTest, ProgressGoesOverAllBytesAlsoOverThoseThatAreLost) {
+  const TapePaths sound = exchanges(20);
+  const TapePaths damaged = exchanges(20);
+  change(damaged.write, 3 * 17, std::string(12, '\xff'));
+  for (const TapePaths& source : {sound, damaged}) {
+    std::vector<std::uint64_t> told;
+    const auto done = recover_tape(
+        source, literal_tape(dir / ("p" + std::to_string(made_count++))),
+        {.writer = {.sync = false}, .progress = [&](std::uint64_t bytes) { told.push_back(bytes); }});
+    ASSERT_TRUE(done);
+    ASSERT_FALSE(told.empty());
+    EXPECT_TRUE(std::ranges::is_sorted(told));
+    const std::string events(as_text(test::read_file(source.events)));
+    EXPECT_EQ(told.back(), std::filesystem::file_size(source.read) +
+                               std::filesystem::file_size(source.write) + events.size() -
+                               (events.find('\n') + 1))
+        << "the header of the events was read before";
+  }
 }
 
 TEST_F(RecoverTapeTest, AFileThatIsMissing) {

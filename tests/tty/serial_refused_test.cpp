@@ -2,6 +2,7 @@
 
 #include <asm/termbits.h>  // TCGETS2; not to be mixed with <termios.h>
 #include <cerrno>
+#include <cstring>
 #include <fcntl.h>
 #include <filesystem>
 #include <map>
@@ -266,6 +267,23 @@ TEST_F(SerialRefused, ReadingAtTheEndStopsWhereTheListenerWantsNoMore) {
     port->close();
     settle(loop);
   }
+}
+
+// Else a device that goes on sending would keep a session from its end.
+TEST_F(SerialRefused, ReadingAtTheEndTakesWhatWasThereAndNoMore) {
+  start();
+  const int fd = own_fd();
+  const auto arrives = [&](const char* bytes) {
+    ASSERT_EQ(::write(device.get(), bytes, std::strlen(bytes)), static_cast<ssize_t>(std::strlen(bytes)));
+    pollfd more{fd, POLLIN, 0};
+    ASSERT_EQ(::poll(&more, 1, 60'000), 1);
+  };
+  arrives("first");
+  log.on_bytes = [&] { arrives("later"); };
+  port->read_pending();
+  EXPECT_EQ(log.data, "first");
+  log.on_bytes = {};
+  run_until(loop, [&] { return log.data == "firstlater"; });
 }
 
 TEST_F(SerialRefused, WhatCannotBeCountedIsNotUnread) {

@@ -433,6 +433,32 @@ TEST_F(SerialSignalsTest, WhatTheDriverDroveIsDrivenAgainWhenTheDeviceComesBack)
   device = std::move(other);
 }
 
+TEST_F(SerialSignalsTest, WhatADriverMadeOfTheDeviceIsNotMadeAgainForTheNextOne) {
+  const test::TempDir dir;
+  const std::string link = (dir.path() / "ttyBack").string();
+  std::filesystem::create_symlink(path, link);
+  start({{"device", link}, {"alwaysopen", "1"}, {"baud", "4800"}});
+  std::string told;
+  ask(made_rs485(3), told);
+  until_told(told, "0,0,3 ");
+  port->close();
+  port->open();
+  UniqueFd other(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK));
+  ::grantpt(other.get());
+  ::unlockpt(other.get());
+  line->device = -1;
+  device.reset();
+  until_events("up up interrupted ");
+  line->device = other.get();
+  std::filesystem::remove(link);
+  std::filesystem::create_symlink(::ptsname(other.get()), link);
+  until_events("up up interrupted resumed ");
+  port->write(as_bytes("a"));
+  until_journal("[set rs485]a");
+  line->device = -1;
+  device = std::move(other);
+}
+
 TEST_F(SerialSignalsTest, ADrainIsBehindTheBytes) {
   start();
   const std::string block(4096, 'b');
