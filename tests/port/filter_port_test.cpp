@@ -473,6 +473,15 @@ TEST_F(FilterPortTest, HeldBytesAreForWaitingCallsWhateverTheInnerPortHas) {
   EXPECT_EQ(log.dropped, 0U);
 }
 
+TEST_F(FilterPortTest, ADeviceThatWasNotReadForWhatIsHeldIsReadAgainOnceThatIsDiscarded) {
+  port.in = hours(1);
+  for (int n = 0; device.reading && n < 100'000; ++n) device.send(std::string(4096, 'x'));
+  ASSERT_FALSE(device.reading) << "as much is held as is held at most";
+  EXPECT_TRUE(port.waiting()->discard());
+  EXPECT_TRUE(device.reading);
+  EXPECT_EQ(log.data, "");
+}
+
 TEST_F(FilterPortTest, AWaitingCallWaitsForTheFirstOfBothWays) {
   for (const auto& [in, out] :
        {std::pair(milliseconds(5), milliseconds(9)), std::pair(milliseconds(9), milliseconds(5)),

@@ -245,5 +245,32 @@ TEST(HangUp, OfADriverThatHasEndedAndOwesAWriteComesAtOnce) {
   EXPECT_EQ(rig.close().verdict(), Verdict::incomplete);
 }
 
+TEST(HangUp, ByTheRecordedClockARunEndsNotBeforeTheTapesLastClose) {
+  ReplayConfig config = with(Timing::recorded);
+  config.at_end = AtEnd::hangup;
+  Rig rig(MemoryTape().open(0).read(1'000, "A").close(50'000), config);
+  rig.open().until(49'999);
+  EXPECT_EQ(rig.read(), "A");
+  EXPECT_FALSE(rig.hung_up);
+  rig.until(50'000);
+  EXPECT_TRUE(rig.hung_up);
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+}
+
+TEST(HangUp, ALineThatEndsBehindARunIsNoNewsForTheNextOne) {
+  ReplayConfig config;
+  config.on_mismatch = OnMismatch::fail;
+  Rig rig(MemoryTape().open(0).write(1'000, "Q").read(2'000, "A").close(3'000), config);
+  rig.open().write("X");
+  EXPECT_EQ(rig.verdict(), Verdict::data_mismatch);
+  rig.line_ended().close().wait(1'000);
+  EXPECT_EQ(rig.runs, 1);
+  rig.open().write("Q").wait(1'000);
+  EXPECT_EQ(rig.read(), "A");
+  rig.close();
+  EXPECT_EQ(rig.runs, 2);
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+}
+
 }  // namespace
 }  // namespace porttape::test
