@@ -171,6 +171,32 @@ TEST_F(SmallFormatsTest, McapOfOthers) {
   EXPECT_THAT(pressed.error().message, HasSubstr("mcap compress --compression none"));
 }
 
+TEST_F(SmallFormatsTest, McapOfTopicsThatNobodyNamedTellsWhichThereAre) {
+  const std::string message = mcap_message(1, 1'700'000'000'000'000'000, "$GP");
+  const auto made = read("mcap", mcap_file(message), "rx=/gps,tx=/none");
+  ASSERT_FALSE(made);
+  EXPECT_EQ(made.error().code, Errc::usage);
+  EXPECT_THAT(made.error().message,
+              HasSubstr("has no messages of '/gps' or '/none'; say by --device rx=TOPIC,tx=TOPIC which are "
+                        "the bytes: /gps/in, /gps/out, /imu"));
+}
+
+TEST_F(SmallFormatsTest, McapRecordsThatAreLookedAtMayHaveSixteenMebibytes) {
+  constexpr std::size_t most = std::size_t{16} << 20U;
+  const auto with = [&](std::size_t size) {
+    return read("mcap",
+                mcap_file(mcap_message(1, 1'700'000'000'000'000'000, "$GP") +
+                          mcap_record(15, std::string(size, '\0'))),
+                "rx=/gps/in");
+  };
+  const auto largest = with(most);
+  ASSERT_TRUE(largest) << largest.error().message;
+  EXPECT_EQ(largest->blocks, 1U);
+  const auto larger = with(most + 1);
+  ASSERT_FALSE(larger);
+  EXPECT_THAT(larger.error().message, HasSubstr("a record of 16777217 bytes, more than 16 MiB"));
+}
+
 TEST_F(SmallFormatsTest, McapCutAnywhereIsTold) {
   const std::string whole = mcap_file(mcap_message(1, 1'700'000'000'000'000'000, "$GPGGA"));
   for (std::size_t size = 8; size < whole.size(); ++size) {

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "libport/formats/uart_decoder.hpp"
+#include "libport/formats/uart_options.hpp"
 #include "libport/formats/uart_waveform.hpp"
 #include "libport/formats/zip_file.hpp"
 #include "tests/formats/convert_tape.hpp"
@@ -187,6 +188,34 @@ TEST_F(SrFormatTest, WhatIsWrongIsTold) {
       zipped({{"version", "2"}, {"metadata", metadata("1 MHz")}, {"logic-1-1", samples("x", {}, 100)}});
   EXPECT_THAT(error(whole.substr(0, whole.size() / 2), "rx=D0"),
               AllOf(HasSubstr("at byte "), HasSubstr("damaged")));
+}
+
+TEST(UartOptionsTest, EachValueIsCheckedByItsBounds) {
+  const auto line = [](const std::string& text) {
+    const Result<UartOptions> options = UartOptions::parse(text);
+    return options ? std::optional(options->line) : std::nullopt;
+  };
+  for (const unsigned bits : {5U, 6U, 7U, 8U})
+    EXPECT_EQ(line("databits=" + std::to_string(bits)).value().data_bits, bits);
+  for (const unsigned bits : {1U, 2U})
+    EXPECT_EQ(line("stopbits=" + std::to_string(bits)).value().stop_bits, bits);
+  for (const char* const wrong :
+       {"databits=4", "databits=9", "databits=", "databits", "stopbits=0", "stopbits=3", "stopbits=x",
+        "parity=some", "rx=", "tx", "baud=300", "invert=1"}) {
+    EXPECT_FALSE(line(wrong)) << wrong;
+  }
+  const std::pair<const char*, Parity> parities[] = {{"none", Parity::none},
+                                                     {"even", Parity::even},
+                                                     {"odd", Parity::odd},
+                                                     {"mark", Parity::mark},
+                                                     {"space", Parity::space}};
+  for (const auto& [name, parity] : parities)
+    EXPECT_EQ(line(std::string("parity=") + name).value().parity, parity);
+  const UartOptions all = *UartOptions::parse("rx=D0,tx=D1,databits=8,parity=even,stopbits=1,invert");
+  EXPECT_EQ(all.rx, "D0");
+  EXPECT_EQ(all.tx, "D1");
+  EXPECT_TRUE(all.inverted);
+  EXPECT_FALSE(UartOptions::parse("rx=D0")->inverted);
 }
 
 }  // namespace

@@ -179,6 +179,24 @@ TEST_F(UsbmonFormatTest, Pl2303) {
                   modem(10, "cd", "off", "device"), modem(10, "ri", "off", "device"), "r 20 $GPGGA"));
 }
 
+TEST_F(UsbmonFormatTest, AModemIsKnownByTheInterfacesOfItsConfiguration) {
+  const auto capture_of = [](unsigned subclass) {
+    UsbCapture capture;
+    capture.at(kStart).control(
+        0x80, 6, 0x0200, 0,
+        CaptureBytes().u8(9).u8(2).u16(25).u8(1).u8(1).u8(0).u8(0x80).u8(50).str() +
+            CaptureBytes().u8(9).u8(4).u8(0).u8(0).u8(1).u8(2).u8(subclass).u8(1).u8(0).str() +
+            CaptureBytes().u8(7).u8(5).u8(0x83).u8(2).u16(64).u8(0).str());
+    capture.at(kStart + 10).in(3, "hello");
+    return capture.str();
+  };
+  const auto modem = read(capture_of(2));
+  ASSERT_TRUE(modem) << modem.error().message;
+  EXPECT_THAT(lines_of(modem), testing::Contains("r 0 hello"));
+  EXPECT_THAT(modem->guesses, ElementsAre());
+  EXPECT_THAT(read(capture_of(6)).error().message, HasSubstr("With bulk transfers: 1.5")) << "Ethernet";
+}
+
 TEST_F(UsbmonFormatTest, WhatIsNotKnownIsAskedFor) {
   UsbCapture capture;
   capture.at(kStart).in(1, "hello").device(7).out(2, "there");
