@@ -128,6 +128,16 @@ TEST(Invocation, HelpIsTextOfEightyColumns) {
   }
 }
 
+TEST(Invocation, HelpForAVerbIsTheVerbsOwn) {
+  for (const std::string verb : {"record", "replay", "bridge", "run"}) {
+    const Result<Invocation> asked = parse({"help", verb});
+    const Result<Invocation> own = parse({verb, "--help"});
+    ASSERT_TRUE(asked && own) << verb;
+    EXPECT_EQ(asked->print, own->print) << verb;
+    EXPECT_NE(asked->print, parse({"help"})->print) << verb;
+  }
+}
+
 TEST(Invocation, AConfigurationIsCheckedWithoutStarting) {
   const test::TempDir dir;
   const std::string file = dir / "robot.conf";

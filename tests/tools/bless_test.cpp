@@ -42,6 +42,8 @@ TEST(WriteDifferences, AreAlignedByWhatIsEqual) {
   EXPECT_EQ(compared("", "ab"), "-1 -2");
   EXPECT_EQ(compared("ab", ""), "1- 2-");
   EXPECT_EQ(compared("abc", "bca"), "1- -3");
+  EXPECT_EQ(compared("aa", "baa"), "-1");
+  EXPECT_EQ(compared("aaba", "caa"), "1/1 3-") << "as many as can be are equal";
 }
 
 class Bless : public testing::Test {

@@ -72,6 +72,8 @@ TEST_F(DiffTest, JsonIsALineForTheTapesAndOneForEachDifference) {
                         R"("margin_us":100000,"events_compared":true,"counts":{"added":1,"missing":0,)"
                         R"("changed":2,"moved":0,"slower":1,"faster":0}})"));
   EXPECT_THAT(ran.out, HasSubstr(R"({"kind":"slower","time":"answer","one":{"t_us":1000000,)"));
+  EXPECT_THAT(run({"diff", "--json", bad, good}).out,
+              HasSubstr(R"({"kind":"faster","time":"answer","one":{"t_us":1000000,)"));
   EXPECT_THAT(ran.out, HasSubstr(R"("dir":"r","offset":2,"one_hex":"320a","other_hex":"330a"})"));
   EXPECT_THAT(ran.out, HasSubstr(R"("event":{"t_us":600,"event":"settings","by":"driver","baud":9600}})"));
 }

@@ -10,6 +10,7 @@ using test::make_tape;
 using test::run;
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 using testing::StartsWith;
 
 class StatsTest : public testing::Test {
@@ -45,6 +46,13 @@ TEST_F(StatsTest, InWords) {
             "\n"
             "  slowest answers\n"
             "     4.00 s  exchange 1 at 1.000000 s  PMTK605\n");
+}
+
+TEST_F(StatsTest, ATapeWithoutAnswersHasNoTimesOfThem) {
+  const std::string mute = make_tape(dir, "mute", {}, {{1'000'000, "x"}, {2'000'000, "y"}});
+  const auto ran = run({"stats", mute});
+  EXPECT_EQ(ran.status, 0);
+  EXPECT_THAT(ran.out, AllOf(HasSubstr("  exchanges  1, 0 answered\n"), Not(HasSubstr("  answers "))));
 }
 
 TEST_F(StatsTest, TheTableOfExchanges) {

@@ -73,6 +73,16 @@ TEST_F(Suites, OnlyFailuresAreShownAndHowToRunThemAgain) {
   EXPECT_THAT(again.out, HasSubstr(": 1 test, 0 passed, 1 failed, 0 skipped, "));
 }
 
+TEST_F(Suites, OfWhatACommandWroteTheLastTwentyLinesAreShown) {
+  const auto shown = [this](const std::string& command) {
+    write("[[test]]\nname = \"wrong\"\ntape = \"t\"\ncommand = \"" + command + "; false\"\n");
+    return run_suite().out;
+  };
+  EXPECT_THAT(shown("seq 20"), HasSubstr("    what the command wrote:\n    1\n    2\n"));
+  EXPECT_THAT(shown("seq 21"), HasSubstr("    what the command wrote:\n    ...\n    2\n    3\n"));
+  EXPECT_THAT(shown("seq 300"), HasSubstr("    what the command wrote:\n    ...\n    281\n    282\n"));
+}
+
 // The driver leaves its last answer unread.
 TEST_F(Suites, ATestThatPassedWithDoubtsSaysSoInEachFormat) {
   make_tape(dir, "doubtful", {{2000, "42\n"}}, {{1000, "ask\n"}});
