@@ -1,6 +1,7 @@
 #include "daemon/log.hpp"
 
 #include <array>
+#include <cerrno>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -8,6 +9,7 @@
 #include <sstream>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <gmock/gmock.h>
@@ -17,6 +19,7 @@
 #include "daemon/log_target.hpp"
 #include "libport/base/unique_fd.hpp"
 #include "libport/net/socket_address.hpp"
+#include "tests/support/refused_calls.hpp"
 #include "tests/support/temp_dir.hpp"
 
 namespace porttape {
@@ -212,6 +215,25 @@ TEST(Log, AFileThatTakesNoMoreIsToldSo) {
   const Result<std::unique_ptr<LogTarget>> target = FileTarget::open(full);
   ASSERT_TRUE(target.has_value()) << target.error().message;
   EXPECT_FALSE((*target)->write("one\n"));
+}
+
+TEST(Log, AWriteThatTakesNothingOrFailsIsToldAndTheNextOneIsTriedAllTheSame) {
+  const test::TempDir dir;
+  const std::string path = dir / "log";
+  const Result<std::unique_ptr<LogTarget>> target = FileTarget::open(path);
+  ASSERT_TRUE(target.has_value()) << target.error().message;
+  int fd = -1;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+    std::error_code gone;
+    if (std::filesystem::read_symlink(entry.path(), gone) == path) fd = std::stoi(entry.path().filename());
+  }
+  ASSERT_GE(fd, 0);
+  for (const int error : {0, EIO, ENOSPC}) {
+    EXPECT_TRUE(test::while_refused({test::refused_on(fd, SYS_write, error)},
+                                    [&] { EXPECT_FALSE((*target)->write("lost\n")) << error; }));
+  }
+  EXPECT_TRUE((*target)->write("kept\n"));
+  EXPECT_EQ(text_of(path), "kept\n");
 }
 
 }  // namespace
