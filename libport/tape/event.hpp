@@ -163,8 +163,8 @@ struct TapedLineEvent {
   LineEvent what;
 };
 std::optional<Event> event_of(const TapedLineEvent& event);
-// And back, of the events that can be done again: settings, flushes, signals. Nothing where the event is
-// another, or it is not known who did it.
+// And back, with who did it, of the events that a replay tells or makes again: settings, flushes, signals.
+// Nothing where the event is another, or it is not known who did it.
 std::optional<TapedLineEvent> line_event_of(const Event& event);
 
 // The kind's name on the tape. Refers to the event.

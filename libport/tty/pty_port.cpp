@@ -523,9 +523,10 @@ void PtyPort::peer_did(const LineEvent& event) {
     if (line_) driver_flushed(flush->queue);
     return;
   }
-  if (line_ && std::holds_alternative<line::Settings>(event)) line_->settings.take_as_known();
+  const bool sets = std::holds_alternative<line::Settings>(event);
+  if (line_ && sets) line_->settings.take_as_known();
   if (up_) return listener().told(event);
-  if (const auto* signal = std::get_if<LineSignal>(&event)) early_.put(*signal);
+  if (!sets) early_.put(event);  // of settings the first look tells
 }
 
 void PtyPort::wait_until_sent(std::function<void()> done) {
