@@ -255,6 +255,7 @@ bool Engine::Impl::reopen() {
 
 bool Engine::Impl::close(Input& input) {
   driver_open = behind_end = false;
+  run.line_went(now);
   if (!run.goes_on()) return true;
   if (!input.begun) {
     run.end_of_writes(now);

@@ -87,7 +87,7 @@ void ReplayRun::begin_behind_end(Instant now) {
 }
 
 void ReplayRun::begin_books(Instant now) {
-  behind_end_ = tape_end_told_ = false;
+  behind_end_ = tape_end_told_ = ends_with_line_ = false;
   extra_.reset();
   awaits_jump_.reset();
   matched_before_loop_ = 0;
@@ -407,28 +407,45 @@ void ReplayRun::end_device(Instant now, ReplayActions& out) {
   }
 }
 
+// Settings are seen some time after they were made: what seems to be missing is judged once the driver has
+// read what was delivered, and its line is closed.
 void ReplayRun::at_tape_end(Instant now) {
   if (clock_.stands()) return;
   tape_end_told_ = true;
   if (drives()) return end(now, EndedBy::close);
   if (config_.at_end == AtEnd::idle) return;
-  (config_.at_end == AtEnd::hangup ? pending_.hang_up : pending_.exit) = true;
+  ends_with_line_ = config_.check_settings && !settings_so_far(EndedBy::other).missing.empty();
+  if (config_.at_end == AtEnd::hangup || ends_with_line_) pending_.hang_up = true;
+  if (ends_with_line_) return hung_up();
+  pending_.exit = config_.at_end == AtEnd::exit;
+  end(now);
+}
+
+void ReplayRun::line_went(Instant now) {
+  if (!std::exchange(ends_with_line_, false) || !ledger_) return;
+  pending_.exit = config_.at_end == AtEnd::exit;
   end(now);
 }
 
 // What a driver has not made that wrote all and closes it will not make; one that is kept from going on might
 // have, and of one that stops in the middle only its own bytes show how far it came.
+SettingsCheck::Reach ReplayRun::reach(std::optional<bool> any_unsent, EndedBy by) const {
+  using Reach = SettingsCheck::Reach;
+  if (any_unsent != false && config_.strictness > 0) return Reach::written;
+  return any_unsent == false && by == EndedBy::close ? Reach::all : Reach::delivered;
+}
+
+SettingsReport ReplayRun::settings_so_far(EndedBy by) {
+  return settings_.report(reach(any_unsent(), by), std::max(furthest_, matcher_.position()));
+}
+
 void ReplayRun::end(Instant now, EndedBy by) {
   tell_extra();
   const std::optional<bool> any_unsent = this->any_unsent();
   const bool half_close_missing = player_.missed_half_close().has_value();
   const bool unplayed = drives() && !player_.used_up();
-  using Reach = SettingsCheck::Reach;
-  const bool stopped = any_unsent != false && config_.strictness > 0;
-  const bool to_the_end = any_unsent == false && by == EndedBy::close;
-  const Reach reach = stopped ? Reach::written : to_the_end ? Reach::all : Reach::delivered;
-  if (reach == Reach::all) player_.pass_events();
-  if (!behind_end_) ledger_->settings(settings_.report(reach, std::max(furthest_, matcher_.position())));
+  if (reach(any_unsent, by) == SettingsCheck::Reach::all) player_.pass_events();
+  if (!behind_end_) ledger_->settings(settings_so_far(by));
   const bool cut_off = config_.match == Match::lookup && lookup_->cut_off();
   RunReport report = ledger_->report(
       config_, now,

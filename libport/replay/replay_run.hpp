@@ -52,6 +52,8 @@ class ReplayRun {
   // Its driver's close, or whatever keeps it from going on to one.
   enum class EndedBy : std::uint8_t { close, other };
   void end(Instant now, EndedBy by = EndedBy::other);
+  // The driver's line is closed. Ends a run that had come to the tape's end and waited only for that.
+  void line_went(Instant now);
   void stop_if_damaged(Instant now);
   [[nodiscard]] bool goes_on() const { return ledger_.has_value(); }
 
@@ -174,6 +176,8 @@ class ReplayRun {
   void tell_difference(Instant now, ByteView got);
   void tell_fault(Instant now, const Player::TimingFault& fault);
   [[nodiscard]] std::optional<bool> any_unsent();
+  [[nodiscard]] SettingsCheck::Reach reach(std::optional<bool> any_unsent, EndedBy by) const;
+  [[nodiscard]] SettingsReport settings_so_far(EndedBy by);
   [[nodiscard]] PlaybackReport playback(bool complete) const;
   [[nodiscard]] Micros since_begin(Instant now) const;
   // How far the played time is behind the real one, for the run.
@@ -211,6 +215,7 @@ class ReplayRun {
   std::optional<std::uint64_t> awaits_jump_;  // see awaits_next_loop()
   std::uint64_t matched_before_loop_ = 0;     // by the matcher
   bool tape_end_told_ = false;
+  bool ends_with_line_ = false;  // the tape's end has come, and what the driver set is waited for
   bool behind_end_ = false;
   bool writing_ended_ = false;  // in this session
   bool device_gone_ = false;    // in this session: hung up as recorded
