@@ -42,10 +42,10 @@ constexpr std::size_t kMostShown = 32;  // bytes of a write
 // What of a test is no choice here: every write is taken, the line goes on, and the new tape, which may take
 // the old one's place, is of all of it, as it was recorded.
 bool is_no_choice(const OptionSpec& spec) {
-  constexpr std::array<std::string_view, 19> names = {
-      "strictness", "jitter", "early-only", "on-mismatch",  "check-settings", "report", "junit",   "session",
-      "start",      "end",    "preroll",    "start-paused", "at-end",         "loops",  "max-gap", "rate",
-      "chunks",     "faults", "seed"};
+  constexpr std::array<std::string_view, 18> names = {
+      "strictness", "jitter",  "early-only", "on-mismatch", "check-settings", "report",
+      "junit",      "session", "start",      "end",         "preroll",        "at-end",
+      "loops",      "max-gap", "rate",       "chunks",      "faults",         "seed"};
   return std::ranges::find(names, spec.name) != names.end();
 }
 

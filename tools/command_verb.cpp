@@ -87,6 +87,13 @@ Error stray_word(const CommandVerb& verb, Arguments args, const StrayWord& stray
 
 }  // namespace
 
+std::vector<OptionSpec> options_of_one_run(ChannelMode mode) {
+  std::vector<OptionSpec> specs = channel_options(mode);
+  std::erase_if(specs,
+                [](const OptionSpec& spec) { return spec.name == "once" || spec.name == "start-paused"; });
+  return specs;
+}
+
 int run_command_verb(const CommandVerb& verb, Arguments args, std::ostream& out, std::ostream& err,
                      const std::function<Result<int>(CommandVerbLine)>& work) {
   const auto separator = std::ranges::find(args, "--");

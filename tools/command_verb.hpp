@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "libport/base/result.hpp"
+#include "libport/catalog/channel.hpp"
 #include "libport/port/port_type.hpp"
 #include "tools/verbs.hpp"
 
@@ -23,6 +24,10 @@ struct CommandVerb {
   std::string_view alone = {};      // the option with which there is neither a command nor a port
   bool has_port = true;             // of ours, for the command
 };
+
+// The options of a mode for a verb that ends by itself: neither `once`, nor a clock that stands until
+// somebody steers it by the daemon's control socket.
+std::vector<OptionSpec> options_of_one_run(ChannelMode mode);
 
 // What was typed; the values by option, unchecked.
 struct CommandVerbLine {

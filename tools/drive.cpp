@@ -16,6 +16,7 @@
 #include "libport/catalog/port_guess.hpp"
 #include "libport/port/help_table.hpp"
 #include "libport/taped/report_file.hpp"
+#include "tools/command_verb.hpp"
 #include "tools/drive_run.hpp"
 #include "tools/option_description.hpp"
 #include "tools/output.hpp"
@@ -48,7 +49,7 @@ const OptionSpec kDeviceTimeout{.name = "timeout",
                                 .unit = "s"};
 
 std::vector<OptionSpec> drive_specs() {
-  std::vector<OptionSpec> specs = channel_options(ChannelMode::drive);
+  std::vector<OptionSpec> specs = options_of_one_run(ChannelMode::drive);
   specs.push_back(kDeviceTimeout);
   for (OptionSpec& view : view_options()) specs.push_back(std::move(view));
   specs.push_back({"help", OptionSpec::Kind::flag, "", "this text"});

@@ -52,9 +52,9 @@ std::vector<OptionSpec> exec_options() {
                    .help = "no port: what the command says to its own device is recorded; --device PATH "
                            "says which, else the first tty that it opens"});
   for (const ChannelMode mode : {ChannelMode::record, ChannelMode::bridge, ChannelMode::replay}) {
-    for (OptionSpec& spec : channel_options(mode)) {
+    for (OptionSpec& spec : options_of_one_run(mode)) {
       const bool known = std::ranges::find(specs, spec.name, &OptionSpec::name) != specs.end();
-      if (!known && spec.name != "once") specs.push_back(std::move(spec));
+      if (!known) specs.push_back(std::move(spec));
     }
   }
   return specs;

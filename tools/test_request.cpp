@@ -6,6 +6,7 @@
 
 #include "libport/taped/report_file.hpp"
 #include "libport/taped/types.hpp"
+#include "tools/command_verb.hpp"
 
 namespace porttape {
 namespace {
@@ -20,8 +21,7 @@ const OptionSpec kCommandTimeout{
 }  // namespace
 
 std::vector<OptionSpec> test_options() {
-  std::vector<OptionSpec> specs = channel_options(ChannelMode::replay);
-  std::erase_if(specs, [](const OptionSpec& spec) { return spec.name == "once"; });
+  std::vector<OptionSpec> specs = options_of_one_run(ChannelMode::replay);
   for (OptionSpec& spec : specs) {
     spec.default_value = replay_default(ReplayUse::test, spec.name, spec.default_value);
   }

@@ -71,6 +71,14 @@ void Player::jump(TapeTime to, Instant now) {
   wake_ = now;
 }
 
+// How they stand where the tape is entered in the middle of a session.
+void Player::tell_signals() {
+  for (const auto& [name, signal] : schedule_.device_signals()) {
+    late_events_.put(signal);
+    signals_.tell(name);
+  }
+}
+
 void Player::begin_next_loop(Instant now) {
   loops_.begin_next(now);
   jump(config_.start, now);
@@ -91,6 +99,7 @@ void Player::start_at(TapeTime tape, Instant now, Begins begins) {
   session_start_ = tape;
   signals_.begin_session(now);
   late_events_.clear();
+  if (shows_signals_) tell_signals();
   session_bytes_ = schedule_.passed().reads + schedule_.passed().writes;
   wake_ = now;
   pieces_.begin(now);
@@ -204,6 +213,7 @@ Player::Progress Player::at_event(Turn& turn) {
 // Due as a read would be. How a signal stood when the line came up is told then; a flush drops bytes alone.
 Player::Progress Player::at_device_event(Turn& turn, const LineEvent& event) {
   const TapeTime at = schedule_.head()->at;
+  pace_.reach(at);
   const auto* signal = std::get_if<LineSignal>(&event);
   const bool stood = signal != nullptr && signal->name != LineSignal::Name::brk &&
                      !signals_.told(signal->name) &&
@@ -229,6 +239,7 @@ Player::Progress Player::at_device_event(Turn& turn, const LineEvent& event) {
 // A gate like a write: what follows is timed from it. One that never comes is waited for with patience.
 Player::Progress Player::at_driver_signal(Turn& turn, const LineSignal& signal) {
   const TapeTime at = schedule_.head()->at;
+  pace_.reach(at);
   if (gated() && turn.mode != Mode::drop_all) {
     if (!gate_opens(turn.now, at)) return Progress::waits;
     std::optional<Instant> since = signals_.take(signal);

@@ -237,6 +237,7 @@ class Player {
   void take_request_time();
   [[nodiscard]] Settled pass_on(Turn& turn, std::optional<std::uint64_t> writes);
   enum class Begins : std::uint8_t { session, elsewhere };
+  void tell_signals();
   void start_at(TapeTime tape, Instant now, Begins begins = Begins::session);
   void pop();
   void begin_preroll(TapeTime at);

@@ -141,6 +141,7 @@ void ReplayRun::begin_next_loop(Instant now) {
 
 void ReplayRun::begin_session() {
   exchanged_ = writing_ended_ = device_gone_ = sending_ended_ = false;
+  before_latest_ = matcher_.position();
   player_.set_writing_ended(std::nullopt);
   player_.set_hung_up(false);
   pieces_.begin({});
@@ -187,6 +188,7 @@ std::size_t ReplayRun::write(Instant now, ByteView data, bool counted) {
   if (!ledger_) return data.size();
   awaits_jump_.reset();
   if (!counted) {
+    before_latest_ = matcher_.position();
     ledger_->written(data, looks_up() ? lookup_->written() : matcher_.written());
   }
   exchanged_ = true;
@@ -301,6 +303,7 @@ void ReplayRun::end_of_writes(Instant now) {
     if (step.outcome != Matcher::Outcome::block) break;
   }
   if (ledger_ && !device_gone_) compare_behind(now, matcher_.end_session());
+  if (ledger_) settings_.closed(matcher_.position());
   stop_if_damaged(now);
 }
 
@@ -433,6 +436,15 @@ SettingsCheck::Reach ReplayRun::reach(std::optional<bool> any_unsent, EndedBy by
   using Reach = SettingsCheck::Reach;
   if (any_unsent != false && config_.strictness > 0) return Reach::written;
   return any_unsent == false && by == EndedBy::close ? Reach::all : Reach::delivered;
+}
+
+// Where the tape's writes and the driver's may differ, their places do not compare.
+std::optional<SettingsCheck::Place> ReplayRun::place_of_driver() {
+  const bool in_order = config_.strictness > 0 && matcher_.comparing() && !looks_up() && config_.loops == 1 &&
+                        steered_.seeks == 0;
+  const bool same = !ruled_ && gaps_.empty() && hang_ups_.empty() && player_.schedule().output_flushes() == 0;
+  if (!in_order || !same) return std::nullopt;
+  return SettingsCheck::Place{matcher_.position(), before_latest_};
 }
 
 SettingsReport ReplayRun::settings_so_far(EndedBy by) {

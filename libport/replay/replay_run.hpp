@@ -91,7 +91,7 @@ class ReplayRun {
   // The driver has changed its line's settings or, on a line that shows them, a signal.
   void driver_did(Instant now, const LineEvent& event) {
     if (!ledger_) return;
-    settings_.made(event);
+    settings_.made(event, place_of_driver());
     player_.driver_did(now, event);
   }
   void show_signals(bool on) {
@@ -178,6 +178,7 @@ class ReplayRun {
   [[nodiscard]] std::optional<bool> any_unsent();
   [[nodiscard]] SettingsCheck::Reach reach(std::optional<bool> any_unsent, EndedBy by) const;
   [[nodiscard]] SettingsReport settings_so_far(EndedBy by);
+  [[nodiscard]] std::optional<SettingsCheck::Place> place_of_driver();
   [[nodiscard]] PlaybackReport playback(bool complete) const;
   [[nodiscard]] Micros since_begin(Instant now) const;
   // How far the played time is behind the real one, for the run.
@@ -221,6 +222,7 @@ class ReplayRun {
   bool device_gone_ = false;    // in this session: hung up as recorded
   bool sending_ended_ = false;  // in this session, by the device
   bool exchanged_ = false;
+  std::uint64_t before_latest_ = 0;  // of the matcher's positions: that before what was read last
   bool blocked_ = false;
   bool was_blocked_ = false;       // since deliveries last caught up
   std::optional<Mismatch> extra_;  // of a device: told at the end, where it does not stream on

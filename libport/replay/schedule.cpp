@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <variant>
 
+#include "libport/tape/event.hpp"
+
 namespace porttape {
 
 void Schedule::rewind() {
@@ -28,6 +30,7 @@ void Schedule::restart() {
   exchange_ = 0;
   answered_ = true;
   line_closed_ = false;
+  device_signals_.clear();
   error_.reset();
   if (auto result = source_.rewind(); !result) error_ = result.error();
 }
@@ -80,6 +83,7 @@ void Schedule::pass(bool expected) {
       ++breaks_passed_;
       ++opens_passed_;
       line_closed_ = false;
+      device_signals_.clear();
       break;
     case RecordKind::close:
       ++breaks_passed_;
@@ -104,7 +108,10 @@ void Schedule::pass(bool expected) {
 }
 
 void Schedule::pass_event(const Event* event) {
-  const auto* flush = event == nullptr ? nullptr : std::get_if<event::Flush>(event);
+  if (event == nullptr) return;
+  const auto signal = signal_of(*event);
+  if (signal && signal->by == Side::device) device_signals_[signal->signal.name] = signal->signal;
+  const auto* flush = std::get_if<event::Flush>(event);
   if (flush != nullptr && flush->queue != FlushQueue::out) ++input_flushes_;
   if (flush == nullptr || flush->queue == FlushQueue::in) return;
   output_flushes_.add(passed_.writes);

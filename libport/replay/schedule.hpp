@@ -2,11 +2,13 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <optional>
 
 #include "libport/base/bytes.hpp"
 #include "libport/base/error.hpp"
 #include "libport/base/time.hpp"
+#include "libport/line/line_signal.hpp"
 #include "libport/replay/budget.hpp"
 #include "libport/replay/output_flushes.hpp"
 #include "libport/replay/settings_check.hpp"
@@ -81,6 +83,10 @@ class Schedule {
   [[nodiscard]] std::uint64_t input_flushes() const { return input_flushes_; }
   // Whether the walk is between a recorded close and open: nobody had the line then.
   [[nodiscard]] bool line_closed() const { return line_closed_; }
+  // How the device's signals stand where the walk is, as far as the session before it tells.
+  [[nodiscard]] const std::map<LineSignal::Name, LineSignal>& device_signals() const {
+    return device_signals_;
+  }
   // 1-based number of the exchange that the byte at `offset` of the write stream belongs to. Exact for what
   // the walk has passed or stands at; further ahead it is taken to be the next one.
   [[nodiscard]] std::uint64_t exchange_of(std::uint64_t offset);
@@ -110,6 +116,7 @@ class Schedule {
   std::uint64_t exchange_ = 0;
   bool answered_ = true;  // a read came after the last write
   bool line_closed_ = false;
+  std::map<LineSignal::Name, LineSignal> device_signals_;
   std::optional<Error> error_;
 };
 

@@ -64,20 +64,27 @@ void SettingsCheck::pass(const Record& record, std::uint64_t writes, bool expect
     stand_ = Stand::answer;
   if (record.kind == RecordKind::read && !record.data.empty() && stand_ == Stand::answer)
     stand_ = Stand::sure;
-  if (record.kind == RecordKind::close) end_latest(record.at);
+  if (record.kind == RecordKind::close) {
+    end_latest(record.at);
+    for (Taped& each : taped_) each.range.close(writes);
+  }
+  if (record.kind == RecordKind::open || record.kind == RecordKind::write) before_latest_ = writes;
+  const Place place{writes, before_latest_};
   if (record.kind == RecordKind::open && shows_signals_)
-    add_taped({record.at, LineView::opened(), false, true, writes});
+    add_taped({record.at, LineView::opened(), false, Range::of(SettingsOrder::exact, place), writes});
   if (record.event == nullptr) return;
   if (const auto signal = signal_of(*record.event)) {
     if (shows_signals_ && signal->by == Side::driver)
-      add_taped({record.at, LineView::of(signal->signal), expected, true, writes});
+      add_taped({record.at, LineView::of(signal->signal), expected, Range::of(SettingsOrder::exact, place),
+                 writes});
     return;
   }
   const auto* settings = std::get_if<event::Settings>(record.event);
   if (settings == nullptr || !settings->by) return;
   const bool by_driver = *settings->by == Side::driver && expected;
   if (by_driver) end_latest(record.at);
-  add_taped({record.at, LineView::of(settings->line), by_driver, true, writes});
+  const Range range = Range::of(settings->order.value_or(SettingsOrder::sampled), place);
+  add_taped({record.at, LineView::of(settings->line), by_driver, range, writes});
   if (by_driver && !shows_signals_) stand_ = Stand::question;
 }
 
@@ -94,18 +101,24 @@ void SettingsCheck::end_latest(TapeTime at) {
   if (latest != taped_.rend()) latest->seen = at - latest->at >= kSeenAfter;
 }
 
-void SettingsCheck::made(const LineEvent& event) {
-  if (const auto* signal = std::get_if<LineSignal>(&event)) return add_made(LineView::of(*signal));
+void SettingsCheck::made(const LineEvent& event, std::optional<Place> place) {
+  const auto range = [place](SettingsOrder order) { return place ? Range::of(order, *place) : Range{}; };
+  if (const auto* signal = std::get_if<LineSignal>(&event))
+    return add_made({LineView::of(*signal), range(SettingsOrder::exact)});
   const auto* settings = std::get_if<line::Settings>(&event);
   if (settings == nullptr) return;
   if (!keys_) keys_ = Keys{false, false, false, false, false, false, shows_signals_};
   keys_->add(settings->seen);
-  add_made(LineView::of(settings->seen));
+  add_made({LineView::of(settings->seen), range(settings->order)});
 }
 
-void SettingsCheck::add_made(const LineView& line) {
+void SettingsCheck::closed(std::uint64_t written) {
+  for (Made& each : made_) each.range.close(written);
+}
+
+void SettingsCheck::add_made(const Made& made) {
   if (made_.size() == kMostHeld) settle();
-  made_.push_back(line);
+  made_.push_back(made);
 }
 
 // Each that changes what the replaying line shows. What may not have been seen is taken for not made.
@@ -136,7 +149,9 @@ SettingsCheck::Outcome SettingsCheck::compare(std::size_t end) const {
     return lengths[row * (columns + 1) + column];
   };
   const auto same = [&](std::size_t row, std::size_t column) {
-    return agree(keys.of(taped_[outcome.required[row]].what), made_[column]);
+    const Taped& taped = taped_[outcome.required[row]];
+    const Made& made = made_[column];
+    return taped.range.meets(made.range) && agree(keys.of(taped.what), made.what);
   };
   for (std::size_t row = rows; row-- > 0;) {
     for (std::size_t column = columns; column-- > 0;) {

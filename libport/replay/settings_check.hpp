@@ -2,7 +2,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "libport/base/time.hpp"
@@ -35,7 +37,9 @@ struct SettingsReport {
 //
 // A recorded one has to be made where it changes the line in what the replaying one shows, and stood long
 // enough to be seen for sure: for kSeenAfter, or until something that the driver wrote was answered. On a
-// line that shows signals each is told, however short.
+// line that shows signals each is told, however short. It has to be made among the same writes. Where its
+// order is not exact, on the tape or in the replay, it may have come anywhere from before the writes that
+// were read with it to the close.
 //
 // A plain value, of bounded memory: far more on one side than on the other is compared piece by piece.
 class SettingsCheck {
@@ -50,8 +54,16 @@ class SettingsCheck {
   void pass(const Record& record, std::uint64_t writes, bool expected = true);
   // Something behind what was passed has reached the driver.
   void delivered() { delivered_ = taped_.size(); }
-  // The driver has made its line so, or changed a signal.
-  void made(const LineEvent& event);
+  // Where the driver's writes are on the tape, in bytes: those it has made, and those before the latest that
+  // were read at once.
+  struct Place {
+    std::uint64_t written = 0;
+    std::uint64_t before_latest = 0;
+  };
+  // The driver has made its line so, or changed a signal. Nothing: its place is not known.
+  void made(const LineEvent& event, std::optional<Place> place = {});
+  // It has closed its line.
+  void closed(std::uint64_t written);
 
   // How far the driver came, and so what of the passed counts: what is before its last byte, that of so many
   // bytes of recorded writes; also what is before the last that reached it; or all.
@@ -59,13 +71,33 @@ class SettingsCheck {
   [[nodiscard]] SettingsReport report(Reach reach, std::uint64_t writes) const;
 
  private:
+  // Between so many bytes of the tape's writes; anywhere, until that is known.
+  struct Range {
+    std::uint64_t from = 0;
+    std::uint64_t to = std::numeric_limits<std::uint64_t>::max();
+    bool ends_at_close = false;
+
+    static Range of(SettingsOrder order, const Place& place) {
+      if (order == SettingsOrder::exact) return {place.written, place.written};
+      return {.from = place.before_latest, .ends_at_close = true};
+    }
+    void close(std::uint64_t written) {
+      if (std::exchange(ends_at_close, false)) to = written;
+    }
+    [[nodiscard]] bool meets(const Range& other) const { return from <= other.to && other.from <= to; }
+  };
   // A change on the tape.
   struct Taped {
     TapeTime at{};
     LineView what;
     bool by_driver = false;
-    bool seen = true;  // stood long enough
+    Range range{};
     std::uint64_t writes = 0;
+    bool seen = true;  // stood long enough
+  };
+  struct Made {
+    LineView what;
+    Range range{};
   };
   struct Keys {
     bool baud = true, data_bits = false, parity = false, stop_bits = true, hw_flow = true, sw_flow = true;
@@ -84,7 +116,7 @@ class SettingsCheck {
   };
 
   void add_taped(const Taped& taped);
-  void add_made(const LineView& line);
+  void add_made(const Made& made);
   void end_latest(TapeTime at);
   // Of the first `end` of taped_.
   [[nodiscard]] std::vector<std::size_t> required(const Keys& keys, std::size_t end) const;
@@ -94,12 +126,13 @@ class SettingsCheck {
 
   LineView line_;  // before taped_
   std::vector<Taped> taped_;
-  std::vector<LineView> made_;
+  std::vector<Made> made_;
   bool shows_signals_ = false;
   std::optional<Keys> keys_;   // that the replaying line shows; nothing: it has shown none yet
   std::size_t delivered_ = 0;  // of taped_
   Stand stand_ = Stand::sure;
-  SettingsReport settled_;  // of what was compared and forgotten
+  std::uint64_t before_latest_ = 0;  // of the tape's writes, in this session
+  SettingsReport settled_;           // of what was compared and forgotten
 };
 
 }  // namespace porttape

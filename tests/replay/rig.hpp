@@ -68,14 +68,12 @@ class Rig {
     engine.on_line_ended(now());
     return settle();
   }
-  Rig& set(const SeenSettings& settings) {
-    engine.on_event(now(), line::Settings{settings});
+  Rig& tell(const LineEvent& event) {
+    engine.on_event(now(), event);
     return settle();
   }
-  Rig& signal(LineSignal::Name name, bool on) {
-    engine.on_event(now(), LineSignal{name, on});
-    return settle();
-  }
+  Rig& set(const SeenSettings& settings) { return tell(line::Settings{settings}); }
+  Rig& signal(LineSignal::Name name, bool on) { return tell(LineSignal{name, on}); }
   Rig& flush() {
     engine.on_event(now(), line::Flush{});
     return settle();

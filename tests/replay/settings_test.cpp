@@ -173,6 +173,73 @@ TEST(Settings, OneThatHasMadeThemAllIsJudgedAtTheTapesEnd) {
   EXPECT_EQ(rig.verdict(), Verdict::pass);
 }
 
+Event exactly(const SeenSettings& what) { return event::Settings{Side::driver, what, SettingsOrder::exact}; }
+
+// Opens, asks at 300 baud and closes; opens, and asks again at 1200.
+MemoryTape two_sessions(Event (*how)(const SeenSettings&)) {
+  return MemoryTape()
+      .open(0)
+      .event(10, by(Side::device, SeenSettings::of({})))
+      .event(100'000, how(baud(300)))
+      .write(200'000, "ask")
+      .read(300'000, "answer")
+      .close(400'000)
+      .open(500'000)
+      .event(600'000, how(baud(1200)))
+      .write(700'000, "again")
+      .read(800'000, "more")
+      .close(900'000);
+}
+
+TEST(Settings, ThoseOfAnotherSessionAreNotTheOnesThere) {
+  const auto sampled = [](const SeenSettings& what) { return by(Side::driver, what); };
+  for (auto* const how : {+exactly, +sampled}) {
+    Rig right(two_sessions(how), checking());
+    right.open().set(baud(300)).write("ask").wait(200'000).close();
+    right.open().set(baud(1200)).write("again").wait(200'000).close();
+    EXPECT_EQ(right.verdict(), Verdict::pass);
+
+    Rig early(two_sessions(how), checking());
+    early.open().set(baud(300)).set(baud(1200)).write("ask").wait(200'000).close();
+    early.open().write("again").wait(200'000).close();
+    EXPECT_EQ(early.verdict(), Verdict::settings_mismatch);
+    EXPECT_EQ(early.report->settings, (SettingsReport{2, 1, {{tape_time_us(600'000), {baud(1200)}}}}));
+  }
+}
+
+TEST(Settings, OneOnTheOtherSideOfBytesIsNotTheOneThere) {
+  Rig rig(two_sessions(exactly), checking());
+  rig.open().write("ask").set(baud(300)).wait(200'000).close();
+  rig.open().set(baud(1200)).write("again").wait(200'000).close();
+  EXPECT_EQ(rig.verdict(), Verdict::settings_mismatch);
+  EXPECT_EQ(rig.report->settings, (SettingsReport{2, 1, {{tape_time_us(100'000), {baud(300)}}}}));
+}
+
+// Read together with the bytes, nobody knows which of both came first.
+TEST(Settings, OneThatWasSeenAmongBytesMayBeOnEitherSideOfThem) {
+  for (const bool before : {false, true}) {
+    Rig rig(two_sessions(exactly), checking());
+    const line::Settings seen{baud(300), SettingsOrder::sampled};
+    rig.open();
+    if (before) rig.tell(seen);
+    rig.write("ask");
+    if (!before) rig.tell(seen);
+    rig.wait(200'000).close();
+    rig.open().set(baud(1200)).write("again").wait(200'000).close();
+    EXPECT_EQ(rig.verdict(), Verdict::pass) << before;
+  }
+}
+
+// What may be left out or vary has no place that could be compared.
+TEST(Settings, WhereWritesAreNotComparedOneByOneAnyPlaceWillDo) {
+  ReplayConfig config = checking();
+  config.strictness = 0;
+  Rig rig(two_sessions(exactly), config);
+  rig.open().write("ask").set(baud(300)).set(baud(1200)).wait(200'000).close();
+  rig.open().write("again").wait(200'000).close();
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+}
+
 TEST(Settings, TheLineAtTheTapesBeginIsKnownFromOutsideToo) {
   const MemoryTape memory = MemoryTape().open(0).event(1, by(Side::driver, baud(300))).write(100'000, "ask");
   for (const unsigned rate : {300U, 9600U}) {

@@ -11,10 +11,12 @@ namespace {
 using Name = LineSignal::Name;
 using test::MemoryTape;
 using test::Rig;
+using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
+using testing::UnorderedElementsAre;
 
 Event by_device(Name name, bool on) { return signal_event({Side::device, {name, on}}); }
 Event by_driver(Name name, bool on) { return signal_event({Side::driver, {name, on}}); }
@@ -47,6 +49,53 @@ TEST(Signals, TheDevicesComeAtTheirTimeAmongTheBytes) {
   EXPECT_EQ(rig.verdict(), Verdict::pass);
   EXPECT_THAT(to_json(*rig.report), HasSubstr(R"("told":{"modem":2})"));
   EXPECT_THAT(to_text(*rig.report), HasSubstr("\n  events    of the device: 2 modem\n"));
+}
+
+// Of an idle hour with a signal in its middle each half is one that is too long.
+TEST(Signals, TheyAreNoPartOfAnIdleGap) {
+  constexpr std::int64_t kHour = 3'600'000'000;
+  const MemoryTape tape = MemoryTape()
+                              .open(0)
+                              .write(1'000, "ask")
+                              .read(2'000, "answer")
+                              .event(kHour, by_device(Name::cts, false))
+                              .event(2 * kHour, by_driver(Name::rts, false))
+                              .read(3 * kHour, "rest")
+                              .close(3 * kHour + 1'000);
+  ReplayConfig config;
+  config.max_gap = Micros{50'000};
+  Shown rig(tape, config);
+  rig.open().write("ask").until(51'000);
+  EXPECT_THAT(rig.signals, ElementsAre("cts off behind 6 at 51000"));
+  rig.until(80'000).signal(Name::rts, false).until(130'000);
+  EXPECT_EQ(rig.delivered, "answerrest");
+  rig.close();
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
+}
+
+TEST(Signals, WhereTheTapeIsEnteredTheyStandAsTheyDidThere) {
+  const MemoryTape tape = MemoryTape()
+                              .open(0)
+                              .event(300, by_device(Name::cts, false))
+                              .event(400, by_device(Name::cd, true))
+                              .event(500, by_device(Name::cts, true))
+                              .event(600, by_device(Name::cts, false))
+                              .write(1'000, "ask")
+                              .read(2'000, "answer")
+                              .write(5'000, "again")
+                              .read(6'000, "rest")
+                              .event(7'000, by_device(Name::cts, true))
+                              .close(9'000);
+  ReplayConfig config;
+  config.start = tape_time_us(4'000);
+  Shown rig(tape, config);
+  rig.open();
+  EXPECT_THAT(rig.signals, UnorderedElementsAre("cts off behind 0 at 0", "cd on behind 0 at 0"));
+  rig.until(1'000).write("again").until(9'000);
+  EXPECT_EQ(rig.delivered, "rest");
+  EXPECT_THAT(rig.signals, Contains("cts on behind 4 at 3000"));
+  rig.close();
+  EXPECT_EQ(rig.verdict(), Verdict::pass);
 }
 
 TEST(Signals, WhatTheDriverWasNotToldOfIsNotCounted) {

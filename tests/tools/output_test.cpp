@@ -139,5 +139,14 @@ TEST(Porttape, TheLineThatWasMeantIsNamed) {
             "porttape cat: unknown option '--form'; did you mean '--from'?\n");
 }
 
+// A verb that runs a command has no control socket: a clock that stands would stand for ever.
+TEST(Porttape, WhatOnlyADaemonIsSteeredByIsNoOptionOfAVerbThatRunsACommand) {
+  for (const std::string verb : {"test", "exec", "drive", "soak", "shrink", "bless"}) {
+    const test::Ran tried = run({verb, "--tape", "nothing", "--start-paused", "--", "true"});
+    EXPECT_EQ(tried.status, 2) << verb;
+    EXPECT_THAT(tried.err, HasSubstr("unknown option '--start-paused'")) << verb;
+  }
+}
+
 }  // namespace
 }  // namespace porttape
