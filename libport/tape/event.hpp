@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -19,13 +20,34 @@ inline constexpr std::size_t kMaxEventText = 4096;
 // Who did it.
 enum class Side : std::uint8_t { driver, device };
 
+// What the driver or the device did on the line.
+struct TapedLineEvent {
+  Side by = Side::driver;
+  LineEvent what;
+};
+
 // The kinds of events, one struct each, as the table of FORMAT.md tells them: kName is the kind's name on the
 // tape, the members are its keys. A key that is not there, or says what no version of this one writes, is
 // nothing, false, 0 or "".
 //
-// A new kind is: its struct here and its place in Event; its keys in event.cpp, both ways; its row in
-// FORMAT.md. Whoever acts on it asks for it by its type.
+// keys() names the members to whoever writes, reads or lists the format (event_keys.hpp). of() makes the
+// event of what happened on the line; nothing where no tape holds it from that side. line_event() is the way
+// back, of those that a replay tells or makes again; nothing where it is not known who did it.
+//
+// A new kind is its struct here, its place in Event and its row in FORMAT.md. Whoever acts on it asks for it
+// by its type.
 namespace event {
+
+// The values that are words on the tape; the place is the value.
+inline constexpr auto kSides = std::to_array<std::string_view>({"driver", "device"});
+inline constexpr auto kDirs = std::to_array<std::string_view>({"r", "w"});
+inline constexpr auto kQueues = std::to_array<std::string_view>({"in", "out", "both"});
+inline constexpr auto kOrders = std::to_array<std::string_view>({"exact", "sampled"});
+inline constexpr auto kStates = std::to_array<std::string_view>({"off", "on"});
+inline constexpr auto kModemLines = std::to_array<std::string_view>({"dtr", "rts", "cts", "dsr", "cd", "ri"});
+// Those that this version makes.
+inline constexpr auto kFaults = std::to_array<std::string_view>(
+    {"drop", "corrupt", "duplicate", "delay", "stall", "truncate", "hangup", "replug", "plan", "more"});
 
 struct Open {
   static constexpr std::string_view kName = "open";
@@ -41,6 +63,11 @@ struct DeviceLost {
   static constexpr std::string_view kName = "device-lost";
   StrangerText why;
   bool hung_up = false;  // the driver's line broke with it
+
+  static void keys(auto& lost, auto& keys) {
+    keys.text("why", lost.why);
+    keys.flag("hung_up", lost.hung_up);
+  }
   friend bool operator==(const DeviceLost&, const DeviceLost&) = default;
 };
 
@@ -52,12 +79,16 @@ struct DeviceBack {
 struct HalfClose {
   static constexpr std::string_view kName = "half-close";
   std::optional<Side> by;
+
+  static void keys(auto& half_close, auto& keys) { keys.word("by", half_close.by, kSides); }
   friend bool operator==(const HalfClose&, const HalfClose&) = default;
 };
 
 struct Zero {
   static constexpr std::string_view kName = "zero";
   TapeZero zero;
+
+  static void keys(auto& event, auto& keys) { keys.members(event.zero); }
   friend bool operator==(const Zero&, const Zero&) = default;
 };
 
@@ -66,12 +97,33 @@ struct Settings {
   std::optional<Side> by;  // the device's own, or what the driver has set
   SeenSettings line;
   std::optional<SettingsOrder> order;
+
+  static void keys(auto& settings, auto& keys) {
+    keys.word("by", settings.by, kSides);
+    keys.members(settings.line);
+    keys.word("order", settings.order, kOrders);
+  }
+  static std::optional<Settings> of(Side by, const line::Settings& made) {
+    return Settings{by, made.seen, made.order};
+  }
+  [[nodiscard]] std::optional<TapedLineEvent> line_event() const {
+    if (!by) return std::nullopt;
+    return TapedLineEvent{*by, line::Settings{line, order.value_or(SettingsOrder::exact)}};
+  }
   friend bool operator==(const Settings&, const Settings&) = default;
 };
 
 struct Flush {
   static constexpr std::string_view kName = "flush";
   std::optional<FlushQueue> queue;
+
+  static void keys(auto& flush, auto& keys) { keys.word("queue", flush.queue, kQueues); }
+  static std::optional<Flush> of(Side by, const line::Flush& made) {
+    return by == Side::driver ? std::optional(Flush{made.queue}) : std::nullopt;
+  }
+  [[nodiscard]] std::optional<TapedLineEvent> line_event() const {
+    return TapedLineEvent{Side::driver, line::Flush{queue.value_or(FlushQueue::both)}};
+  }
   friend bool operator==(const Flush&, const Flush&) = default;
 };
 
@@ -81,6 +133,20 @@ struct Modem {
   std::optional<LineSignal::Name> line;  // never brk
   std::optional<bool> on;
   std::optional<Side> by;
+
+  static void keys(auto& modem, auto& keys) {
+    keys.word("line", modem.line, kModemLines);
+    keys.word("state", modem.on, kStates);
+    keys.word("by", modem.by, kSides);
+  }
+  static std::optional<Modem> of(Side by, const LineSignal& made) {
+    return made.name != LineSignal::Name::brk ? std::optional(Modem{made.name, made.on, by}) : std::nullopt;
+  }
+  [[nodiscard]] std::optional<TapedLineEvent> line_event() const {
+    if (!line || !on) return std::nullopt;
+    return TapedLineEvent{by.value_or(is_output(*line) ? Side::driver : Side::device),
+                          LineSignal{*line, *on}};
+  }
   friend bool operator==(const Modem&, const Modem&) = default;
 };
 
@@ -88,6 +154,18 @@ struct Break {
   static constexpr std::string_view kName = "break";
   std::optional<bool> on;
   std::optional<Side> by;
+
+  static void keys(auto& signal, auto& keys) {
+    keys.word("state", signal.on, kStates);
+    keys.word("by", signal.by, kSides);
+  }
+  static std::optional<Break> of(Side by, const LineSignal& made) {
+    return made.name == LineSignal::Name::brk ? std::optional(Break{made.on, by}) : std::nullopt;
+  }
+  [[nodiscard]] std::optional<TapedLineEvent> line_event() const {
+    if (!on) return std::nullopt;
+    return TapedLineEvent{by.value_or(Side::driver), LineSignal{LineSignal::Name::brk, *on}};
+  }
   friend bool operator==(const Break&, const Break&) = default;
 };
 
@@ -96,12 +174,17 @@ struct Break {
 struct Drain {
   static constexpr std::string_view kName = "drain";
   Micros took{};
+
+  static void keys(auto& drain, auto& keys) { keys.number("took_us", drain.took); }
   friend bool operator==(const Drain&, const Drain&) = default;
 };
 
 struct Mark {
   static constexpr std::string_view kName = "mark";
   StrangerText text;
+
+  static void keys(auto& mark, auto& keys) { keys.text("text", mark.text); }
+  static std::optional<Mark> of(Side, const line::Mark& made) { return Mark{made.text}; }
   friend bool operator==(const Mark&, const Mark&) = default;
 };
 
@@ -110,12 +193,35 @@ struct Gap {
   std::uint64_t bytes = 0;       // of both directions together; 0: only events, or unknown
   std::optional<TapeTime> from;  // when it began; the event's own time is where the tape goes on
   StrangerText why;
+
+  static void keys(auto& gap, auto& keys) {
+    keys.number("bytes", gap.bytes);
+    keys.moment("from_us", gap.from);
+    keys.text("why", gap.why);
+  }
+  static std::optional<Gap> of(Side by, const line::Dropped& lost) {
+    if (by == Side::driver) return std::nullopt;
+    return Gap{lost.bytes, std::nullopt, std::string(lost.why)};
+  }
   friend bool operator==(const Gap&, const Gap&) = default;
 };
 
 struct Fault {
   static constexpr std::string_view kName = "fault";
   LineFault fault;
+
+  static void keys(auto& event, auto& keys) {
+    auto& fault = event.fault;
+    keys.text("kind", fault.kind, kFaults);
+    keys.word("dir", fault.dir, kDirs);
+    keys.number("offset", fault.offset);
+    keys.number_if("count", fault.count);
+    keys.text_if("spec", fault.spec);
+    keys.number("seed", fault.seed);
+  }
+  static std::optional<Fault> of(Side by, const LineFault& made) {
+    return by == Side::driver ? std::nullopt : std::optional(Fault{made});
+  }
   friend bool operator==(const Fault&, const Fault&) = default;
 };
 
@@ -124,6 +230,13 @@ struct End {
   std::optional<PayloadTotals> read;  // what the r and w files hold; nothing where it does not say so
   std::optional<PayloadTotals> write;
   std::optional<std::uint64_t> events = {};  // XXH3 of all lines before this one, newlines included
+
+  static constexpr std::string_view kEventsDigest = "events_xxh3";
+  static void keys(auto& end, auto& keys) {
+    keys.object("read", end.read);
+    keys.object("write", end.write);
+    keys.digest(kEventsDigest, end.events);
+  }
   friend bool operator==(const End&, const End&) = default;
 };
 
@@ -145,8 +258,14 @@ struct TapeEvent {
   Event what;
 };
 
-// A change of a line's signal as an event, and back; nothing where the event is another, or not all of it is
-// known.
+// What the driver or the device did on the line, as the event of a tape; nothing where no tape holds it, or
+// not from that side.
+std::optional<Event> event_of(const TapedLineEvent& event);
+// And back, with who did it, of the events that a replay tells or makes again: settings, flushes, signals.
+// Nothing where the event is another, or it is not known who did it.
+std::optional<TapedLineEvent> line_event_of(const Event& event);
+
+// The same of a change of a line's signal.
 struct TapedSignal {
   Side by = Side::driver;
   LineSignal signal;
@@ -155,17 +274,6 @@ struct TapedSignal {
 };
 Event signal_event(const TapedSignal& signal);
 std::optional<TapedSignal> signal_of(const Event& event);
-
-// What the driver or the device did on the line, as the event of a tape; nothing where no tape holds it, or
-// not from that side.
-struct TapedLineEvent {
-  Side by = Side::driver;
-  LineEvent what;
-};
-std::optional<Event> event_of(const TapedLineEvent& event);
-// And back, with who did it, of the events that a replay tells or makes again: settings, flushes, signals.
-// Nothing where the event is another, or it is not known who did it.
-std::optional<TapedLineEvent> line_event_of(const Event& event);
 
 // The kind's name on the tape. Refers to the event.
 std::string_view name_of(const Event& event);

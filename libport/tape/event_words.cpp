@@ -2,40 +2,26 @@
 
 #include <algorithm>
 #include <array>
-#include <initializer_list>
-#include <span>
+#include <string>
 #include <type_traits>
 #include <variant>
+#include <vector>
 
-#include "libport/tape/event.hpp"
+#include "libport/tape/event_keys.hpp"
 
-namespace porttape::event_words {
+namespace porttape {
 namespace {
 
-using KeyList = std::span<const std::string_view>;
+using event_keys::Form;
+using event_keys::Words;
 
 constexpr auto kEveryEvent = std::to_array<std::string_view>({"t_us", "event", "carried"});
-constexpr auto kFormatKeys = std::to_array<std::string_view>(
-    {"format",  "version",  "created",    "id",           "zero",     "wall",      "monotonic_us", "boot",
-     "device",  "driver",   "transport",  "stamped",      "previous", "name",      "identity",     "path",
-     "vid",     "pid",      "serial",     "manufacturer", "product",  "interface", "origin",       "by",
-     "tapes",   "from_us",  "host",       "tool",         "why",      "hung_up",   "baud",         "databits",
-     "parity",  "stopbits", "hwflowctrl", "swflowctrl",   "order",    "queue",     "line",         "state",
-     "took_us", "text",     "kind",       "dir",          "offset",   "spec",      "seed",         "count",
-     "bytes",   "read",     "write",      "blocks",       "xxh3"});
-constexpr auto kFormatNumbers = std::to_array<std::string_view>(
-    {"t_us", "version", "monotonic_us", "interface", "from_us", "baud", "databits", "stopbits", "took_us",
-     "offset", "seed", "count", "bytes", "blocks"});
-
-bool holds(KeyList list, std::string_view word) { return std::ranges::find(list, word) != list.end(); }
 
 bool is_hex_of(std::string_view text, std::size_t digits) {
   return text.size() == digits && text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
 }
-bool is_id(std::string_view text) { return is_hex_of(text, 32); }
-bool is_digest(std::string_view text) { return is_hex_of(text, 16); }
 
-// RFC 3339, in whatever precision, or a boot_id: '9' stands for a digit, 'f' for a hexadecimal one.
+// '9' stands for a digit, 'f' for a hexadecimal one.
 bool is_of_form(std::string_view text, std::string_view form) {
   return text.size() == form.size() && std::ranges::equal(text, form, [](char c, char wanted) {
            const bool digit = c >= '0' && c <= '9';
@@ -43,93 +29,129 @@ bool is_of_form(std::string_view text, std::string_view form) {
            return wanted == 'f' ? digit || (c >= 'a' && c <= 'f') : c == wanted;
          });
 }
-bool is_moment(std::string_view text) {
-  return is_of_form(text, "9999-99-99T99:99:99Z") || is_of_form(text, "9999-99-99T99:99:99.999999Z");
-}
-bool is_boot(std::string_view text) { return is_of_form(text, "ffffffff-ffff-ffff-ffff-ffffffffffff"); }
 
-bool is_in(std::string_view text, std::initializer_list<std::string_view> words) {
-  return std::find(words.begin(), words.end(), text) != words.end();
-}
-bool is_format(std::string_view text) { return text == "porttape-events"; }
-bool is_transport(std::string_view text) { return is_in(text, {"stream", "datagram"}); }
-bool is_stamped(std::string_view text) { return is_in(text, {"arrival", "read"}); }
-bool is_making_verb(std::string_view text) {
-  return is_in(text, {"cut", "split", "merge", "recover", "redact", "convert", "shrink"});
-}
-bool is_side(std::string_view text) { return is_in(text, {"driver", "device"}); }
-bool is_parity(std::string_view text) { return is_in(text, {"none", "even", "odd", "mark", "space"}); }
-bool is_order(std::string_view text) { return is_in(text, {"exact", "sampled"}); }
-bool is_queue(std::string_view text) { return is_in(text, {"in", "out", "both"}); }
-bool is_modem_line(std::string_view text) { return is_in(text, {"dtr", "rts", "cts", "dsr", "cd", "ri"}); }
-bool is_state(std::string_view text) { return is_in(text, {"on", "off"}); }
-bool is_dir(std::string_view text) { return is_in(text, {"r", "w"}); }
-bool is_fault(std::string_view text) {
-  return is_in(text, {"drop", "corrupt", "duplicate", "delay", "stall", "truncate", "hangup", "replug",
-                      "plan", "more"});
-}
-
-struct Word {
+// A key of a header or of a kind.
+struct Key {
   std::string_view kind;
-  std::string_view path;
-  bool (*is_word)(std::string_view text);
-};
-constexpr auto kWords = std::to_array<Word>({{kHeader, "format", is_format},
-                                             {kHeader, "created", is_moment},
-                                             {kHeader, "id", is_id},
-                                             {kHeader, "zero.wall", is_moment},
-                                             {kHeader, "zero.boot", is_boot},
-                                             {kHeader, "transport", is_transport},
-                                             {kHeader, "stamped", is_stamped},
-                                             {kHeader, "previous.id", is_id},
-                                             {kHeader, "origin.by", is_making_verb},
-                                             {kHeader, "origin.tapes.id", is_id},
-                                             {"half-close", "by", is_side},
-                                             {"zero", "wall", is_moment},
-                                             {"zero", "boot", is_boot},
-                                             {"settings", "by", is_side},
-                                             {"settings", "parity", is_parity},
-                                             {"settings", "order", is_order},
-                                             {"flush", "queue", is_queue},
-                                             {"modem", "line", is_modem_line},
-                                             {"modem", "state", is_state},
-                                             {"modem", "by", is_side},
-                                             {"break", "state", is_state},
-                                             {"break", "by", is_side},
-                                             {"fault", "kind", is_fault},
-                                             {"fault", "dir", is_dir},
-                                             {"end", "read.xxh3", is_digest},
-                                             {"end", "write.xxh3", is_digest}});
+  std::string path;
+  std::string_view name;  // the last part of the path
+  bool is_number = false;
+  Words words;  // that may stand there
+  Form form = nullptr;
 
-template <class Kind>
-bool is_name_of(std::string_view name) {
-  if constexpr (std::is_same_v<Kind, event::Unknown>) {
-    return false;
-  } else {
-    return name == Kind::kName;
+  [[nodiscard]] bool is_word(std::string_view text) const {
+    return form != nullptr ? form(text) : std::ranges::find(words, text) != words.end();
   }
-}
+};
+
+// Lists keys: see event_keys.hpp.
+class KeyLister {
+ public:
+  KeyLister(std::string_view kind, std::string path, std::vector<Key>& keys)
+      : kind_(kind), path_(std::move(path)), keys_(keys) {}
+
+  void text(std::string_view name, const auto&) { add(name); }
+  void text(std::string_view name, const auto&, Form form) { add(name, false, {}, form); }
+  void text(std::string_view name, const auto&, Words words) { add(name, false, words); }
+  template <class... Known>
+  void text_if(std::string_view name, const auto& text, const Known&... known) {
+    this->text(name, text, known...);
+  }
+  void word(std::string_view name, const auto&, Words words) { add(name, false, words); }
+  template <class... Bounds>
+  void number(std::string_view name, const auto&, Bounds...) {
+    add(name, true);
+  }
+  void number_if(std::string_view name, std::uint64_t) { add(name, true); }
+  void needed(std::string_view name, std::uint64_t) { add(name, true); }
+  void flag(std::string_view name, const auto&) { add(name); }
+  void moment(std::string_view name, const auto&) { add(name, true); }
+  void digest(std::string_view name, const auto&) { add(name, false, {}, event_keys::is_digest); }
+  void usb_id(std::string_view name, const auto&) { add(name); }
+  template <class Value>
+  void object(std::string_view name, const std::optional<Value>&) {
+    add_inner<Value>(name);
+  }
+  template <class Value>
+  void list(std::string_view name, const std::vector<Value>&) {
+    add_inner<Value>(name);
+  }
+  void members(const auto& value) { event_keys::tell(value, *this); }
+
+ private:
+  void add(std::string_view name, bool is_number = false, Words words = {}, Form form = nullptr) {
+    keys_.push_back({kind_, path_ + std::string(name), name, is_number, words, form});
+  }
+  template <class Value>
+  void add_inner(std::string_view name) {
+    add(name);
+    KeyLister(kind_, path_ + std::string(name) + '.', keys_).members(Value{});
+  }
+
+  std::string_view kind_;
+  std::string path_;  // before a key's name
+  std::vector<Key>& keys_;
+};
+
 template <class... Kinds>
-bool is_name_of_one(std::string_view name, const std::variant<Kinds...>*) {
-  return (is_name_of<Kinds>(name) || ...);
+std::vector<Key> list_keys(std::type_identity<std::variant<event::Unknown, Kinds...>>) {
+  std::vector<Key> keys;
+  KeyLister header(event_words::kHeader, "", keys);
+  header.text("format", std::string_view(), event_keys::kFormats);
+  header.number("version", 0);
+  header.members(TapeHeader{});
+  (KeyLister(Kinds::kName, "", keys).members(Kinds{}), ...);
+  return keys;
+}
+
+const std::vector<Key>& all_keys() {
+  static const std::vector<Key> keys = list_keys(std::type_identity<Event>());
+  return keys;
+}
+
+template <class... Kinds>
+bool is_name_of_one(std::string_view name, std::type_identity<std::variant<event::Unknown, Kinds...>>) {
+  return ((name == Kinds::kName) || ...);
+}
+
+bool is_of_format(std::string_view kind) {
+  return kind == event_words::kHeader || event_words::is_known_kind(kind);
 }
 
 }  // namespace
 
-bool is_known_kind(std::string_view kind) { return is_name_of_one(kind, static_cast<const Event*>(nullptr)); }
+namespace event_keys {
+
+bool is_id(std::string_view text) { return is_hex_of(text, 32); }
+bool is_digest(std::string_view text) { return is_hex_of(text, 16); }
+bool is_wall_time(std::string_view text) {
+  return is_of_form(text, "9999-99-99T99:99:99Z") || is_of_form(text, "9999-99-99T99:99:99.999999Z");
+}
+bool is_boot(std::string_view text) { return is_of_form(text, "ffffffff-ffff-ffff-ffff-ffffffffffff"); }
+
+}  // namespace event_keys
+
+namespace event_words {
+
+bool is_known_kind(std::string_view kind) { return is_name_of_one(kind, std::type_identity<Event>()); }
 
 bool is_known_key(std::string_view kind, std::string_view key) {
-  return holds(kEveryEvent, key) || ((kind == kHeader || is_known_kind(kind)) && holds(kFormatKeys, key));
+  return std::ranges::find(kEveryEvent, key) != kEveryEvent.end() ||
+         (is_of_format(kind) && std::ranges::find(all_keys(), key, &Key::name) != all_keys().end());
 }
 
 bool is_known_number(std::string_view kind, std::string_view key) {
-  return key == "t_us" || ((kind == kHeader || is_known_kind(kind)) && holds(kFormatNumbers, key));
+  return key == "t_us" || (is_of_format(kind) && std::ranges::any_of(all_keys(), [key](const Key& each) {
+                             return each.is_number && each.name == key;
+                           }));
 }
 
 bool is_word(std::string_view kind, std::string_view path, std::string_view text) {
   if (path == "event" && kind != kHeader) return is_known_kind(text);
-  return std::ranges::any_of(
-      kWords, [&](const Word& word) { return word.kind == kind && word.path == path && word.is_word(text); });
+  return std::ranges::any_of(all_keys(), [&](const Key& each) {
+    return each.kind == kind && each.path == path && each.is_word(text);
+  });
 }
 
-}  // namespace porttape::event_words
+}  // namespace event_words
+}  // namespace porttape

@@ -32,6 +32,10 @@ TEST(EventWords, AKeyIsKnownInAHeaderAndInAKnownKind) {
   }
 }
 
+TEST(EventWords, TheKeysOfDigestsAreKnown) {
+  for (const std::string_view key : {"xxh3_all", "events_xxh3"}) EXPECT_TRUE(is_known_key("end", key)) << key;
+}
+
 TEST(EventWords, ANumberIsTheRecordersInAHeaderAndInAKnownKind) {
   for (const std::string_view kind : {"snow", "gap", ""}) EXPECT_TRUE(is_known_number(kind, "t_us")) << kind;
   for (const std::string_view key : {"version", "bytes", "from_us", "blocks"}) {
