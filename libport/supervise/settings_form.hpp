@@ -4,10 +4,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <optional>
 #include <sys/ioctl.h>
 
-#include "libport/line/line_event.hpp"
 #include "libport/line/line_settings.hpp"
 
 // What the requests TCSETS… of a program carry. Not to be included with <termios.h>.
@@ -45,20 +43,6 @@ inline tcflag_t flags_in(const SettingsForm& form, const std::byte* settings) {
 
 inline bool flushes_input(std::uint32_t request) {
   return request == TCSETSF || request == TCSETSF2 || request == TCSETAF;
-}
-
-// What a TCFLSH with that argument drops; nothing: it is refused.
-inline std::optional<FlushQueue> flushed_by(int queue) {
-  switch (queue) {
-    case TCIFLUSH:
-      return FlushQueue::in;
-    case TCOFLUSH:
-      return FlushQueue::out;
-    case TCIOFLUSH:
-      return FlushQueue::both;
-    default:
-      return std::nullopt;
-  }
 }
 
 // The same settings without waiting for what was written, nor a flush.

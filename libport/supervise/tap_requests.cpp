@@ -10,6 +10,7 @@
 #include <sys/ioctl.h>
 #include <utility>
 
+#include "libport/supervise/event_requests.hpp"
 #include "libport/supervise/settings_form.hpp"
 #include "libport/tty/tty.hpp"
 
@@ -23,9 +24,9 @@ constexpr Nanos kBreak = milliseconds(250);  // of a TCSBRK, and a TCSBRKP of 0:
 constexpr Nanos kTenth = milliseconds(100);
 constexpr int kDriven = TIOCM_DTR | TIOCM_RTS;
 
-constexpr std::array<std::uint32_t, 20> kTapped{
-    TCSETS,  TCSETSW,  TCSETSF,  TCSETA, TCSETAW,  TCSETAF,  TCSETS2,  TCSETSW2, TCSETSF2,    TCSBRK,
-    TCSBRKP, TIOCSBRK, TIOCCBRK, TCFLSH, TIOCMGET, TIOCMSET, TIOCMBIS, TIOCMBIC, TIOCGICOUNT, FIONBIO};
+constexpr std::array<std::uint32_t, 19> kTapped{
+    TCSETS,  TCSETSW,  TCSETSF,  TCSETA,   TCSETAW,  TCSETAF,  TCSETS2,  TCSETSW2,    TCSETSF2, TCSBRK,
+    TCSBRKP, TIOCSBRK, TIOCCBRK, TIOCMGET, TIOCMSET, TIOCMBIS, TIOCMBIC, TIOCGICOUNT, FIONBIO};
 
 LineSettings settings_at(int fd, tcflag_t flags) {
   LineSettings settings;
@@ -61,7 +62,11 @@ void when_sent(const std::weak_ptr<KeptCall>& kept, const std::shared_ptr<Tapped
 
 }  // namespace
 
-std::vector<std::uint32_t> TapRequests::requests() { return {kTapped.begin(), kTapped.end()}; }
+std::vector<std::uint32_t> TapRequests::requests() {
+  std::vector<std::uint32_t> requests(kTapped.begin(), kTapped.end());
+  for (const EventRequest& each : kEventRequests) requests.push_back(each.request);
+  return requests;
+}
 
 LineSettings TapRequests::settings_of(int file) {
   termios made{};
@@ -75,6 +80,7 @@ void TapRequests::tell_first_lines(int file) {
 CallPart::Decision TapRequests::decide(Supervisor& supervisor, const Call& call,
                                        const std::shared_ptr<TappedFile>& file) {
   const auto request = static_cast<std::uint32_t>(call.argument(1));
+  if (const EventRequest* const event = event_request(request)) return make(*event, call, *file);
   switch (request) {
     case TIOCMGET:
       return give_lines(call, *file);
@@ -85,8 +91,6 @@ CallPart::Decision TapRequests::decide(Supervisor& supervisor, const Call& call,
     case TIOCGICOUNT:  // which counts their changes
       if (const std::optional<int> bits = lines_of(file->fd())) tell_signals(*bits, false);
       return outcome::Pass{};
-    case TCFLSH:
-      return flush(call, *file);
     case TIOCSBRK:
       return begin_break_when_sent(supervisor, call, file);
     case TIOCCBRK:
@@ -115,10 +119,10 @@ Outcome TapRequests::make_settings(const Call& call, const TappedFile& file, std
   return at_once == request ? Outcome(outcome::Answer{0}) : Outcome(outcome::Pass{});
 }
 
-Outcome TapRequests::flush(const Call& call, const TappedFile& file) {
-  const auto queue = static_cast<int>(call.argument(2));
-  if (::ioctl(file.fd(), TCFLSH, queue) != 0) return outcome::Refuse{errno};
-  if (const auto flushed = flushed_by(queue)) line_->driver_did(line::Flush{*flushed});
+Outcome TapRequests::make(const EventRequest& request, const Call& call, const TappedFile& file) {
+  const auto argument = static_cast<int>(call.argument(2));
+  if (::ioctl(file.fd(), request.request, argument) != 0) return outcome::Refuse{errno};
+  if (const auto event = request.event(argument)) line_->driver_did(*event);
   return outcome::Answer{0};
 }
 

@@ -12,6 +12,8 @@
 
 namespace porttape {
 
+struct EventRequest;
+
 // What a program asks of its own device beside bytes, done on a duplicate of its descriptor and told to a
 // TappedLine: settings, modem lines, breaks, flushes, drains. What the device does with its lines is told
 // when a program looks at them. Loop thread only; outlives the supervisor's kept calls.
@@ -31,7 +33,7 @@ class TapRequests {
 
  private:
   Outcome make_settings(const Call& call, const TappedFile& file, std::uint32_t request);
-  Outcome flush(const Call& call, const TappedFile& file);
+  Outcome make(const EventRequest& request, const Call& call, const TappedFile& file);
   Outcome set_break(const TappedFile& file, bool on);
   CallPart::Decision begin_break_when_sent(Supervisor& supervisor, const Call& call,
                                            const std::shared_ptr<TappedFile>& file);

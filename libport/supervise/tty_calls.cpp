@@ -11,6 +11,7 @@
 
 #include "libport/loop/loop.hpp"
 #include "libport/supervise/caller_rights.hpp"
+#include "libport/supervise/event_requests.hpp"
 #include "libport/supervise/settings_form.hpp"
 #include "libport/tty/tty.hpp"
 
@@ -21,10 +22,10 @@ constexpr std::int64_t kMostTenths = 600;
 constexpr Nanos kTenth = std::chrono::milliseconds(100);
 constexpr tcflag_t kHidden = CSIZE | PARENB | PARODD | CMSPAR | CLOCAL;
 
-constexpr std::array<std::uint32_t, 27> kRequests{
-    TCGETS,   TCSETS,   TCSETSW,  TCSETSF,    TCGETA,      TCSETA,      TCSETAW,     TCSETAF,    TCGETS2,
-    TCSETS2,  TCSETSW2, TCSETSF2, TCSBRK,     TCSBRKP,     TIOCSBRK,    TIOCCBRK,    TCFLSH,     TIOCMGET,
-    TIOCMSET, TIOCMBIS, TIOCMBIC, TIOCMIWAIT, TIOCGICOUNT, TIOCGSERIAL, TIOCSSERIAL, TIOCGRS485, TIOCSRS485};
+constexpr std::array<std::uint32_t, 26> kRequests{
+    TCGETS,   TCSETS,   TCSETSW,    TCSETSF,     TCGETA,      TCSETA,      TCSETAW,    TCSETAF,   TCGETS2,
+    TCSETS2,  TCSETSW2, TCSETSF2,   TCSBRK,      TCSBRKP,     TIOCSBRK,    TIOCCBRK,   TIOCMGET,  TIOCMSET,
+    TIOCMBIS, TIOCMBIC, TIOCMIWAIT, TIOCGICOUNT, TIOCGSERIAL, TIOCSSERIAL, TIOCGRS485, TIOCSRS485};
 
 void put_flags(const SettingsForm& form, std::byte* settings, tcflag_t flags) {
   std::memcpy(settings + form.flags_at, &flags, form.flags_size);
@@ -83,13 +84,16 @@ TtyCalls::~TtyCalls() {
 }
 
 std::vector<CallTrap> TtyCalls::traps() const {
-  return {{.number = SYS_ioctl, .requests = {kRequests.begin(), kRequests.end()}}};
+  CallTrap trap{.number = SYS_ioctl, .requests = {kRequests.begin(), kRequests.end()}};
+  for (const EventRequest& each : kEventRequests) trap.requests.push_back(each.request);
+  return {trap};
 }
 
 CallPart::Decision TtyCalls::decide(Supervisor& supervisor, const Call& call) {
   if (line_ == nullptr || call.number() != SYS_ioctl) return NotMine{};
   const auto request = static_cast<std::uint32_t>(call.argument(1));
-  if (std::ranges::find(kRequests, request) == kRequests.end()) return NotMine{};
+  const EventRequest* const event = event_request(request);
+  if (event == nullptr && std::ranges::find(kRequests, request) == kRequests.end()) return NotMine{};
   const std::optional<TtyDevice> device = line_->line_device();
   if (!device) return NotMine{};
   const std::optional<TtyDevice> asked = call.device_of(static_cast<int>(call.argument(0)));
@@ -104,11 +108,11 @@ CallPart::Decision TtyCalls::decide(Supervisor& supervisor, const Call& call) {
   if (gives_settings(request)) return give_settings(call, request);
   if (makes_settings(request) || makes_settings_when_sent(request))
     return decide_settings(supervisor, call, request);
+  // What was written before is on its way, and not to be dropped.
+  if (event != nullptr)
+    return behind_writes(supervisor, call,
+                         [this, event](const Call& waiting, SettingsOrder) { return make(*event, waiting); });
   switch (request) {
-    case TCFLSH:
-      // What was written before is on its way, and not to be dropped.
-      return behind_writes(supervisor, call,
-                           [this](const Call& waiting, SettingsOrder) { return flush(waiting); });
     case TCSBRK:
     case TCSBRKP:
     case TIOCSBRK:
@@ -231,13 +235,14 @@ LineSettings TtyCalls::settings_now() const {
 }
 
 // Done here, at its place; by the kernel where its descriptor is not to be had.
-Outcome TtyCalls::flush(const Call& call) {
-  const auto queue = static_cast<int>(call.argument(2));
-  const UniqueFd tty = call.duplicate(static_cast<int>(call.argument(0)));
-  if (tty && ::ioctl(tty.get(), TCFLSH, queue) != 0) return outcome::Refuse{errno};
-  if (const auto flushed = flushed_by(queue); line_ != nullptr && flushed)
-    line_->peer_did(line::Flush{*flushed});
-  return tty ? done_well() : outcome::Pass{};
+Outcome TtyCalls::make(const EventRequest& request, const Call& call) {
+  const auto argument = static_cast<int>(call.argument(2));
+  const std::optional<LineEvent> event = request.event(argument);
+  if (!request.pty_does_it && !event) return outcome::Refuse{EINVAL};
+  const UniqueFd tty = request.pty_does_it ? call.duplicate(static_cast<int>(call.argument(0))) : UniqueFd();
+  if (tty && ::ioctl(tty.get(), request.request, argument) != 0) return outcome::Refuse{errno};
+  if (line_ != nullptr && event) line_->peer_did(*event);
+  return tty || !request.pty_does_it ? done_well() : outcome::Pass{};
 }
 
 Outcome TtyCalls::give_lines(const Call& call) const {

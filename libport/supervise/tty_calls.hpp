@@ -17,6 +17,8 @@
 
 namespace porttape {
 
+struct EventRequest;
+
 // Gives a driver on a pty what only a serial line has: modem lines, breaks, counters, parity and data bits
 // that are read back as they were set, drains that last, and its settings and flushes an exact place among
 // what it writes. Does so for every descriptor of that pty, whatever way a program got it.
@@ -66,7 +68,7 @@ class TtyCalls final : public CallPart, private LineSupervisor {
   Decision decide_break(Supervisor& supervisor, const Call& call, std::uint32_t request);
   Outcome give_settings(const Call& call, std::uint32_t request) const;
   Outcome make_settings(const Call& call, std::uint32_t request, SettingsOrder order);
-  Outcome flush(const Call& call);
+  Outcome make(const EventRequest& request, const Call& call);
   Outcome give_lines(const Call& call) const;
   Outcome drive_lines(const Call& call, std::uint32_t request);
   void drive(LineSignal::Name name, bool on);
