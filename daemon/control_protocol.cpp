@@ -147,7 +147,7 @@ Result<Values> values_of(std::string_view line) {
   const json::value value = json::parse({line.data(), line.size()}, failed);
   const json::object* object = failed ? nullptr : value.if_object();
   if (object == nullptr)
-    return usage_error("a request is a line with a JSON object, as {\"verb\":\"status\"}");
+    return usage_error("a request is a line with a JSON object in UTF-8, as {\"verb\":\"status\"}");
   Values values;
   for (const auto& [key, member] : *object) {
     const json::string* text = member.if_string();

@@ -266,6 +266,7 @@ bool Engine::Impl::close(Input& input) {
   }
   if (closing.judge && !run.judge(now)) return false;
   if (run.goes_on() && !closing.next) {
+    if (!run.pass_to_close()) return false;
     run.end(now, ReplayRun::EndedBy::close);
     ended_by_close = true;
   }

@@ -639,11 +639,12 @@ Player::Progress Player::end_preroll(const Turn& turn) {
   return Progress::passed;
 }
 
-void Player::pass_events() {
+bool Player::pass_events() {
   const auto stands_at_one = [this] {
     return schedule_.head() != nullptr && schedule_.head()->kind == RecordKind::event;
   };
   while (!budget_.spent() && stands_at_one()) schedule_.pop();
+  return !stands_at_one();
 }
 
 Player::Settled Player::settle(Instant now) {

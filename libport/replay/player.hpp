@@ -152,8 +152,8 @@ class Player {
   // When `at` comes after what was played last, however fast the replay is.
   [[nodiscard]] Instant due_after_last(TapeTime at) const { return pace_.unhurried_after_last(at); }
 
-  // Passes the events that the walk stands at, as far as the budget goes: they wait for nobody.
-  void pass_events();
+  // Passes the events that the walk stands at: they wait for nobody. False: as far as the budget goes.
+  [[nodiscard]] bool pass_events();
 
   // How many of the tape's gaps the run has come to: something behind them was played.
   [[nodiscard]] std::size_t gaps_reached() const { return std::max(gaps_reached_, most_gaps_); }

@@ -451,12 +451,15 @@ SettingsReport ReplayRun::settings_so_far(EndedBy by) {
   return settings_.report(reach(any_unsent(), by), std::max(furthest_, matcher_.position()));
 }
 
+bool ReplayRun::pass_to_close() {
+  return reach(any_unsent(), EndedBy::close) != SettingsCheck::Reach::all || player_.pass_events();
+}
+
 void ReplayRun::end(Instant now, EndedBy by) {
   tell_extra();
   const std::optional<bool> any_unsent = this->any_unsent();
   const bool half_close_missing = player_.missed_half_close().has_value();
   const bool unplayed = drives() && !player_.used_up();
-  if (reach(any_unsent, by) == SettingsCheck::Reach::all) player_.pass_events();
   if (!behind_end_) ledger_->settings(settings_so_far(by));
   const bool cut_off = config_.match == Match::lookup && lookup_->cut_off();
   RunReport report = ledger_->report(

@@ -52,6 +52,8 @@ class ReplayRun {
   // Its driver's close, or whatever keeps it from going on to one.
   enum class EndedBy : std::uint8_t { close, other };
   void end(Instant now, EndedBy by = EndedBy::other);
+  // What a driver that closes has done behind its last byte is passed. False: as far as the budget goes.
+  [[nodiscard]] bool pass_to_close();
   // The driver's line is closed. Ends a run that had come to the tape's end and waited only for that.
   void line_went(Instant now);
   void stop_if_damaged(Instant now);

@@ -121,6 +121,17 @@ TEST(Settings, OneBehindTheLastByteIsToBeMadeBeforeTheClose) {
   }
 }
 
+TEST(Settings, HoweverManyAreBehindTheLastByteAllCount) {
+  MemoryTape tape = MemoryTape().write(0, "ask");
+  constexpr unsigned kMany = 10'000;
+  for (unsigned n = 1; n <= kMany; ++n) tape.event(n * 100'000, by(Side::driver, baud(n)));
+  Rig rig(tape, checking());
+  rig.open().write("ask").close();
+  EXPECT_EQ(rig.verdict(), Verdict::settings_mismatch);
+  EXPECT_EQ(rig.report->settings.recorded, kMany);
+  EXPECT_EQ(rig.report->settings.made, 0U);
+}
+
 TEST(Settings, ADriverThatIsHungUpAtTheTapesEndMightHaveMadeIt) {
   ReplayConfig config = checking();
   config.at_end = AtEnd::hangup;
