@@ -55,9 +55,28 @@ class OutboxTest : public testing::TestWithParam<Outbox::Kind> {
     return all;
   }
 
+  // Notes, when it is called, what has been sent before it: "EVENT@BYTES", or "EVENT dropped".
+  Outbox::Event event(const std::string& name) {
+    return [this, name](Outbox::Turn turn) {
+      came += read();
+      events += name + (turn == Outbox::Turn::now ? "@" + std::to_string(came.size()) : " dropped") + " ";
+      return true;
+    };
+  }
+  // Turns the loop until all is sent; `came` has then what the peer read.
+  void send_all() {
+    run_until(loop, [this] {
+      came += read();
+      return drained > 0 || lost > 0;
+    });
+    came += read();
+  }
+
   Loop loop;
   UniqueFd near;
   UniqueFd far;
+  std::string came;
+  std::string events;
   std::unique_ptr<FdWatch> watch;
   std::unique_ptr<Outbox> outbox;
   int drained = 0;
@@ -84,12 +103,7 @@ TEST_P(OutboxTest, WhatItDoesNotTakeIsKeptAndSentInOrder) {
   outbox->write(as_bytes("behind"));
   all += "behind";
   EXPECT_EQ(outbox->pending(), kept + 6) << "nothing overtakes what is kept";
-  std::string came;
-  while (drained == 0) {
-    came += read();
-    loop.run_one();
-  }
-  came += read();
+  send_all();
   EXPECT_EQ(came, all);
   EXPECT_EQ(outbox->pending(), 0U);
   EXPECT_FALSE(outbox->congested());
@@ -111,12 +125,8 @@ TEST_P(OutboxTest, SomeKeepsNothingAndTellsWhenThereIsRoom) {
   EXPECT_EQ(outbox->write_some(as_bytes(block)), 0U);
   EXPECT_FALSE(outbox->congested());
   EXPECT_EQ(outbox->pending(), 0U);
-  std::string came;
-  while (drained == 0) {
-    came += read();
-    loop.run_one();
-  }
-  EXPECT_EQ(came + read(), all);
+  send_all();
+  EXPECT_EQ(came, all);
 }
 
 TEST_P(OutboxTest, SomeThatIsTakenWholeWaitsForNoRoom) {
@@ -129,13 +139,10 @@ TEST_P(OutboxTest, SomeThatIsTakenWholeWaitsForNoRoom) {
 
 TEST_P(OutboxTest, SomeDoesNotOvertakeWhatIsKept) {
   const std::string all = fill();
-  std::string came = read();  // there is room, and the loop has not seen it
+  came = read();  // there is room, and the loop has not seen it
   EXPECT_EQ(outbox->write_some(as_bytes("x")), 0U);
-  while (drained == 0) {
-    came += read();
-    loop.run_one();
-  }
-  EXPECT_EQ(came + read(), all);
+  send_all();
+  EXPECT_EQ(came, all);
 }
 
 TEST_P(OutboxTest, WhatIsDiscardedIsNotSent) {
@@ -144,7 +151,7 @@ TEST_P(OutboxTest, WhatIsDiscardedIsNotSent) {
   outbox->discard();
   EXPECT_FALSE(outbox->congested());
   EXPECT_EQ(outbox->pending(), 0U);
-  const std::string came = read();
+  came = read();
   EXPECT_EQ(came.size(), all.size() - kept);
   while (loop.poll_one()) {
   }
@@ -216,6 +223,185 @@ TEST_P(OutboxTest, WhatWasKeptAndThenFailsIsToldOnce) {
   EXPECT_EQ(lost, 4U);
   EXPECT_EQ(outbox->pending(), 0U);
   EXPECT_EQ(drained, 0) << "nothing was sent";
+}
+
+std::string at(const std::string& name, std::size_t bytes) {
+  return name + "@" + std::to_string(bytes) + " ";
+}
+
+TEST_P(OutboxTest, AnEventIsCalledAtOnceWhereNothingIsPending) {
+  outbox->put(event("first"));
+  EXPECT_EQ(events, "first@0 ");
+  outbox->write(as_bytes("one"));
+  outbox->put(event("second"));
+  outbox->put(event("third"));
+  EXPECT_EQ(events, "first@0 second@3 third@3 ");
+  EXPECT_FALSE(outbox->congested());
+  while (loop.poll_one()) {
+  }
+  EXPECT_EQ(drained, 0) << "it was never congested";
+}
+
+TEST_P(OutboxTest, EventsAmongKeptBytesAreCalledAtTheirPlaces) {
+  std::string all = fill();
+  outbox->put(event("one"));
+  outbox->put(event("two"));
+  outbox->write(as_bytes("between"));
+  outbox->put(event("three"));
+  outbox->write(as_bytes("behind"));
+  while (loop.poll_one()) {
+  }
+  EXPECT_EQ(events, "") << "the kernel has no room";
+  send_all();
+  EXPECT_EQ(events, at("one", all.size()) + at("two", all.size()) + at("three", all.size() + 7));
+  EXPECT_EQ(came, all + "betweenbehind");
+  EXPECT_FALSE(outbox->congested());
+  EXPECT_EQ(drained, 1);
+}
+
+TEST_P(OutboxTest, AnEventDoesNotWaitForWhatIsWrittenBehindIt) {
+  std::string all = fill();
+  outbox->put(event("drain"));
+  const std::string behind(std::size_t{4} << 20, 'x');
+  outbox->write(as_bytes(behind));
+  run_until(loop, [this] {
+    came += read();
+    return !events.empty();
+  });
+  EXPECT_EQ(events, at("drain", all.size()));
+  EXPECT_TRUE(outbox->congested());
+  EXPECT_EQ(drained, 0);
+  send_all();
+  EXPECT_EQ(came, all + behind);
+  EXPECT_EQ(events, at("drain", all.size())) << "once";
+}
+
+TEST_P(OutboxTest, AnEventWithoutRoomIsCalledAgainAndNothingOvertakesIt) {
+  for (const bool kept : {false, true}) {
+    came.clear();
+    events.clear();
+    drained = 0;
+    const std::string all = kept ? fill() : "";
+    int calls = 0;
+    outbox->put([this, &calls](Outbox::Turn turn) { return ++calls == 3 && event("urgent")(turn); });
+    outbox->put(event("next"));
+    outbox->write(as_bytes("behind"));
+    EXPECT_TRUE(outbox->congested());
+    EXPECT_EQ(outbox->write_some(as_bytes("not taken")), 0U);
+    EXPECT_EQ(events, "");
+    EXPECT_EQ(calls, kept ? 0 : 1);
+    send_all();
+    EXPECT_EQ(calls, 3);
+    EXPECT_EQ(events, at("urgent", all.size()) + at("next", all.size()));
+    EXPECT_EQ(came, all + "behind");
+  }
+}
+
+TEST_P(OutboxTest, AnEventAloneThatFindsNoRoomIsDrainedToo) {
+  int calls = 0;
+  outbox->put([&calls](Outbox::Turn) { return ++calls == 2; });
+  EXPECT_TRUE(outbox->congested());
+  EXPECT_EQ(outbox->pending(), 0U);
+  run_until(loop, [this] { return drained > 0; });
+  EXPECT_EQ(calls, 2);
+  EXPECT_FALSE(outbox->congested());
+}
+
+TEST_P(OutboxTest, AnEventThatWritesIsBeforeWhatWasWrittenBehindIt) {
+  const std::string all = fill();
+  outbox->put([this](Outbox::Turn) {
+    outbox->write(as_bytes("last,"));
+    outbox->put(event("last"));
+    return true;
+  });
+  outbox->write(as_bytes("behind,"));
+  outbox->put([this](Outbox::Turn) {
+    outbox->write(as_bytes("very last"));
+    outbox->put(event("very last"));
+    return true;
+  });
+  send_all();
+  EXPECT_EQ(came, all + "behind,last,very last");
+  EXPECT_EQ(events, at("last", all.size() + 12) + at("very last", all.size() + 21));
+  EXPECT_EQ(drained, 1);
+}
+
+TEST_P(OutboxTest, AnEventBehindSomeThatWasTakenDoesNotWaitForTheRest) {
+  const std::string block(100'000, 'b');
+  std::string all;
+  std::size_t taken = 0;
+  do {
+    taken = outbox->write_some(as_bytes(block));
+    all += block.substr(0, taken);
+  } while (taken == block.size());
+  outbox->put(event("drain"));
+  EXPECT_EQ(events, at("drain", all.size()));
+  EXPECT_FALSE(outbox->congested());
+  send_all();
+  EXPECT_EQ(came, all);
+  EXPECT_EQ(drained, 1) << "there is room for more";
+}
+
+TEST_P(OutboxTest, DiscardedEventsAreToldOnce) {
+  (void)fill();
+  outbox->put(event("one"));
+  outbox->write(as_bytes("between"));
+  outbox->put(event("two"));
+  outbox->discard();
+  EXPECT_EQ(events, "one dropped two dropped ");
+  EXPECT_FALSE(outbox->congested());
+  outbox->discard();
+  while (loop.poll_one()) {
+  }
+  EXPECT_EQ(events, "one dropped two dropped ");
+  EXPECT_EQ(drained, 0);
+  events.clear();
+  came.clear();
+  outbox->put(event("new"));
+  EXPECT_EQ(events, at("new", came.size())) << "a new beginning";
+}
+
+TEST_P(OutboxTest, AnEventThatDiscardsEndsTheFlush) {
+  const std::string all = fill();
+  outbox->put([this](Outbox::Turn) {
+    outbox->discard();
+    return true;
+  });
+  outbox->write(as_bytes("behind"));
+  outbox->put(event("behind"));
+  run_until(loop, [this] {
+    came += read();
+    return !events.empty();
+  });
+  EXPECT_EQ(events, "behind dropped ");
+  while (loop.poll_one()) {
+  }
+  EXPECT_EQ(came + read(), all);
+  EXPECT_EQ(drained, 0) << "nothing waits for it any more";
+}
+
+TEST_P(OutboxTest, EventsBehindBytesThatFailAreToldOnceBehindTheError) {
+  EXPECT_TRUE(test::while_refused({refused_send(near.get(), GetParam(), EAGAIN)}, [&] {
+    outbox->write(as_bytes("four"));
+    outbox->put([this](Outbox::Turn turn) {
+      EXPECT_EQ(error, EIO);
+      return event("one")(turn);
+    });
+    outbox->write(as_bytes("behind"));
+    outbox->put(event("two"));
+  }));
+  EXPECT_TRUE(test::while_refused({refused_send(near.get(), GetParam(), EIO)}, [&] {
+    run_until(loop, [this] { return error != 0; });
+    for (int n = 0; n < 10; ++n) loop.poll_one();
+  }));
+  EXPECT_EQ(events, "one dropped two dropped ");
+  EXPECT_EQ(lost, 10U) << "what was behind the first event, too";
+  EXPECT_EQ(drained, 0);
+  outbox->put(event("three"));
+  EXPECT_EQ(events, "one dropped two dropped three dropped ") << "until a new beginning";
+  outbox->discard();
+  outbox->put(event("four"));
+  EXPECT_EQ(events, "one dropped two dropped three dropped four@0 ");
 }
 
 // A file's broken pipe is a signal.
