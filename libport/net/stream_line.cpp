@@ -74,6 +74,16 @@ std::size_t StreamLine::write_some(ByteView data) {
   return outbox_.write_some(data);
 }
 
+bool StreamLine::tell(const LineEvent& event) {
+  const auto* const drain = std::get_if<line::Drain>(&event);
+  if (drain == nullptr || !congested()) return false;
+  outbox_.put([this, sent = line::Sent{drain->number}](Outbox::Turn) {  // what is dropped is not waited for
+    owner_->line_told(sent);
+    return true;
+  });
+  return true;
+}
+
 std::size_t StreamLine::unsent() const {
   int queued = 0;
   const bool known = ::ioctl(fd_.get(), SIOCOUTQ, &queued) == 0;
@@ -269,8 +279,8 @@ bool StreamLine::hang_up(bool after_reading) {
 void StreamLine::close(bool orderly) {
   phase_ = Phase::over;
   timer_.cancel();
+  owner_->dropped(drop_unsent(), "they were not sent");
   watch_.stop();
-  owner_->dropped(outbox_.pending(), "they were not sent");
   if (orderly) {
     owner_->dropped(read_away(), "they were not read when the line was closed");
   } else {

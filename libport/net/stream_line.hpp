@@ -10,6 +10,7 @@
 #include "libport/base/end_wait.hpp"
 #include "libport/base/time.hpp"
 #include "libport/base/unique_fd.hpp"
+#include "libport/line/line_event.hpp"
 #include "libport/loop/fd_watch.hpp"
 #include "libport/loop/loop.hpp"
 #include "libport/loop/outbox.hpp"
@@ -42,12 +43,14 @@ bool has_ended(int fd);
 // the line is to be destroyed on a later turn of the loop.
 class StreamLine {
  public:
-  // Who has the line. Called from the loop, and from within read_pending(), write() and close() (dropped
-  // alone).
+  // Who has the line. Called from the loop, and from within read_pending(), write() (dropped alone),
+  // drop_unsent() (line_told alone) and close() (these two alone).
   class Owner {
    public:
     virtual void line_data(ByteView data) = 0;
     virtual void line_drained() = 0;
+    // What the line has seen, at its place among the bytes, or the answer to a request that tell() took.
+    virtual void line_told(const LineEvent& event) = 0;
     virtual PortListener::Answers line_ended() = 0;    // see PortListener::on_ended
     virtual void line_over(const LineDown& down) = 0;  // to be closed now
     virtual void dropped(std::uint64_t bytes, const char* why) = 0;
@@ -73,6 +76,10 @@ class StreamLine {
   [[nodiscard]] bool takes() const { return phase_ < Phase::sending && !end_wanted_; }
   void write(ByteView data);
   std::size_t write_some(ByteView data);
+  // Takes an event for its place behind all that was written. False: events of that kind have none on this
+  // line, or nothing waits to be sent; the caller answers a request. One that was taken is answered once,
+  // also where what it waits for is dropped.
+  bool tell(const LineEvent& event);
   [[nodiscard]] bool congested() const { return outbox_.congested(); }
   // Bytes that have not left this machine.
   [[nodiscard]] std::size_t unsent() const;

@@ -33,8 +33,7 @@ StreamPort::StreamPort(const PortContext& context, const CommonOptions& common, 
       given_(std::move(given)),
       was_given_(static_cast<bool>(given_)),
       retry_timer_(*context.loop, [this] { connect(); }),
-      retry_wait_(kFirstRetry, kLongestRetry),
-      drains_(*context.loop, [this](const line::Sent& sent) { listener().told(sent); }) {}
+      retry_wait_(kFirstRetry, kLongestRetry) {}
 
 StreamPort::~StreamPort() {
   if (given_) reset_connection(std::move(given_));  // nobody wanted it
@@ -84,7 +83,6 @@ void StreamPort::close() {
     drop_line(true);
   } else if (line_) {
     dropped(line_->drop_unsent(), "they were not sent");
-    drains_.end();
   }
 }
 
@@ -164,7 +162,6 @@ std::optional<std::size_t> StreamPort::unread_by_peer() const { return line_ ? l
 bool StreamPort::discard() {
   if (!line_) return true;
   (void)line_->drop_unsent();
-  drains_.end();
   (void)line_->read_away();
   return true;
 }
@@ -195,13 +192,18 @@ void StreamPort::line_data(ByteView data) {
 }
 
 void StreamPort::tell(const LineEvent& event) {
-  const auto* const drain = std::get_if<line::Drain>(&event);
-  if (drain == nullptr || !congested()) return Port::tell(event);
-  drains_.add(*drain);
+  if (!line_ || !line_->tell(event)) Port::tell(event);
+}
+
+// An answer comes from the loop, since the caller may be in the midst of closing the line.
+void StreamPort::line_told(const LineEvent& event) {
+  if (keeps_place(event)) return listener().told(event);
+  context_.loop->post([this, event, alive = std::weak_ptr<int>(alive_)] {
+    if (!alive.expired()) listener().told(event);
+  });
 }
 
 void StreamPort::line_drained() {
-  drains_.end();
   if (line_->hangs_up_when_sent()) {
     hang_up(true);
   } else if (up_) {
@@ -252,7 +254,6 @@ void StreamPort::line_over(const LineDown& down) {
 
 void StreamPort::drop_line(bool orderly) {
   if (!line_) return;
-  drains_.end();
   // The rest goes on the next turn of the loop, since one of its callbacks may be running.
   const std::shared_ptr<StreamLine> line(std::move(line_));
   line->close(orderly);

@@ -13,7 +13,6 @@
 #include "libport/net/stream_line.hpp"
 #include "libport/net/stream_listener.hpp"
 #include "libport/net/tcp_peer.hpp"
-#include "libport/net/waiting_drains.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
 #include "libport/port/port_options.hpp"
@@ -66,7 +65,7 @@ class StreamPort : public Port,
   [[nodiscard]] PortFacets facets() override {
     return {.waiting = this, .connections = stream_.listen ? this : nullptr};
   }
-  // A drain ends when the kernel has it all.
+  // A drain ends when the kernel has what was written before it.
   void tell(const LineEvent& event) override;
   bool end_writing() override;
   // Not where the next session writes on the same connection.
@@ -106,6 +105,7 @@ class StreamPort : public Port,
 
   void line_data(ByteView data) override;
   void line_drained() override;
+  void line_told(const LineEvent& event) override;
   PortListener::Answers line_ended() override;
   void line_over(const LineDown& down) override;
   void dropped(std::uint64_t bytes, const char* why) override;
@@ -140,7 +140,6 @@ class StreamPort : public Port,
   Timer retry_timer_;   // the next connection attempt
   Backoff retry_wait_;  // a peer that closes at once is not called at once again
   Instant line_began_{};
-  WaitingDrains drains_;
   bool opened_ = false;
   bool up_ = false;           // on_up was told, on_down not yet
   bool interrupted_ = false;  // on_interrupted was told, on_resumed not yet

@@ -3,6 +3,7 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <functional>
 #include <linux/sockios.h>
 #include <memory>
 #include <optional>
@@ -12,6 +13,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 #include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -82,13 +84,19 @@ class StreamLineTest : public testing::Test, private StreamLine::Owner {
   std::uint64_t lost = 0;
   std::string why;
   int drained = 0;
+  std::vector<std::uint64_t> sent;  // the drains that were answered, by their numbers
   int ended = 0;
   std::optional<LineDown> over;
+  std::function<void()> on_told;
   std::unique_ptr<StreamLine> line;
 
  private:
   void line_data(ByteView bytes) override { data += as_text(bytes); }
   void line_drained() override { ++drained; }
+  void line_told(const LineEvent& event) override {
+    sent.push_back(std::get<line::Sent>(event).number);
+    if (on_told) on_told();
+  }
   Answers line_ended() override {
     ++ended;
     return answers;
@@ -406,6 +414,88 @@ TEST_F(StreamLineTest, UnsentIsWhatWaitsHereAndInTheKernel) {
   EXPECT_FALSE(line->congested());
   EXPECT_EQ(got().size(), much.size() - dropped);
   EXPECT_EQ(line->unsent(), 0U);
+}
+
+using Numbers = std::vector<std::uint64_t>;
+
+TEST_F(StreamLineTest, ADrainIsAnsweredOnceWhatWasWrittenBeforeItIsSent) {
+  make(StreamLine::Side::connected);
+  const Bytes much(std::size_t{1} << 20, Byte{7});
+  line->write(much);
+  EXPECT_TRUE(line->tell(line::Drain{1}));
+  EXPECT_TRUE(line->tell(line::Drain{2}));
+  line->write(much);
+  EXPECT_TRUE(line->tell(line::Drain{3}));
+  settle(loop);
+  EXPECT_EQ(sent, Numbers{}) << "the peer has read nothing";
+  std::size_t bytes = 0;
+  while (sent.empty()) {
+    bytes += got().size();
+    settle(loop);
+  }
+  EXPECT_EQ(sent, (Numbers{1, 2}));
+  EXPECT_TRUE(line->congested()) << "with what was written behind them";
+  while (drained == 0) {
+    bytes += got().size();
+    settle(loop);
+  }
+  EXPECT_EQ(sent, (Numbers{1, 2, 3}));
+  EXPECT_EQ(bytes + got().size(), 2 * much.size());
+}
+
+TEST_F(StreamLineTest, ADrainOfNothingAndOtherEventsAreTheCallersToAnswer) {
+  make(StreamLine::Side::connected);
+  EXPECT_FALSE(line->tell(line::Drain{1}));
+  line->write(Bytes(std::size_t{1} << 20, Byte{7}));
+  ASSERT_TRUE(line->congested());
+  EXPECT_FALSE(line->tell(line::Ask{2, {}})) << "no device is at the other end of a socket";
+  EXPECT_FALSE(line->tell(line::Mark{"here"}));
+  EXPECT_EQ(sent, Numbers{});
+}
+
+TEST_F(StreamLineTest, ADrainOfWhatIsDroppedIsAnsweredOnce) {
+  const Bytes much(std::size_t{1} << 20, Byte{7});
+  for (const std::string how : {"drop_unsent", "close", "reset"}) {
+    sent.clear();
+    make(StreamLine::Side::connected);
+    line->write(much);
+    EXPECT_TRUE(line->tell(line::Drain{1}));
+    if (how == "drop_unsent") {
+      EXPECT_GT(line->drop_unsent(), 0U);
+    } else {
+      line->close(how == "close");
+    }
+    EXPECT_EQ(sent, Numbers{1}) << how;
+    (void)got();
+    settle(loop);
+    EXPECT_EQ(sent, Numbers{1}) << how;
+  }
+}
+
+TEST_F(StreamLineTest, ADrainOfALineThatBreaksIsAnsweredOnce) {
+  make(StreamLine::Side::connected);
+  line->write(Bytes(std::size_t{1} << 20, Byte{7}));
+  EXPECT_TRUE(line->tell(line::Drain{1}));
+  peer.reset();
+  until_over();
+  EXPECT_EQ(sent, Numbers{1});
+  EXPECT_GT(lost, 0U);
+  line->close(false);
+  EXPECT_EQ(sent, Numbers{1});
+}
+
+TEST_F(StreamLineTest, ALineThatIsClosedByTheAnswerToADrainIsNotDrained) {
+  make(StreamLine::Side::connected);
+  line->write(Bytes(std::size_t{1} << 20, Byte{7}));
+  EXPECT_TRUE(line->tell(line::Drain{1}));
+  on_told = [this] { line->close(true); };
+  while (sent.empty()) {
+    (void)got();
+    settle(loop);
+  }
+  EXPECT_EQ(drained, 0);
+  (void)got();
+  EXPECT_TRUE(at_end());
 }
 
 TEST_F(StreamLineTest, WhatIsPendingIsReadAndNothingWhereReadingIsOff) {

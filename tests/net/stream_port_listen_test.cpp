@@ -361,6 +361,21 @@ TEST_F(ListeningPort, IsDrainedOnceTheKernelHasItAll) {
   run_until(loop, [&] { return done == 3; });
 }
 
+TEST_F(ListeningPort, IsDrainedThoughMoreWasWrittenBehindIt) {
+  make_listening();
+  Socket peer = up();
+  const std::string much(std::size_t{16} << 20, 'x');
+  port->write(as_bytes(much));
+  bool done = false;
+  log.drain(*port, [&] {
+    done = true;
+    EXPECT_TRUE(port->congested());
+  });
+  port->write(as_bytes(much));
+  until_got(peer, much + much);
+  EXPECT_TRUE(done);
+}
+
 TEST_F(ListeningPort, IsDrainedWhenTheLineIsOver) {
   make_listening();
   int done = 0;
@@ -375,6 +390,39 @@ TEST_F(ListeningPort, IsDrainedWhenTheLineIsOver) {
   }
   run_ready();
   EXPECT_EQ(done, 2);
+}
+
+TEST_F(ListeningPort, IsDrainedOnceWhenItIsHungUpAndNotFromWithinThat) {
+  make_listening();
+  int done = 0;
+  const std::string much(std::size_t{16} << 20, 'x');
+  for (int line = 1; line <= 2; ++line) {
+    log.events.clear();
+    Socket peer = up();
+    port->write(as_bytes(much));
+    log.drain(*port, [&done] { ++done; });
+    port->hang_up(line == 1);
+    EXPECT_EQ(done, line - 1);
+    if (line == 1) {
+      until_got(peer, much, "end");
+      peer.close();
+    }
+    until("up hung_up ");
+    run_ready();
+    EXPECT_EQ(done, line);
+  }
+}
+
+TEST_F(ListeningPort, ADestroyedPortAnswersNoDrain) {
+  make_listening();
+  const Socket peer = up();
+  port->write(as_bytes(std::string(std::size_t{16} << 20, 'x')));
+  bool done = false;
+  log.drain(*port, [&done] { done = true; });
+  port->close();
+  port.reset();
+  run_ready();
+  EXPECT_FALSE(done);
 }
 
 TEST_F(ListeningPort, IsDrainedWhenWhatWaitsIsDiscarded) {

@@ -198,6 +198,20 @@ TEST_F(ConnectingPort, AlwaysOpenKeepsTheConnectionThroughClose) {
   until_got(peer, "x");
 }
 
+TEST_F(ConnectingPort, IsDrainedWhenTheConnectionThatIsKeptIsClosed) {
+  make_connecting(",alwaysopen");
+  port->open();
+  const Socket peer = accepted();
+  port->write(as_bytes(std::string(std::size_t{16} << 20, 'x')));
+  int done = 0;
+  log.drain(*port, [&done] { ++done; });
+  port->close();
+  EXPECT_EQ(done, 0) << "not from within the call";
+  run_ready();
+  EXPECT_EQ(done, 1);
+  EXPECT_GT(log.dropped, 0U);
+}
+
 TEST_F(ConnectingPort, WaitsForADeviceThatIsMissing) {
   const Socket late = Socket::bound();
   make("tcp:127.0.0.1:" + std::to_string(late.port()) + ",wait");
