@@ -66,7 +66,6 @@ UdpPort::UdpPort(const PortContext& context, const CommonOptions& common, UdpOpt
       common_(common),
       options_(std::move(options)),
       from_peer_(only_peer(context, options_)),
-      drains_(*context.loop, [this](const line::Sent& sent) { listener().told(sent); }),
       rest_timer_(*context.loop, [this] {
         if (opened_ && !up_) watch_->watch_readable(true);
       }) {}
@@ -215,7 +214,7 @@ std::optional<std::size_t> UdpPort::unread_by_peer() const {
 void UdpPort::queue_gone() {
   const std::size_t bytes = *unread_by_peer();
   queue_.clear();
-  drains_.end();
+  end_drains();
   if (watch_) watch_->watch_writable(false);
   if (bytes > 0) listener().told(line::Dropped{bytes, "they were not sent"});
 }
@@ -255,19 +254,28 @@ void UdpPort::on_writable() {
   while (!queue_.empty() && send_one(queue_.front())) queue_.pop_front();
   if (!queue_.empty()) return;
   watch_->watch_writable(false);
-  drains_.end();
+  end_drains();
   if (up_) listener().on_drained();
 }
 
 void UdpPort::tell(const LineEvent& event) {
   const auto* const drain = std::get_if<line::Drain>(&event);
   if (drain == nullptr || !congested()) return Port::tell(event);
-  drains_.add(*drain);
+  drains_.push_back(drain->number);
+}
+
+// From the loop, since the caller may be in the midst of closing the line.
+void UdpPort::end_drains() {
+  for (const RequestNumber number : std::exchange(drains_, {})) {
+    context_.loop->post([this, number, alive = std::weak_ptr<int>(alive_)] {
+      if (!alive.expired()) listener().told(line::Sent{number});
+    });
+  }
 }
 
 bool UdpPort::discard() {
   queue_.clear();
-  drains_.end();
+  end_drains();
   watch_->watch_writable(false);
   (void)read_away();
   return true;

@@ -15,7 +15,6 @@
 #include "libport/loop/timer.hpp"
 #include "libport/net/name_lookup.hpp"
 #include "libport/net/socket_address.hpp"
-#include "libport/net/waiting_drains.hpp"
 #include "libport/port/context.hpp"
 #include "libport/port/port.hpp"
 #include "libport/port/port_options.hpp"
@@ -95,6 +94,7 @@ class UdpPort final : public Port, private WaitingCalls {
   void send_or_queue(ByteView datagram);
   bool send_one(ByteView datagram);  // false: later
   void queue_gone();
+  void end_drains();
   void look_for_overflow(msghdr& message);
   void ask_for_overflow();
   void note_overflow(std::uint32_t count);
@@ -112,11 +112,11 @@ class UdpPort final : public Port, private WaitingCalls {
   std::unique_ptr<NameLookup> lookup_;
   std::optional<SocketAddress> peer_;
   std::deque<Bytes> queue_;
-  WaitingDrains drains_;
-  std::set<int> told_errors_;   // each once a session
-  std::uint64_t empty_ = 0;     // datagrams dropped since open()
-  std::uint64_t foreign_ = 0;   // datagrams of others than the peer, dropped since open()
-  std::uint32_t overflow_ = 0;  // datagrams lost in the kernel since bind, as told last
+  std::vector<RequestNumber> drains_;  // that wait until the queue is empty
+  std::set<int> told_errors_;          // each once a session
+  std::uint64_t empty_ = 0;            // datagrams dropped since open()
+  std::uint64_t foreign_ = 0;          // datagrams of others than the peer, dropped since open()
+  std::uint32_t overflow_ = 0;         // datagrams lost in the kernel since bind, as told last
   Timer rest_timer_;
   bool opened_ = false;
   bool up_ = false;
