@@ -95,7 +95,7 @@ void ReplayRun::begin_books(Instant now) {
   steered_ = {};
   if (clock_.stands()) steered_.pauses = 1;
   begun_shift_ = clock_.shift();
-  furthest_ = 0;
+  furthest_ = before_latest_ = 0;
   ledger_.emplace(now);
   if (replies_) replies_->begin();
   settings_.begin(line_, shows_signals_);

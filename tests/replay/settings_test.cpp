@@ -241,6 +241,16 @@ TEST(Settings, OneThatWasSeenAmongBytesMayBeOnEitherSideOfThem) {
   }
 }
 
+TEST(Settings, EachRunBeginsAtTheTapesBegin) {
+  Rig rig(two_sessions(exactly), checking());
+  for (int run = 1; run <= 2; ++run) {
+    rig.open().tell(line::Settings{baud(300), SettingsOrder::sampled}).write("ask").wait(200'000).close();
+    rig.open().tell(line::Settings{baud(1200), SettingsOrder::sampled}).write("again").wait(200'000).close();
+    EXPECT_EQ(rig.runs, run);
+    EXPECT_EQ(rig.verdict(), Verdict::pass);
+  }
+}
+
 // What may be left out or vary has no place that could be compared.
 TEST(Settings, WhereWritesAreNotComparedOneByOneAnyPlaceWillDo) {
   ReplayConfig config = checking();
