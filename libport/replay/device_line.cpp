@@ -11,9 +11,8 @@ void DeviceLine::on_event(const Event& event, bool played) {
     drains_.push_back(drain->took);
   const auto* settings = std::get_if<event::Settings>(&event);
   if (settings == nullptr || !settings->by) {
-    const bool beside_it = std::holds_alternative<event::Flush>(event) ||
-                           std::holds_alternative<event::Mark>(event) ||
-                           std::holds_alternative<event::Drain>(event) || signal_of(event).has_value();
+    const bool beside_it = line_event_of(event) || std::holds_alternative<event::Mark>(event) ||
+                           std::holds_alternative<event::Drain>(event);
     if (!beside_it) asked_.reset();
     return;
   }

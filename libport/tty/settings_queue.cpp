@@ -94,8 +94,8 @@ void SettingsQueue::stop() {
   timer_.cancel();
   drain_timer_.cancel();
   for (const Step& step : steps_) {
-    if (const auto* const question = std::get_if<Question>(&step.what))
-      loop_->post([done = question->done] { done(LineAnswer{.error = EIO}); });
+    const auto* const job = std::get_if<Job>(&step.what);
+    if (job != nullptr && job->dropped) loop_->post(job->dropped);
   }
   end_drains();
 }
@@ -123,11 +123,19 @@ void SettingsQueue::change(const LineSettings& settings) {
 
 void SettingsQueue::signal(const LineSignal& signal) {
   if (signal.name == LineSignal::Name::brk) breaks_ = signal.on;
-  add({signal, {}});
+  if (begins_break(signal)) return add({signal, {}});
+  const auto error = std::make_shared<int>(0);
+  run({.work = [error, signal, calls = tty_.calls](int fd) { *error = calls->set(fd, signal); },
+       .done = [this, error, signal] { told_.signal(signal, *error); }});
 }
 
 void SettingsQueue::ask(const LineRequest& request, TakeAnswer done) {
-  add({Question{request, std::move(done)}, {}});
+  const auto answer = std::make_shared<std::optional<LineAnswer>>();
+  run({.turn = Job::Turn::at_once,
+       .work = [answer, request, break_error = break_error_,
+                calls = tty_.calls](int fd) { *answer = answer_of(*calls, fd, request, *break_error); },
+       .done = [answer, done] { done(*answer); },
+       .dropped = [done] { done(LineAnswer{.error = EIO}); }});
 }
 
 void SettingsQueue::add(Step step) {
@@ -144,8 +152,9 @@ Result<TakenSettings> SettingsQueue::change_at_once(const LineSettings& settings
 void SettingsQueue::make_next() {
   if (making_ || steps_.empty()) return;
   const auto* const settings = std::get_if<LineSettings>(&steps_.front().what);
+  const auto* const job = std::get_if<Job>(&steps_.front().what);
   const bool at_once = settings != nullptr ? differ_in_flow_only(current_, *settings)
-                                           : std::holds_alternative<Question>(steps_.front().what);
+                                           : job != nullptr && job->turn == Job::Turn::at_once;
   if (at_once) return begin(false);
   if (!outbox().congested()) return begin(true);
   left_at_look_ = outbox().pending();
@@ -165,11 +174,9 @@ void SettingsQueue::begin(bool wait) {
   if (const auto* const settings = std::get_if<LineSettings>(&what)) {
     begin_settings(*settings, wait);
   } else if (const auto* const signal = std::get_if<LineSignal>(&what)) {
-    begin_signal(*signal, wait);
-  } else if (const auto* const question = std::get_if<Question>(&what)) {
-    begin_question(*question);
+    begin_break(*signal, wait);
   } else {
-    begin_last_bytes();
+    begin_job(std::get<Job>(what));
   }
 }
 
@@ -201,48 +208,41 @@ void SettingsQueue::begin_settings(const LineSettings& wanted, bool wait) {
 
 // The kernel's own wait before a break has no end: it is asked for one that begins only where it need not
 // wait.
-void SettingsQueue::begin_signal(const LineSignal& signal, bool wait) {
-  const auto error = std::make_shared<int>(0);
-  const auto set = [error, signal, calls = tty_.calls](int fd, bool sent) {
-    *error = sent || !begins_break(signal) ? calls->set(fd, signal) : ETIMEDOUT;
+void SettingsQueue::begin_break(const LineSignal& signal, bool wait) {
+  const auto set = [error = break_error_, signal, calls = tty_.calls](int fd, bool sent) {
+    *error = sent ? calls->set(fd, signal) : ETIMEDOUT;
   };
-  const auto done = [this, error, signal] {
-    if (begins_break(signal)) break_error_ = *error;
-    made([this, error, signal] { told_.signal(signal, *error); });
+  const auto done = [this, signal] {
+    made([this, signal, error = *break_error_] { told_.signal(signal, error); });
   };
-  do_elsewhere([set, wait, waits = begins_break(signal), calls = tty_.calls](
-                   int fd) { set(fd, wait && (!waits || calls->wait_until_sent(fd, kNoProgress))); },
-               done,
-               [this, set, wait, done] {
-                 set(tty_.fd, wait && tty_.calls->unsent(tty_.fd) == 0);
-                 done();
-               });
+  do_elsewhere(
+      [set, wait, calls = tty_.calls](int fd) { set(fd, wait && calls->wait_until_sent(fd, kNoProgress)); },
+      done,
+      [this, set, wait, done] {
+        set(tty_.fd, wait && tty_.calls->unsent(tty_.fd) == 0);
+        done();
+      });
 }
 
-void SettingsQueue::begin_question(const Question& question) {
-  const auto answer = std::make_shared<std::optional<LineAnswer>>();
-  const auto job = [answer, request = question.request, break_error = break_error_,
-                    calls = tty_.calls](int fd) { *answer = answer_of(*calls, fd, request, break_error); };
-  const auto done = [this, answer, take = question.done] { made([answer, take] { take(*answer); }); };
-  do_elsewhere(job, done, [this, job, done] {
-    job(tty_.fd);
+void SettingsQueue::begin_job(const Job& job) {
+  const auto done = [this, done = job.done] {
+    made([&done] {
+      if (done) done();
+    });
+  };
+  do_elsewhere(job.work, done, [this, job, done] {
+    if (!job.waits_long) job.work(tty_.fd);
     done();
   });
 }
 
-void SettingsQueue::begin_last_bytes() {
-  const auto done = [this] {
-    made([this] {
-      const auto end = drains_.begin() + static_cast<std::ptrdiff_t>(std::exchange(draining_, 0));
-      const std::vector<std::function<void()>> over(drains_.begin(), end);
-      drains_.erase(drains_.begin(), end);
-      const std::weak_ptr<int> alive = alive_;
-      for (const std::function<void()>& drained : over) drained();
-      if (!alive.expired()) look_for_sent();
-    });
-  };
-  draining_ = drains_.size();
-  do_elsewhere([calls = tty_.calls](int fd) { (void)calls->wait_until_sent(fd, kNoProgress); }, done, done);
+void SettingsQueue::last_bytes_sent() {
+  const auto end = drains_.begin() + static_cast<std::ptrdiff_t>(std::exchange(draining_, 0));
+  const std::vector<std::function<void()>> over(drains_.begin(), end);
+  drains_.erase(drains_.begin(), end);
+  const std::weak_ptr<int> alive = alive_;
+  for (const std::function<void()>& drained : over) drained();
+  if (!alive.expired()) look_for_sent();
 }
 
 void SettingsQueue::settings_made(const LineSettings& wanted, const Result<TakenSettings>& taken) {
@@ -288,7 +288,12 @@ void SettingsQueue::drain(std::function<void()> done) {
 void SettingsQueue::look_for_sent() {
   if (drains_.empty() || !steps_.empty() || outbox().congested()) return;
   const std::size_t left = tty_.calls->unsent(tty_.fd);
-  if (left == 0) return add({LastBytes{}, {}});
+  if (left == 0) {
+    draining_ = drains_.size();
+    return run({.work = [calls = tty_.calls](int fd) { (void)calls->wait_until_sent(fd, kNoProgress); },
+                .done = [this] { last_bytes_sent(); },
+                .waits_long = true});
+  }
   drain_timer_.set_after(std::clamp(time_of(left, current_.baud), kShortestLook, kLongestLook));
 }
 

@@ -52,6 +52,19 @@ class SettingsQueue {
     std::function<void()> drained;
   };
 
+  // Something else that is done to the tty in its turn.
+  struct Job {
+    enum class Turn : std::uint8_t { at_once, behind_bytes };  // see above: or when the kernel has them
+    Turn turn = Turn::behind_bytes;
+    // On another thread; on the loop's where there is none, unless it waits long.
+    std::function<void(int fd)> work;
+    // Once it is made and what was kept for it is written. Null: nobody waits for it.
+    std::function<void()> done = {};
+    // The line is over before it was made. Null: as above.
+    std::function<void()> dropped = {};
+    bool waits_long = false;
+  };
+
   SettingsQueue(Loop& loop, Tty tty, const LineSettings& current, Told told);
 
   // Of several with no byte between them the last counts.
@@ -59,6 +72,7 @@ class SettingsQueue {
   // Without waiting for anything, for a program that waits in its calls.
   Result<TakenSettings> change_at_once(const LineSettings& settings);
   void signal(const LineSignal& signal);
+  void run(Job job) { add({std::move(job), {}}); }
   // The device's answer, once all before it is made; of a line that is over: EIO. Nothing: the tty has no
   // such thing, nor modem lines, and is no serial device.
   void ask(const LineRequest& request, TakeAnswer done);
@@ -87,13 +101,8 @@ class SettingsQueue {
   [[nodiscard]] bool breaks() const { return breaks_; }
 
  private:
-  struct LastBytes {};  // the UART's, for those that drain
-  struct Question {
-    LineRequest request;
-    TakeAnswer done;
-  };
   struct Step {
-    std::variant<LineSettings, LineSignal, Question, LastBytes> what;
+    std::variant<LineSettings, LineSignal, Job> what;  // a signal that begins a break; all others are jobs
     Bytes after;
   };
 
@@ -105,9 +114,9 @@ class SettingsQueue {
   void do_elsewhere(std::function<void(int fd)> job, std::function<void()> done,
                     const std::function<void()>& without);
   void begin_settings(const LineSettings& wanted, bool wait);
-  void begin_signal(const LineSignal& signal, bool wait);
-  void begin_question(const Question& question);
-  void begin_last_bytes();
+  void begin_break(const LineSignal& signal, bool wait);
+  void begin_job(const Job& job);
+  void last_bytes_sent();
   void settings_made(const LineSettings& wanted, const Result<TakenSettings>& taken);
   // What comes after the step that is made; `tell` is called when its bytes are written.
   void made(const std::function<void()>& tell);
@@ -122,11 +131,12 @@ class SettingsQueue {
   bool making_ = false;      // on the other thread
   bool waited_for_ = false;  // by bytes, or for told.drained
   bool breaks_ = false;
-  int break_error_ = 0;           // of the last that was begun
+  // Of the last that was begun. Written between jobs alone, which read it.
+  std::shared_ptr<int> break_error_ = std::make_shared<int>(0);
   std::size_t left_at_look_ = 0;  // what was not sent when the timer was set
   Timer timer_;
   std::vector<std::function<void()>> drains_;
-  std::size_t draining_ = 0;  // so many of them wait for LastBytes
+  std::size_t draining_ = 0;  // so many of them wait for the UART's last bytes
   Timer drain_timer_;
   std::shared_ptr<int> alive_ = std::make_shared<int>();
 };
