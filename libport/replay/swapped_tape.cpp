@@ -57,12 +57,13 @@ void SwappedTape::swap_event(Record& record) {
   if (record.event == nullptr) return;
   if (const auto* half_close = std::get_if<event::HalfClose>(record.event)) {
     event_ = event::HalfClose{other(half_close->by)};
-  } else if (const auto* settings = std::get_if<event::Settings>(record.event)) {
-    event::Settings swapped = *settings;
-    swapped.by = settings->by == Side::driver ? std::optional(Side::device) : std::nullopt;
-    event_ = swapped;
-  } else if (const auto signal = signal_of(*record.event)) {
-    event_ = signal_event({*other(signal->by), signal->signal});
+  } else if (const auto* settings = std::get_if<event::Settings>(record.event);
+             settings != nullptr && settings->by != Side::driver) {
+    event_ = event::Settings{std::nullopt, settings->line, settings->order};
+  } else if (const auto taped = line_event_of(*record.event)) {
+    const std::optional<Event> swapped = event_of({*other(taped->by), taped->what});
+    if (!swapped) return;  // a flush, which has no side
+    event_ = *swapped;
   } else {
     return;
   }

@@ -16,7 +16,9 @@ namespace porttape {
 // is its row here.
 struct EventRequest {
   std::uint32_t request;
-  bool pty_does_it;  // the kernel carries it out on a pty too, and so for a port of ours
+  // The kernel carries it out on a pty too, and so for a port of ours. Otherwise nothing is done there but to
+  // tell of it, and an argument that makes no event is refused with EINVAL.
+  bool pty_does_it;
   std::optional<LineEvent> (*event)(int argument);  // nothing: the kernel refuses that argument
 };
 
