@@ -25,7 +25,8 @@ class Outbox {
   };
   // Does what the event stands for, and returns whether that is done. If the kernel has no room for what the
   // event sends, it returns false, without having called the outbox; it is called again when there is room.
-  // The result for Turn::never does not matter.
+  // A line on which its own sending fails for good breaks at the next write or read: it is done then. The
+  // result for Turn::never does not matter.
   using Event = std::function<bool(Turn)>;
 
   // `watch` must call flush() when writable; it and `fd` must outlive the outbox.

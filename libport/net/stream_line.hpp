@@ -76,9 +76,10 @@ class StreamLine {
   [[nodiscard]] bool takes() const { return phase_ < Phase::sending && !end_wanted_; }
   void write(ByteView data);
   std::size_t write_some(ByteView data);
-  // Takes an event for its place behind all that was written. False: events of that kind have none on this
-  // line, or nothing waits to be sent; the caller answers a request. One that was taken is answered once,
-  // also where what it waits for is dropped.
+  // Takes an event for its place behind all that was written; StreamPort passes on each that it is told.
+  // False: events of that kind do nothing on this line, or (a drain) need not wait, since nothing is to be
+  // sent; then the caller answers a request. One that was taken is answered once, also where what it waits
+  // for is dropped.
   bool tell(const LineEvent& event);
   [[nodiscard]] bool congested() const { return outbox_.congested(); }
   // Bytes that have not left this machine.

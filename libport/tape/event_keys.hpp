@@ -19,7 +19,8 @@ namespace porttape {
 //   text(key, value)          always written; text_if: unless it is empty. A third argument says which texts
 //                             are the format's: a list of words, or a function that knows their form
 //   word(key, value, words)   an optional value that is one of the words
-//   number(key, value)        a whole number that is not negative, optional or not; number_if: unless it is 0
+//   number(key, value)        a whole number of any integer type (or microseconds) that is not negative,
+//                             optional or not; number_if: unless it is 0
 //   number(key, value, least, most)
 //   needed(key, value)        a number without which the object counts as not there
 //   flag(key, value)          a bool, written where it is true; an optional one where it is known
