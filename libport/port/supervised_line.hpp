@@ -44,6 +44,8 @@ class SupervisedLine {
   // Passes on what the peer has written so far, and learns of opens and closes so far. False: some of it has
   // to wait, since the device takes nothing yet.
   virtual bool catch_up() = 0;
+  // Bytes of the peer that were passed on so far, in all.
+  [[nodiscard]] virtual std::uint64_t passed_on() const = 0;
   // The peer has done this to its line, behind all that was caught up with: a flush that the kernel has done;
   // settings; a signal: dtr, rts, break, or where neither device nor tape has signals, what it is shown of
   // cts, dsr, cd, ri. Not for requests.

@@ -484,6 +484,7 @@ void PtyPort::deliver_held_soon() {
 void PtyPort::handle_packet(ByteView packet) {
   const Byte status = packet.front();
   if (status == TIOCPKT_DATA) {
+    passed_on_ += packet.size() - 1;
     if (packet.size() > 1) listener().on_data(packet.subspan(1));
     return;
   }

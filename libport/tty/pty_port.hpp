@@ -115,6 +115,7 @@ class PtyPort final : public Port, private SupervisedLine {
     return line_ ? line_->device : std::nullopt;
   }
   bool catch_up() override;
+  [[nodiscard]] std::uint64_t passed_on() const override { return passed_on_; }
   void peer_did(const LineEvent& event) override;
   void wait_until_sent(std::function<void()> done) override;
   void ask(const LineRequest& request, TakeAnswer done) override;
@@ -163,6 +164,7 @@ class PtyPort final : public Port, private SupervisedLine {
   Pty::Access access_;
   PtyNames names_;
   LineSupervisor* supervisor_ = nullptr;
+  std::uint64_t passed_on_ = 0;  // bytes of the peer
   WaitingRequests<std::function<void()>> drains_;
   WaitingRequests<TakeAnswer> questions_;
   WaitingEvents early_;               // of a driver that has opened the line, until the listener knows it

@@ -69,9 +69,9 @@ class Line {
   void plug_in();
 
   // Acts of a driver. On a supervised line the near end learns of each act after the bytes that were sent
-  // before it. If those bytes are not read for a second, the act overtakes them (TtyCalls::kCatchUpLimit).
-  // On any other line the near end learns of settings by looking: it gets the last ones, before bytes that
-  // wait. Such a line has no signals, and answers a drain or a question at once.
+  // before it. If those bytes are not read for five seconds, the act overtakes them
+  // (TtyCalls::kCatchUpLimit). On any other line the near end learns of settings by looking: it gets the last
+  // ones, before bytes that wait. Such a line has no signals, and answers a drain or a question at once.
   //
   // A device has signals only: those that it drives.
   void signal(const LineSignal& signal);

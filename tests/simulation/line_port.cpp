@@ -17,7 +17,7 @@ using What = Passed::What;
 constexpr Nanos kRestLimit = seconds(10);
 constexpr Nanos kQuiet = seconds(2);
 constexpr Nanos kLook = milliseconds(20);
-constexpr Nanos kCatchUpLimit = seconds(1);
+constexpr Nanos kCatchUpLimit = seconds(5);
 // A device's answer to a question takes up to so long.
 constexpr Nanos kLongestAnswer = seconds(2);
 

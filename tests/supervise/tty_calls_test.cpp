@@ -52,8 +52,14 @@ class PtyLine final : public SupervisedLine {
     std::array<char, 256> some{};
     const ssize_t size = takes ? ::read(master_.get(), some.data(), some.size()) : -1;
     if (size > 0) say("wrote " + std::string(some.data(), static_cast<std::size_t>(size)));
+    if (size > 0) passed_on_ += static_cast<std::uint64_t>(size);
+    if (slow_looks > 0) {
+      ++passed_on_;
+      takes = --slow_looks == 0;
+    }
     return takes;
   }
+  [[nodiscard]] std::uint64_t passed_on() const override { return passed_on_; }
   void peer_did(const LineEvent& event) override {
     std::visit(
         LineVisitor{
@@ -95,6 +101,7 @@ class PtyLine final : public SupervisedLine {
   LineSupervisor* supervisor = nullptr;
   std::vector<std::string> told;
   bool takes = true;
+  int slow_looks = 0;  // so often it is seen to get on; then it takes all
   bool holds = false;
   std::function<void()> held;
   std::function<void()> on_held = [] {};
@@ -104,6 +111,7 @@ class PtyLine final : public SupervisedLine {
  private:
   UniqueFd master_;
   std::optional<TtyDevice> device_;
+  std::uint64_t passed_on_ = 0;
 };
 
 std::vector<std::string> environment_here() {
@@ -442,6 +450,15 @@ TEST_F(TtyCallsTest, ADeviceThatTakesNothingHoldsAChangeUpForAWhileOnly) {
   line.takes = false;
   EXPECT_THAT(run({"write:x", "set:8E"}), ElementsAre("write 1", "set 0 8E"));
   EXPECT_THAT(line.told, ElementsAre("19200 baud, 8E1 sampled"));
+}
+
+// More looks than fit into the time that a device which takes nothing is waited for.
+TEST_F(TtyCallsTest, ADeviceThatTakesBytesSlowlyHoldsAChangeUpUntilItHasThem) {
+  line.takes = false;
+  line.slow_looks = 6000;
+  EXPECT_THAT(run({"write:x", "set:8E"}), ElementsAre("write 1", "set 0 8E"));
+  EXPECT_THAT(line.told, ElementsAre("19200 baud, 8E1"));
+  EXPECT_EQ(line.slow_looks, 0);
 }
 
 }  // namespace
