@@ -444,11 +444,11 @@ std::optional<SettingsCheck::Place> ReplayRun::place_of_driver() {
                         steered_.seeks == 0;
   const bool same = !ruled_ && gaps_.empty() && hang_ups_.empty() && player_.schedule().output_flushes() == 0;
   if (!in_order || !same) return std::nullopt;
-  return SettingsCheck::Place{matcher_.position(), before_latest_};
+  return SettingsCheck::Place{matcher_.position(), before_latest_, sessions()};
 }
 
 SettingsReport ReplayRun::settings_so_far(EndedBy by) {
-  return settings_.report(reach(any_unsent(), by), std::max(furthest_, matcher_.position()));
+  return settings_.report(reach(any_unsent(), by), std::max(furthest_, matcher_.position()), sessions());
 }
 
 bool ReplayRun::pass_to_close() {

@@ -69,7 +69,8 @@ void SettingsCheck::pass(const Record& record, std::uint64_t writes, bool expect
     for (Taped& each : taped_) each.range.close(writes);
   }
   if (record.kind == RecordKind::open || record.kind == RecordKind::write) before_latest_ = writes;
-  const Place place{writes, before_latest_};
+  if (record.kind == RecordKind::open) ++opens_;
+  const Place place{writes, before_latest_, opens_};
   if (record.kind == RecordKind::open && shows_signals_)
     add_taped({record.at, LineView::opened(), false, Range::of(SettingsOrder::exact, place), writes});
   if (record.event == nullptr) return;
@@ -136,7 +137,7 @@ std::vector<std::size_t> SettingsCheck::required(const Keys& keys, std::size_t e
 }
 
 // The longest sequence that both have: first how long it is behind each pair of places.
-SettingsCheck::Outcome SettingsCheck::compare(std::size_t end) const {
+SettingsCheck::Outcome SettingsCheck::compare(std::size_t end, bool by_session) const {
   Keys keys = keys_.value_or(Keys{});
   keys.signals = shows_signals_;
   Outcome outcome;
@@ -151,7 +152,7 @@ SettingsCheck::Outcome SettingsCheck::compare(std::size_t end) const {
   const auto same = [&](std::size_t row, std::size_t column) {
     const Taped& taped = taped_[outcome.required[row]];
     const Made& made = made_[column];
-    return taped.range.meets(made.range) && agree(keys.of(taped.what), made.what);
+    return taped.range.meets(made.range, by_session) && agree(keys.of(taped.what), made.what);
   };
   for (std::size_t row = rows; row-- > 0;) {
     for (std::size_t column = columns; column-- > 0;) {
@@ -188,7 +189,7 @@ void SettingsCheck::add(const Outcome& outcome, std::size_t end, SettingsReport&
 
 // One side is full: what is compared up to the last that was made is done with, or half of the full one.
 void SettingsCheck::settle() {
-  const Outcome outcome = compare(taped_.size());
+  const Outcome outcome = compare(taped_.size(), false);
   std::size_t taped = outcome.taped_end;
   std::size_t made = outcome.made_end;
   if (taped_.size() == kMostHeld) taped = std::max(taped, kMostHeld / 2);
@@ -200,12 +201,12 @@ void SettingsCheck::settle() {
   delivered_ -= std::min(delivered_, taped);
 }
 
-SettingsReport SettingsCheck::report(Reach reach, std::uint64_t writes) const {
+SettingsReport SettingsCheck::report(Reach reach, std::uint64_t writes, std::uint64_t sessions) const {
   const std::size_t sure = reach == Reach::all ? taped_.size() : reach == Reach::delivered ? delivered_ : 0;
   std::size_t end = taped_.size();
   while (end > sure && taped_[end - 1].writes >= writes) --end;
   SettingsReport report = settled_;
-  add(compare(end), end, report);
+  add(compare(end, sessions == opens_), end, report);
   return report;
 }
 

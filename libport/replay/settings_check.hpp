@@ -55,10 +55,11 @@ class SettingsCheck {
   // Something behind what was passed has reached the driver.
   void delivered() { delivered_ = taped_.size(); }
   // Where the driver's writes are on the tape, in bytes: those it has made, and those before the latest that
-  // were read at once.
+  // were read at once; and in which session of the run that is, from 1 on.
   struct Place {
     std::uint64_t written = 0;
     std::uint64_t before_latest = 0;
+    std::uint64_t session = 0;
   };
   // The driver has made its line so, or changed a signal. Nothing: its place is not known.
   void made(const LineEvent& event, std::optional<Place> place = {});
@@ -68,7 +69,9 @@ class SettingsCheck {
   // How far the driver came, and so what of the passed counts: what is before its last byte, that of so many
   // bytes of recorded writes; also what is before the last that reached it; or all.
   enum class Reach : std::uint8_t { written, delivered, all };
-  [[nodiscard]] SettingsReport report(Reach reach, std::uint64_t writes) const;
+  // `sessions`: that the driver made. Where these are as many as the tape has so far, each belongs to the one
+  // there.
+  [[nodiscard]] SettingsReport report(Reach reach, std::uint64_t writes, std::uint64_t sessions = 0) const;
 
  private:
   // Between so many bytes of the tape's writes; anywhere, until that is known.
@@ -76,15 +79,19 @@ class SettingsCheck {
     std::uint64_t from = 0;
     std::uint64_t to = std::numeric_limits<std::uint64_t>::max();
     bool ends_at_close = false;
+    std::uint64_t session = 0;  // 0: in any
 
     static Range of(SettingsOrder order, const Place& place) {
-      if (order == SettingsOrder::exact) return {place.written, place.written};
-      return {.from = place.before_latest, .ends_at_close = true};
+      if (order == SettingsOrder::exact) return {place.written, place.written, false, place.session};
+      return {.from = place.before_latest, .ends_at_close = true, .session = place.session};
     }
     void close(std::uint64_t written) {
       if (std::exchange(ends_at_close, false)) to = written;
     }
-    [[nodiscard]] bool meets(const Range& other) const { return from <= other.to && other.from <= to; }
+    [[nodiscard]] bool meets(const Range& other, bool by_session) const {
+      const bool other_session = session != other.session && session > 0 && other.session > 0;
+      return from <= other.to && other.from <= to && !(by_session && other_session);
+    }
   };
   // A change on the tape.
   struct Taped {
@@ -120,7 +127,7 @@ class SettingsCheck {
   void end_latest(TapeTime at);
   // Of the first `end` of taped_.
   [[nodiscard]] std::vector<std::size_t> required(const Keys& keys, std::size_t end) const;
-  [[nodiscard]] Outcome compare(std::size_t end) const;
+  [[nodiscard]] Outcome compare(std::size_t end, bool by_session) const;
   void add(const Outcome& outcome, std::size_t end, SettingsReport& to) const;
   void settle();
 
@@ -132,6 +139,7 @@ class SettingsCheck {
   std::size_t delivered_ = 0;  // of taped_
   Stand stand_ = Stand::sure;
   std::uint64_t before_latest_ = 0;  // of the tape's writes, in this session
+  std::uint64_t opens_ = 0;          // on the tape so far
   SettingsReport settled_;           // of what was compared and forgotten
 };
 

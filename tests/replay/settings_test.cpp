@@ -218,6 +218,20 @@ TEST(Settings, ThoseOfAnotherSessionAreNotTheOnesThere) {
   }
 }
 
+// Behind the last byte of a session and before the first of the next no byte tells them apart.
+TEST(Settings, OneAtTheEndOfASessionIsNotTheOneAtTheBeginOfTheNext) {
+  Rig rig(two_sessions(exactly), checking());
+  rig.open().set(baud(300)).write("ask").wait(200'000).set(baud(1200)).close();
+  rig.open().write("again").wait(200'000).close();
+  EXPECT_EQ(rig.verdict(), Verdict::settings_mismatch);
+}
+
+TEST(Settings, ADriverThatKeepsItsLineOpenMakesThoseOfAllSessionsInOne) {
+  Rig rig(two_sessions(exactly), checking());
+  rig.open().set(baud(300)).write("ask").wait(400'000).set(baud(1200)).write("again").wait(400'000).close();
+  EXPECT_EQ(rig.report->settings.made, rig.report->settings.recorded);
+}
+
 TEST(Settings, OneOnTheOtherSideOfBytesIsNotTheOneThere) {
   Rig rig(two_sessions(exactly), checking());
   rig.open().write("ask").set(baud(300)).wait(200'000).close();
