@@ -15,7 +15,7 @@ void notify_systemd(std::string_view state) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   const std::size_t length = path == nullptr ? 0 : std::strlen(path);
-  if (length == 0 || length >= sizeof address.sun_path) return;
+  if (length == 0 || length > sizeof address.sun_path) return;
   std::memcpy(address.sun_path, path, length);
   if (address.sun_path[0] == '@') address.sun_path[0] = '\0';  // abstract
   const UniqueFd fd(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));

@@ -190,12 +190,12 @@ TEST_F(NotifyTest, ASocketInAFolderAndAnAbstractOneAreTold) {
 }
 
 TEST_F(NotifyTest, TheLongestNameIsTaken) {
-  const std::string name = "@" + std::string(sizeof(sockaddr_un::sun_path) - 2, 'n');
+  const std::string name = "@" + std::string(sizeof(sockaddr_un::sun_path) - 1, 'n');
   const UniqueFd listener = listen_on(name);
   ::setenv("NOTIFY_SOCKET", name.c_str(), 1);
   notify_systemd("READY=1");
   EXPECT_EQ(told_on(listener), "READY=1");
-  const std::string longer = name + "nn";
+  const std::string longer = name + "n";
   ::setenv("NOTIFY_SOCKET", longer.c_str(), 1);
   notify_systemd("READY=1");
   EXPECT_EQ(told_on(listener), "nothing");
