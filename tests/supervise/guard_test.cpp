@@ -170,6 +170,7 @@ TEST_F(GuardTest, AGuardThatEndsBeforeTheCommandIsTold) {
                   loop, options, [](int) {}, trouble),
               nullptr);
     EXPECT_EQ(trouble.stage, Stage::machinery);
+    EXPECT_EQ(trouble.error, 0) << "nothing of the system has failed";
     EXPECT_EQ(trouble.message, "the guard of the command has ended");
   }));
 }

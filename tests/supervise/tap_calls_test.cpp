@@ -309,7 +309,7 @@ TEST_F(TapCallsTest, ALineIsReadWhole) {
 
 TEST_F(TapCallsTest, VectorsAreOneTransfer) {
   EXPECT_THAT(same({"open", "raw:5:0", "write:give 1234567", "vectors"}),
-              ElementsAre("open 0", "write 12", "readv 7 1234567", "writev 5", "many EINVAL",
+              ElementsAre("open 0", "write 12", "readv 7 1234567", "writev 5", "many EINVAL", "most 1024",
                           "negative EINVAL", "none 0"));
 }
 
@@ -547,6 +547,14 @@ TEST_F(TapCallsTest, WhatASettingsRequestMakesHasItsPlace) {
   EXPECT_THAT(std::vector(from_a, events.all.end()),
               ElementsAre("w a", "9600 baud, 7E1", "w b", "19200 baud, 8O1", "w c", "flush in",
                           "9600 baud, 7E1", "close"));
+}
+
+TEST_F(TapCallsTest, ThatReadsAreNotToWaitIsNoSettingOfTheLine) {
+  events.shows_settings = true;
+  EXPECT_THAT(tap({"open", "raw:1:0", "write:a", "fionbio:1", "read:1", "fionbio:0", "write:b"}),
+              ElementsAre("open 0", "write 1", "fionbio 1", "read EAGAIN", "fionbio 0", "write 1"));
+  const auto from_a = std::ranges::find(events.all, "w a");
+  EXPECT_THAT(std::vector(from_a, events.all.end()), ElementsAre("w a", "w b", "close"));
 }
 
 // A pty has no modem lines: the calls by which they are asked for and driven are answered as by a device all

@@ -232,6 +232,7 @@ void do_vectors() {
   say("writev", ::writev(line, parts, 3));
   const std::vector<iovec> many(1025, iovec{text, 1});
   say("many", ::writev(line, many.data(), 1025));
+  say("most", ::writev(line, many.data(), 1024));
   const iovec negative{text, static_cast<std::size_t>(-1)};
   say("negative", ::writev(line, &negative, 1));
   say("none", ::writev(line, parts, 0));

@@ -270,6 +270,39 @@ TEST_F(KeeperOfAFullDisk, FailClosedEndsTheLineAtTheFirstLoss) {
   EXPECT_EQ(told("No space left on device; ending, as --fail-closed asks"), 1);
 }
 
+// Does not bring to the disk what it has, once.
+class OnceUnsafeSink final : public test::TakingSink {
+ public:
+  explicit OnceUnsafeSink(std::shared_ptr<std::atomic<bool>> fails) : fails_(std::move(fails)) {}
+  Sync syncer() override {
+    return [fails = fails_] { return fails->exchange(false) ? EIO : 0; };
+  }
+
+ private:
+  std::shared_ptr<std::atomic<bool>> fails_;
+};
+
+TEST_F(KeeperTimes, WhatMayNotBeOnTheDiskMakesTheRecordingIncompleteThoughTheEndIs) {
+  const auto fails = std::make_shared<std::atomic<bool>>(false);
+  keep([fails](const LiveTape::Options& tape) {
+    return TapeWriter::on_sinks(
+        {std::make_unique<OnceUnsafeSink>(fails), std::make_unique<OnceUnsafeSink>(fails),
+         std::make_unique<OnceUnsafeSink>(fails)},
+        tape.header, tape.writer);
+  });
+  keeper->opened(loop.now());
+  run_until_told("recording to");
+  *fails = true;
+  keeper->block(Direction::read, loop.now(), as_bytes("x"));
+  run_until_told("what was written may not be on the disk: Input/output error");
+  std::optional<bool> complete;
+  keeper->finish(loop.now(), [&complete](bool all) { complete = all; });
+  run_until(loop, [&complete] { return complete.has_value(); });
+  EXPECT_EQ(complete, false);
+  EXPECT_EQ(told("may not be on the disk"), 1);
+  EXPECT_EQ(told(" is complete: "), 1) << "which its end is";
+}
+
 // A disk that works, is slow once, and then hangs.
 struct TiringDisk {
   enum class Pace { works, slow, hangs };
