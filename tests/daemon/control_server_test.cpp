@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
 #include <functional>
+#include <iterator>
+#include <poll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -137,6 +140,27 @@ TEST_F(ControlServerTest, AClientThatEndsItsSideGetsItsReply) {
   send(fd, "{\"verb\":\"status\"}");  // without its newline
   ::shutdown(fd.get(), SHUT_WR);
   EXPECT_EQ(read(fd, 2), kReply);  // up to the end
+}
+
+// The kernel resets a connection whose end has left something unread.
+TEST_F(ControlServerTest, ARequestThatABrokenConnectionCutsOffIsNotCarriedOut) {
+  serve();
+  const auto open_files = [] {
+    return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {});
+  };
+  EXPECT_EQ(ask(connect(), kStatus), kReply);
+  for (int turns = 0; turns < 100; ++turns) turn();
+  const auto before = open_files();
+  {
+    const UniqueFd fd = connect();
+    send(fd, kStatus);
+    pollfd replied{fd.get(), POLLIN, 0};
+    while (::poll(&replied, 1, 0) == 0) turn();
+    send(fd, R"({"verb":"mark","text":"a"})");  // without its newline: the rest never comes
+  }
+  for (int turns = 0; turns < 1000 && open_files() > before; ++turns) turn();
+  EXPECT_EQ(open_files(), before);
+  EXPECT_EQ(target.calls, "");
 }
 
 TEST_F(ControlServerTest, TheSocketIsItsOwnersAloneAndGoesWithIt) {

@@ -165,3 +165,21 @@ ended "$started" || die "it outlives its terminal"
 [[ $(tail -1 code) == 0 ]] || die "its terminal gone it ends with $(cat code)"
 [[ ! -e $work/port ]] || die "its terminal gone it leaves the link behind"
 say "SIGHUP: goes on without a terminal, ends with it"
+start "$PYTHON" -c 'import os, pty, signal, sys, time
+pid, master = pty.fork()
+if pid == 0:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    os.execvp(sys.argv[1], sys.argv[1:])
+while not os.path.exists("pid3") or not os.path.exists("port"): time.sleep(0.02)
+os.close(master)
+print("gone", flush=True)
+_, status = os.waitpid(pid, 0)
+print(os.waitstatus_to_exitcode(status))' "$PORTTAPED" record --device "serial:$work/line.near" \
+  --driver "pty:$work/port" --tape hup3 --pidfile pid3 >code
+until_true grep -q gone code || die "under nohup it does not start"
+kill -HUP "$(cat pid3)"
+for time in first second; do talk "$time under nohup"; done
+kill -TERM "$(cat pid3)"
+ended "$started" || die "under nohup SIGTERM does not end it"
+[[ $(tail -1 code) == 0 ]] || die "under nohup it ends with $(cat code)"
+say "SIGHUP: under nohup nothing"

@@ -89,6 +89,7 @@ TEST_F(DriveVerb, PassesWhereTheDeviceAnswersAsRecorded) {
     EXPECT_THAT(report,
                 HasSubstr(R"("to_driver":{"bytes":8,"matched":8,"of":8},"from_driver":{"bytes":9,"of":9})"));
     EXPECT_THAT(report, HasSubstr(R"("writer":"device")"));
+    EXPECT_THAT(report, HasSubstr(R"("runs":{"count":1,"looks":0,"worst":"pass","list":[{)"));
   }
 }
 
