@@ -111,7 +111,7 @@ struct TapTransfers::Transfer {
 
   // The next to write. False: they are not to be had.
   bool load() {
-    if (done > 0 && !call.waits()) return false;
+    if (!call.waits()) return false;
     for (const std::size_t most : {kMostAtOnce, kPiece}) {
       begin = done;
       bytes.resize(std::min(most, size - done));

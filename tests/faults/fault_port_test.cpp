@@ -1,5 +1,6 @@
 #include "libport/faults/fault_port.hpp"
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -37,6 +38,7 @@ class Listener final : public ForwardingPort {
   Listener(std::unique_ptr<Port> inner, std::vector<LineFault>& faults)
       : ForwardingPort(std::move(inner)), faults_(&faults) {}
   std::vector<std::size_t> arrivals;
+  std::function<void()> on_arrival = [] {};
 
  private:
   void told(const LineEvent& event) override {
@@ -46,10 +48,12 @@ class Listener final : public ForwardingPort {
   void on_data(ByteView data) override {
     arrivals.push_back(data.size());
     ForwardingPort::on_data(data);
+    on_arrival();
   }
   void on_arrivals(ByteView data, std::span<const std::size_t> ends) override {
     arrivals.push_back(ends.size());
     ForwardingPort::on_data(data);
+    on_arrival();
   }
   std::vector<LineFault>* faults_;
 };
@@ -120,6 +124,17 @@ TEST_F(FaultPortTest, ADelayedByteComesLaterAndInOrder) {
 TEST_F(FaultPortTest, WhatCameBeforeADelayedByteIsNotHeld) {
   make("delay:byte=1,for=1000,dir=r");
   device.send("abc");
+  EXPECT_EQ(log.data, "a");
+}
+
+TEST_F(FaultPortTest, WhatIsBehindAByteAtWhichTheLineIsOpenedAgainIsNotOfTheNewLine) {
+  make("delay:byte=1,for=0.002,dir=r");
+  port->on_arrival = [this] {
+    port->close();
+    port->open();
+  };
+  device.send("abc");
+  let_pass(loop, clock, milliseconds(10));
   EXPECT_EQ(log.data, "a");
 }
 

@@ -14,6 +14,7 @@ namespace {
 using test::read_log;
 using test::ReadLog;
 using test::TempDir;
+using testing::AllOf;
 using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -173,6 +174,16 @@ TEST(Dialect, ATimeThatIsNoneIsTold) {
   const ReadLog tape = read_log(dir, "octoprint", "2021-03-04 25:59:59,900 - Send: a\n");
   EXPECT_THAT(tape.lines, ElementsAre("w 0 a\\n"));
   EXPECT_THAT(tape.problems, ElementsAre("line 1: no time"));
+}
+
+// Its row may go on: it is put on the tape at the log's end.
+TEST(Dialect, ATimeThatATapeHasNoRoomForIsToldByItsLine) {
+  const TempDir dir;
+  EXPECT_THAT(read_log(dir, "ser2net",
+                       "1970/01/01 00:00:00 term 41                       |A|\n"
+                       "2170/01/01 00:00:00 tcp  31 32 33 34 35 36 37 38  |12345678|\n")
+                  .error,
+              AllOf(HasSubstr("evidence:2"), HasSubstr("a tape has no room for the time")));
 }
 
 TEST(Dialect, BinaryDataIsNoLog) {

@@ -52,6 +52,20 @@ TEST(Timer, CancelledNeverFires) {
   EXPECT_EQ(fired, 0);
 }
 
+TEST(Timer, CancelledWhileAnotherWaitsItLeavesThatOneItsMoment) {
+  Loop loop;
+  std::string fired;
+  Timer first(loop, [&fired] { fired += "first"; });
+  Timer second(loop, [&fired] { fired += "second"; });
+  first.set_after(milliseconds(1));
+  second.set_after(milliseconds(3));
+  const std::optional<Instant> when = second.due();
+  first.cancel();
+  loop.run();
+  EXPECT_EQ(fired, "second");
+  EXPECT_GE(loop.now(), when);
+}
+
 TEST(Timer, MayBeDestroyedByItsOwnCallback) {
   Loop loop;
   std::unique_ptr<Timer> timer;
