@@ -117,6 +117,16 @@ TEST(CauseOfData, OtherBytes) {
             "looks like an off-by-one in request 5: 45 where the tape has 44, at byte 5");
 }
 
+TEST(CauseOfData, ALengthThatIsOneOff) {
+  const MemoryTape frames = tape_of({"A\n", "\x05hello", "B\n"});
+  EXPECT_EQ(text(frames, {"A\n", "\x06hello"}),
+            "looks like an off-by-one length in request 2: 06 where the tape has 05, at byte 0");
+  EXPECT_EQ(text(frames, {"A\n", "\x04hello"}),
+            "looks like an off-by-one length in request 2: 04 where the tape has 05, at byte 0");
+  EXPECT_EQ(text(frames, {"A\n", "\x07hello"}),
+            "one byte of request 2 is another: 07 where the tape has 05, at byte 0");
+}
+
 TEST(CauseOfData, TheLineEnd) {
   EXPECT_EQ(text(laser(), {"VV\n", "PP", "II\n"}),
             "terminator missing: request 2 came without its \"\\n\" (0a), and the next one right behind it");
