@@ -203,6 +203,15 @@ TEST(LineSettingOptions, TakeWhatALineCanBe) {
   EXPECT_EQ(taken(options, "swflowctrl", {"on", "2"}), "on");
 }
 
+TEST(PortTypesTest, AListeningSpellingIsOneOfThoseThatAreMeant) {
+  PortType tcp{"tcp", {"host"}, "a connection"};
+  tcp.listening = {"port"};
+  const PortTypes types({tcp, PortType{"serial", {"device"}, "a tty"}});
+  EXPECT_EQ(types.spellings(), (std::vector<std::string>{"tcp", "tcp-listen", "serial"}));
+  EXPECT_EQ(parse_options(types, "type=tcp-listn").error().message,
+            "port 'type=tcp-listn': unknown type 'tcp-listn'; did you mean 'tcp-listen'?");
+}
+
 TEST(LineSettingOptions, AreReadIntoALine) {
   PortType type{"serial", {"device"}, "a tty"};
   type.options = line_setting_options();

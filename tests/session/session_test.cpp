@@ -658,6 +658,7 @@ TEST_F(SessionTest, WhatTheDriversSideDropsIsOneGapASession) {
   driver.up();
   driver.down(Reason::closed);
   EXPECT_EQ(device.gaps, 7U) << "the device's port notes its own";
+  EXPECT_EQ(device.gap_notes, 1);
 }
 
 TEST_F(SessionTest, ADriverThatLeavesWhileTheEndWaitsForItsQueueEndsIt) {

@@ -31,6 +31,7 @@ class MemoryPort final : public Port, private Recorder {
     bool datagrams = false;
     bool half_closes = true;            // what end_writing() gives
     std::uint64_t gaps = 0;             // bytes of note_gap()
+    int gap_notes = 0;                  // calls of it
     bool up_at_once = true;             // open() brings the line up
     std::optional<std::size_t> unread;  // what unread_by_peer() gives
     bool completes = true;              // finish() is answered at once
@@ -193,6 +194,7 @@ class MemoryPort final : public Port, private Recorder {
   }
   void note_gap(std::uint64_t bytes, std::string_view why) override {
     peer_->gaps += bytes;
+    ++peer_->gap_notes;
     peer_->gap_why = why;
   }
 
