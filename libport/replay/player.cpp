@@ -147,10 +147,10 @@ std::optional<Player::TimingFault> Player::play(Instant now, std::size_t max_byt
   Turn turn{now, Mode::deliver, blocked, max_bytes, &out};
   if (out.deliver.empty()) delivered_due_.reset();
   holds_piece_ = false;
-  for (LineEvent& event : late_events_.take_all())
-    out.events.push_back({out.deliver.size(), std::move(event)});
   for (bool go_on = true; go_on;) {
     if (!seek()) break;
+    for (LineEvent& event : late_events_.take_all())
+      out.events.push_back({out.deliver.size(), std::move(event)});
     turn.blocked = blocked || by_hand_.stands();
     const std::size_t held = out.deliver.size();
     turn.room = max_bytes - std::min(max_bytes, held);
