@@ -1,11 +1,7 @@
 #include "libport/line/line_settings_text.hpp"
 
-#include <array>
-
 namespace porttape {
 namespace {
-
-constexpr std::array<std::string_view, 5> kParities = {"none", "even", "odd", "mark", "space"};
 
 std::string_view json_of(bool value) { return value ? "true" : "false"; }
 
@@ -19,7 +15,7 @@ std::string frame_text(const SeenSettings& settings) {
 
 }  // namespace
 
-std::string_view to_string(Parity parity) { return kParities.at(static_cast<std::size_t>(parity)); }
+std::string_view to_string(Parity parity) { return kParityWords.at(static_cast<std::size_t>(parity)); }
 
 std::string to_text(const SeenSettings& settings) {
   std::string text;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <string>
 #include <string_view>
 
@@ -8,7 +9,9 @@
 
 namespace porttape {
 
-// As options and tapes have it: "none", "even", …
+// As options and tapes have them; the place is the value.
+inline constexpr auto kParityWords =
+    std::to_array<std::string_view>({"none", "even", "odd", "mark", "space"});
 std::string_view to_string(Parity parity);
 
 // What is known of them, for a person: "115200 baud, 8N1, RTS/CTS"; of a pty, which shows neither parity nor

@@ -151,18 +151,15 @@ CallPart::Decision TtyCalls::decide_signals(Supervisor& supervisor, const Call& 
   }
 }
 
-TtyCalls::Patience TtyCalls::patience(const KeptCall& kept) const {
-  return {kept.now() + kCatchUpLimit, line_ == nullptr ? 0 : line_->passed_on()};
-}
-
 // As soon as the device takes what the driver has written before, but not for ever.
-void TtyCalls::catch_up(const std::shared_ptr<KeptCall>& kept, const Patience& patience, const Step& step) {
+void TtyCalls::catch_up(const std::shared_ptr<KeptCall>& kept, Patience patience, const Step& step) {
   if (line_ == nullptr || line_->catch_up()) return step(SettingsOrder::exact);
-  const bool gets_on = line_->passed_on() != patience.passed_on;
-  const Patience next = gets_on ? this->patience(*kept) : patience;
-  if (kept->now() >= next.until) return step(SettingsOrder::sampled);
-  kept->call_after(kCatchUpLook, [this, weak = std::weak_ptr(kept), next, step] {
-    if (const auto waiting = weak.lock()) catch_up(waiting, next, step);
+  const Instant now = kept->now();
+  const std::uint64_t before = std::exchange(patience.passed_on, line_->passed_on());
+  if (patience.passed_on != before) patience.wait.more_given(now, 0);
+  if (!patience.wait.goes_on(now, std::nullopt)) return step(SettingsOrder::sampled);
+  kept->call_after(kCatchUpLook, [this, weak = std::weak_ptr(kept), patience, step] {
+    if (const auto waiting = weak.lock()) catch_up(waiting, patience, step);
   });
 }
 
@@ -170,21 +167,23 @@ void TtyCalls::catch_up(const std::shared_ptr<KeptCall>& kept, const Patience& p
 CallPart::Decision TtyCalls::behind_writes(Supervisor& supervisor, const Call& call, const Then& then) {
   if (line_->catch_up()) return then(call, SettingsOrder::exact);
   const std::shared_ptr<KeptCall> kept = supervisor.keep(call);
-  catch_up(kept, patience(*kept), [weak = std::weak_ptr(kept), then](SettingsOrder order) {
-    if (const auto waiting = weak.lock()) waiting->finish(then(waiting->call(), order));
-  });
+  catch_up(kept, {EndWait(kept->now(), kCatchUpLimit)},
+           [weak = std::weak_ptr(kept), then](SettingsOrder order) {
+             if (const auto waiting = weak.lock()) waiting->finish(then(waiting->call(), order));
+           });
   return Kept{};
 }
 
 // And once that has left the device.
 void TtyCalls::when_sent(const std::shared_ptr<KeptCall>& kept, const KeptStep& step) {
-  catch_up(kept, patience(*kept), [this, weak = std::weak_ptr(kept), step](SettingsOrder order) {
-    const auto sent = [weak, step, order] {
-      if (const auto waiting = weak.lock(); waiting && !waiting->over()) step(waiting, order);
-    };
-    if (line_ == nullptr) return sent();
-    line_->wait_until_sent(sent);
-  });
+  catch_up(kept, {EndWait(kept->now(), kCatchUpLimit)},
+           [this, weak = std::weak_ptr(kept), step](SettingsOrder order) {
+             const auto sent = [weak, step, order] {
+               if (const auto waiting = weak.lock(); waiting && !waiting->over()) step(waiting, order);
+             };
+             if (line_ == nullptr) return sent();
+             line_->wait_until_sent(sent);
+           });
 }
 
 CallPart::Decision TtyCalls::behind_sent(const std::shared_ptr<KeptCall>& kept, const Then& then) {

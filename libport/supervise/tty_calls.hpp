@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "libport/base/end_wait.hpp"
 #include "libport/line/line_settings.hpp"
 #include "libport/port/supervised_line.hpp"
 #include "libport/supervise/line_model.hpp"
@@ -59,13 +60,12 @@ class TtyCalls final : public CallPart, private LineSupervisor {
   using Then = std::function<Outcome(const Call& call, SettingsOrder order)>;
   using Step = std::function<void(SettingsOrder order)>;
   using KeptStep = std::function<void(const std::shared_ptr<KeptCall>& waiting, SettingsOrder order)>;
-  // How long the bytes before a call are waited for, and what was passed on of them when that was looked at.
+  // For the bytes before a call; `passed_on`: what the line had passed on when it was looked at last.
   struct Patience {
-    Instant until{};
+    EndWait wait;
     std::uint64_t passed_on = 0;
   };
-  [[nodiscard]] Patience patience(const KeptCall& kept) const;
-  void catch_up(const std::shared_ptr<KeptCall>& kept, const Patience& patience, const Step& step);
+  void catch_up(const std::shared_ptr<KeptCall>& kept, Patience patience, const Step& step);
   Decision behind_writes(Supervisor& supervisor, const Call& call, const Then& then);
   void when_sent(const std::shared_ptr<KeptCall>& kept, const KeptStep& step);
   Decision behind_sent(const std::shared_ptr<KeptCall>& kept, const Then& then);

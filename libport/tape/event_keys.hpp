@@ -8,6 +8,7 @@
 #include <type_traits>
 
 #include "libport/base/port_identity.hpp"
+#include "libport/line/line_settings_text.hpp"
 #include "libport/tape/event.hpp"
 
 namespace porttape {
@@ -43,7 +44,6 @@ bool is_boot(std::string_view text);
 inline constexpr auto kFormats = std::to_array<std::string_view>({"porttape-events"});
 inline constexpr auto kTransports = std::to_array<std::string_view>({"stream", "datagram"});
 inline constexpr auto kStamped = std::to_array<std::string_view>({"arrival", "read"});
-inline constexpr auto kParities = std::to_array<std::string_view>({"none", "even", "odd", "mark", "space"});
 inline constexpr auto kMakingVerbs =
     std::to_array<std::string_view>({"cut", "split", "merge", "recover", "redact", "convert", "shrink"});
 
@@ -59,7 +59,7 @@ void tell(Tells<TapeZero> auto& zero, auto& keys) {
 void tell(Tells<SeenSettings> auto& settings, auto& keys) {
   keys.number("baud", settings.baud, 0, std::numeric_limits<unsigned>::max());
   keys.number("databits", settings.data_bits, 5, 8);
-  keys.word("parity", settings.parity, kParities);
+  keys.word("parity", settings.parity, kParityWords);
   keys.number("stopbits", settings.stop_bits, 1, 2);
   keys.flag("hwflowctrl", settings.hw_flow);
   keys.flag("swflowctrl", settings.sw_flow);

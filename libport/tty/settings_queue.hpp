@@ -54,7 +54,8 @@ class SettingsQueue {
 
   // Something else that is done to the tty in its turn.
   struct Job {
-    enum class Turn : std::uint8_t { at_once, behind_bytes };  // see above: or when the kernel has them
+    // Behind the changes before it; and, unless `at_once`, when the kernel has the bytes before it.
+    enum class Turn : std::uint8_t { at_once, behind_bytes };
     Turn turn = Turn::behind_bytes;
     // On another thread; on the loop's where there is none, unless it waits long.
     std::function<void(int fd)> work;
